@@ -1,0 +1,102 @@
+//! Shape of the causal Transformer (paper A.2; nanoGPT blocks, pre-norm).
+//!
+//! `x = W_in u + b_in + P[k]`, then per block `x += Attn(LN(x))`, `x += MLP(LN(x))`, a last `LN`, a linear
+//! `E -> E` without bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Inside the blocks no biases; `LN` has a
+//! weight only, epsilon 1e-5; the MLP's activation is the exact (erf) GELU.
+
+use serde::{Deserialize, Serialize};
+
+/// Hyper-parameters of the Transformer. Everything is a count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TransformerConfig {
+    /// Width of one input token (6 for Cartpole, 37 for the double pendulum).
+    pub inputs: usize,
+    /// Width of one prediction: the state dimension.
+    pub outputs: usize,
+    /// Embedding size E (paper: 192 or 384).
+    pub embedding: usize,
+    /// Number of blocks (paper: 6).
+    pub layers: usize,
+    /// Attention heads; E is a multiple of it (paper: 12).
+    pub heads: usize,
+    /// Rows of the learned position table (paper: 32); at least `history`.
+    pub block: usize,
+    /// Tokens in a window, h (paper: 10).
+    pub history: usize,
+    /// Hidden width of the head MLP (paper: 64).
+    pub head: usize,
+}
+
+impl TransformerConfig {
+    /// The paper's network for a robot with `inputs` features and `outputs` state coordinates.
+    pub fn paper(inputs: usize, outputs: usize, embedding: usize) -> Self {
+        Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64 }
+    }
+
+    /// Parameter count: `E (D_in + 1) + block E + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
+    pub fn parameters(&self) -> usize {
+        self.tensors().iter().map(|t| t.len()).sum()
+    }
+
+    /// Every tensor of the network in the order it is used. Linear weights are `[in, out]`, row-major: `y = x W + b`.
+    pub fn tensors(&self) -> Vec<TensorSpec> {
+        let e = self.embedding;
+        let scaled = 0.02 / (2.0 * self.layers as f64).sqrt();
+        let mut t = vec![
+            TensorSpec::new("embed.weight", &[self.inputs, e], Init::Normal(0.02)),
+            TensorSpec::new("embed.bias", &[e], Init::Constant(0.0)),
+            TensorSpec::new("position.weight", &[self.block, e], Init::Normal(0.02)),
+        ];
+        for i in 0..self.layers {
+            let mut block = |name: &str, shape: &[usize], init| t.push(TensorSpec::new(&format!("blocks.{i}.{name}"), shape, init));
+            block("norm_attn.weight", &[e], Init::Constant(1.0));
+            block("attn.qkv.weight", &[e, 3 * e], Init::Normal(0.02));
+            block("attn.proj.weight", &[e, e], Init::Normal(scaled));
+            block("norm_mlp.weight", &[e], Init::Constant(1.0));
+            block("mlp.up.weight", &[e, 4 * e], Init::Normal(0.02));
+            block("mlp.down.weight", &[4 * e, e], Init::Normal(scaled));
+        }
+        t.push(TensorSpec::new("norm.weight", &[e], Init::Constant(1.0)));
+        t.push(TensorSpec::new("out.weight", &[e, e], Init::Normal(0.02)));
+        t.push(TensorSpec::new("head.hidden.weight", &[e, self.head], Init::FanIn(e)));
+        t.push(TensorSpec::new("head.hidden.bias", &[self.head], Init::FanIn(e)));
+        t.push(TensorSpec::new("head.out.weight", &[self.head, self.outputs], Init::FanIn(self.head)));
+        t.push(TensorSpec::new("head.out.bias", &[self.outputs], Init::FanIn(self.head)));
+        t
+    }
+}
+
+/// Name, shape and initial law of one tensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TensorSpec {
+    /// Dotted name, as in `model.safetensors`.
+    pub name: String,
+    /// Row-major shape.
+    pub shape: Vec<usize>,
+    /// Law of the initial entries.
+    pub init: Init,
+}
+
+/// Law of a tensor's initial entries.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Init {
+    /// N(0, sigma).
+    Normal(f64),
+    /// Uniform in +-1/sqrt(fan_in), the usual law of a linear layer.
+    FanIn(usize),
+    /// One value.
+    Constant(f64),
+}
+
+impl TensorSpec {
+    fn new(name: &str, shape: &[usize], init: Init) -> Self {
+        Self { name: name.into(), shape: shape.to_vec(), init }
+    }
+
+    /// Number of entries.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+}

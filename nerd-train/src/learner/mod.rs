@@ -1,0 +1,83 @@
+//! What one optimiser update is, whoever computes it.
+//!
+//! Loss: mean over windows, all tokens and all outputs of the squared error in normalised target units. Adam
+//! (beta 0.9, 0.999, epsilon 1e-8, no decay), gradient clipped to a global norm, and a moving average of the weights
+//! `a += (1 - d) (w - a)` after each update with `d = min(average, (1 + s) / (10 + s))` at update s counted from 0.
+
+use nerd_model::transformer::Weights;
+
+/// What an update needs beside the learning rate.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct LearnerConfig {
+    /// Windows in an update (paper: 512).
+    pub batch: usize,
+    /// Largest global norm of the gradient (paper: 1.0).
+    pub clip: f32,
+    /// Decay of the moving average of the weights per update (paper: none).
+    pub average: f64,
+    /// Seed of the window draws.
+    pub seed: u64,
+}
+
+/// Everything a continued run needs; equal states give equal updates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LearnerState {
+    /// Updates done.
+    pub step: u64,
+    /// Trained weights.
+    pub weights: Weights,
+    /// Their moving average.
+    pub average: Vec<f32>,
+    /// Adam's first moment.
+    pub m: Vec<f32>,
+    /// Adam's second moment.
+    pub v: Vec<f32>,
+}
+
+impl LearnerState {
+    /// The state before the first update.
+    pub fn new(weights: Weights) -> Self {
+        let zeros = vec![0.0; weights.flat.len()];
+        Self { step: 0, average: weights.flat.clone(), m: zeros.clone(), v: zeros, weights }
+    }
+}
+
+/// Means since they were last asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Training loss, normalised MSE.
+    pub loss: f32,
+    /// Global gradient norm before clipping.
+    pub gradient_norm: f32,
+}
+
+/// Why an update could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum LearnError {
+    /// The loss stopped being finite.
+    #[error("loss is {loss} at update {step}: lower the learning rate or look at the data")]
+    NotFinite {
+        /// Update counted from 0.
+        step: u64,
+        /// What it was.
+        loss: f32,
+    },
+    /// The device or its libraries failed.
+    #[error("device: {0}")]
+    Device(String),
+    /// Data and network do not fit together.
+    #[error("{0}")]
+    Mismatch(String),
+}
+
+/// Computes updates on the windows it was given.
+pub trait Learner {
+    /// One optimiser update with learning rate `lr`. May return before the device is done.
+    fn update(&mut self, lr: f32) -> Result<(), LearnError>;
+    /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
+    fn progress(&mut self) -> Result<Progress, LearnError>;
+    /// Normalised MSE of the averaged weights over the first `windows` validation windows.
+    fn validate(&mut self, windows: usize) -> Result<f32, LearnError>;
+    /// A copy of everything a continued run needs; waits for the device.
+    fn state(&mut self) -> Result<LearnerState, LearnError>;
+}

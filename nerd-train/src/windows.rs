@@ -1,0 +1,61 @@
+//! Training windows: `history` consecutive transitions of one trajectory, normalised, in memory.
+//!
+//! A window never crosses the end of its trajectory: a trajectory of F frames gives F - h + 1 windows. Which window
+//! stands in row `row` of update `step` is a hash of (seed, step, row) alone, the same on every device, so a
+//! resumed run draws what the unbroken one would have drawn.
+
+/// Normalised inputs and targets of many trajectories of equal length.
+#[derive(Clone, Debug, Default)]
+pub struct Windows {
+    /// Width of a token.
+    pub inputs: usize,
+    /// Width of a target.
+    pub outputs: usize,
+    /// Frames in each trajectory, at least `history`.
+    pub frames: usize,
+    /// Tokens in a window.
+    pub history: usize,
+    /// Normalised inputs, `[trajectory][frame][inputs]`.
+    pub x: Vec<f32>,
+    /// Normalised targets, `[trajectory][frame][outputs]`.
+    pub y: Vec<f32>,
+}
+
+impl Windows {
+    /// Number of trajectories.
+    pub fn trajectories(&self) -> usize {
+        self.x.len() / (self.inputs * self.frames)
+    }
+
+    /// Windows in one trajectory.
+    pub fn per_trajectory(&self) -> usize {
+        self.frames + 1 - self.history
+    }
+
+    /// Number of windows.
+    pub fn len(&self) -> usize {
+        self.trajectories() * self.per_trajectory()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// First token of a window, counted in tokens from the start of `x`; its tokens follow one another.
+    pub fn first_token(&self, window: usize) -> usize {
+        window / self.per_trajectory() * self.frames + window % self.per_trajectory()
+    }
+}
+
+/// The window, below `windows`, in row `row` of update `step` (three rounds of the splitmix64 finaliser).
+pub fn draw(seed: u64, step: u64, row: u64, windows: u64) -> u64 {
+    mix(mix(mix(seed) ^ step) ^ row) % windows
+}
+
+fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
