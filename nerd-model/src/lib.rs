@@ -1,3 +1,8 @@
 //! Learned dynamics: features, normaliser, causal Transformer, the `Neural` solver and model folders.
 
+pub mod features;
+pub mod folder;
+pub mod forward;
+pub mod neural;
+pub mod normalizer;
 pub mod transformer;

@@ -1,1 +1,37 @@
-//! placeholder
+//! Simulation: systems (a robot and what URDF cannot say of it), scenes, batches, and the [`solver::Solver`] that
+//! advances a batch by one control frame. Two analytic solvers stand behind that trait: [`articulated`] and, with
+//! the feature of that name, `rapier`.
+//!
+//! ```
+//! use nerd_sim::prelude::*;
+//! let system = System::named("pendulum")?;
+//! let scene = system.scene("ground1")?;
+//! let mut batch = Batch::new(&system, &scene, 2);
+//! let mut solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+//! solver.step(&mut batch, &[0.0; 4])?;
+//! assert!(batch.state(0)[2] < 0.0, "the arm falls");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod articulated;
+pub mod batch;
+pub mod dataset;
+pub mod law;
+#[cfg(feature = "rapier")]
+pub mod rapier;
+pub mod sampling;
+pub mod scene;
+pub mod solver;
+pub mod spec;
+pub mod system;
+
+/// What most programs need.
+pub mod prelude {
+    pub use crate::articulated::{Articulated, ArticulatedConfig, Friction, Integrator, Refresh};
+    pub use crate::batch::Batch;
+    #[cfg(feature = "rapier")]
+    pub use crate::rapier::{Rapier, RapierConfig};
+    pub use crate::scene::{Collider, Material, Plane, Scene};
+    pub use crate::solver::{Simulation, Solver, StepError};
+    pub use crate::system::{System, SystemError};
+}

@@ -1,0 +1,82 @@
+//! Articulated-body algorithm: `qdd` from torques in O(n). With `U = I^A S`, `D = S . U + armature`, `u = tau - S . p`:
+//! `I^A_p += I^A - U U^T / D`, `p_p += p + I^a c + U u / D`, then outward `qdd = (u - U . A') / D`.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+use super::Data;
+use crate::robot::Robot;
+use crate::spatial::{Motion, SpatialInertia, Wrench};
+
+/// Accelerations into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
+/// [`super::kinematics`]; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
+    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
+    for (i, link) in robot.links.iter().enumerate() {
+        let (mut v, mut c) = (Motion::default(), Motion::default());
+        if link.joint.is_none() {
+            v = Motion::new(Vector3::new(qd[0], qd[1], qd[2]), Vector3::new(qd[3], qd[4], qd[5]));
+        } else {
+            let rate = data.axis[i] * qd[dofs + i - first];
+            v += link.parent.map_or(Motion::default(), |p| data.velocity[p]) + rate;
+            c = v.cross(&rate);
+        }
+        (data.velocity[i], data.acceleration[i]) = (v, c);
+        data.articulated[i] = matrix(&data.inertia[i]);
+        data.force[i] = v.cross_wrench(&data.inertia[i].apply(&v)) - data.external[i];
+    }
+    for i in (first..robot.links.len()).rev() {
+        let Some(joint) = &robot.links[i].joint else { continue };
+        let s = stack(&data.axis[i].ang, &data.axis[i].lin);
+        let gain = data.articulated[i] * s;
+        let pivot = s.dot(&gain) + joint.armature;
+        if pivot.is_nan() || pivot <= 0.0 {
+            return false;
+        }
+        let residual = tau[dofs + i - first] - data.axis[i].dot(&data.force[i]);
+        (data.gain[i], data.pivot[i], data.residual[i]) = (gain, pivot, residual);
+        if let Some(p) = robot.links[i].parent {
+            let inertia = data.articulated[i] - gain * gain.transpose() / pivot;
+            let c = stack(&data.acceleration[i].ang, &data.acceleration[i].lin);
+            let passed = inertia * c + gain * (residual / pivot);
+            data.articulated[p] += inertia;
+            let f = data.force[i];
+            data.force[p] += f + Wrench::new(passed.fixed_rows::<3>(0).into(), passed.fixed_rows::<3>(3).into());
+        }
+    }
+    let base = Motion::new(Vector3::zeros(), -gravity);
+    if robot.floating() {
+        let mut wrench = Vector6::from_column_slice(&tau[..6]) - stack(&data.force[0].ang, &data.force[0].lin);
+        let Some(factor) = data.articulated[0].cholesky() else { return false };
+        factor.solve_mut(&mut wrench);
+        // The solution is measured against free fall; the root's own acceleration adds gravity back.
+        data.acceleration[0] = Motion::new(wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+        data.qdd.as_mut_slice()[..6].copy_from_slice(wrench.as_slice());
+        for k in 0..3 {
+            data.qdd[3 + k] += gravity[k];
+        }
+    }
+    for i in first..robot.links.len() {
+        let mut a = robot.links[i].parent.map_or(base, |p| data.acceleration[p]) + data.acceleration[i];
+        let qdd = (data.residual[i] - data.gain[i].dot(&stack(&a.ang, &a.lin))) / data.pivot[i];
+        a += data.axis[i] * qdd;
+        data.acceleration[i] = a;
+        data.qdd[dofs + i - first] = qdd;
+    }
+    true
+}
+
+#[inline]
+fn stack(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
+}
+
+/// `[[I, h x], [-h x, m 1]]`.
+fn matrix(inertia: &SpatialInertia) -> Matrix6<f64> {
+    let h = inertia.moment.cross_matrix();
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&inertia.inertia);
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&h);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&h.transpose());
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::from_diagonal_element(inertia.mass));
+    m
+}

@@ -1,0 +1,22 @@
+//! Forward kinematics and the three classical algorithms: RNEA (inverse dynamics), CRBA (mass matrix), ABA
+//! (forward dynamics), after Featherstone 2008, chapters 5 to 7.
+//!
+//! **One frame for all.** World axes, origin at the root (the floating base's position, or the fixed base). It is
+//! an inertial frame that happens to stand where the root is now, so every spatial vector of the robot lives in it,
+//! no transform between links is needed, and numbers stay small however far the robot is from the world's origin.
+//! A floating root's first six velocities are here `(w, p_dot)` and their derivatives the spatial acceleration
+//! `(w_dot, p_ddot - w x p_dot)`; [`to_local`] and [`to_world`] convert from and to a state's twist.
+//!
+//! Nothing allocates but [`Data::new`].
+
+mod aba;
+mod crba;
+mod data;
+mod kinematics;
+mod rnea;
+
+pub use aba::aba;
+pub use crba::crba;
+pub use data::Data;
+pub use kinematics::{kinematics, link_pose, point_position, to_local, to_world};
+pub use rnea::{bias, rnea, velocities};

@@ -1,0 +1,81 @@
+//! Recursive Newton-Euler: `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of
+//! the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`,
+//! `F_i = I_i A_i + V_i x* I_i V_i - f_i`, `tau_i = S_i . sum of F over the subtree`.
+//! Joint damping, armature and limits are the caller's: they are forces and inertias of the joint, not of the tree.
+
+use nalgebra::Vector3;
+
+use super::Data;
+use crate::robot::Robot;
+use crate::spatial::Motion;
+
+/// Torques at zero acceleration, into `data.tau`. Needs [`super::kinematics`]; fills `data.velocity`.
+/// `qd` is local (see [`super::to_local`]), length `nv`; `gravity` in m/s^2, world axes.
+#[inline]
+pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
+    sweep::<false>(robot, qd, &[], gravity, data);
+}
+
+/// Torques for accelerations `qdd` (length `nv`), into `data.tau`; otherwise as [`bias`].
+#[inline]
+pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
+    sweep::<true>(robot, qd, qdd, gravity, data);
+}
+
+/// Twists of all links into `data.velocity`. Needs [`super::kinematics`]; `qd` local.
+#[inline]
+pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
+    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
+    for (i, link) in robot.links.iter().enumerate() {
+        data.velocity[i] = match (link.joint.is_some(), link.parent) {
+            (false, _) => motion(qd),
+            (true, None) => data.axis[i] * qd[dofs + i - first],
+            (true, Some(p)) => data.velocity[p] + data.axis[i] * qd[dofs + i - first],
+        };
+    }
+}
+
+#[inline]
+fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
+    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
+    let base = Motion::new(Vector3::zeros(), -gravity);
+    for (i, link) in robot.links.iter().enumerate() {
+        if link.joint.is_none() {
+            data.velocity[i] = motion(qd);
+            data.acceleration[i] = base;
+            if ACCELERATED {
+                data.acceleration[i] += motion(qdd);
+            }
+        } else {
+            let (mut v, mut a) = link.parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
+            let k = dofs + i - first;
+            let rate = data.axis[i] * qd[k];
+            v += rate;
+            a += v.cross(&rate);
+            if ACCELERATED {
+                a += data.axis[i] * qdd[k];
+            }
+            (data.velocity[i], data.acceleration[i]) = (v, a);
+        }
+        let (v, inertia) = (data.velocity[i], &data.inertia[i]);
+        data.force[i] = inertia.apply(&data.acceleration[i]) + v.cross_wrench(&inertia.apply(&v)) - data.external[i];
+    }
+    for (i, link) in robot.links.iter().enumerate().rev() {
+        let f = data.force[i];
+        if link.joint.is_none() {
+            data.tau.as_mut_slice()[..3].copy_from_slice(f.ang.as_slice());
+            data.tau.as_mut_slice()[3..6].copy_from_slice(f.lin.as_slice());
+        } else {
+            data.tau[dofs + i - first] = data.axis[i].dot(&f);
+        }
+        if let Some(p) = link.parent {
+            data.force[p] += f;
+        }
+    }
+}
+
+/// The first six entries as a motion.
+#[inline]
+fn motion(x: &[f64]) -> Motion {
+    Motion::new(Vector3::new(x[0], x[1], x[2]), Vector3::new(x[3], x[4], x[5]))
+}

@@ -1,0 +1,78 @@
+//! Robot-centric frames, equations (1) to (8) of the paper's appendix A.1, both directions.
+//!
+//! The frame B of a state is the pose `(x, R)` of its root: the floating base, or the first moving link of a
+//! fixed-base robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are
+//! invariant already. In B, with twist `(w, v)` about the world origin:
+//!
+//! ```text
+//! x_B = R^-1 (p - x)     R_B = R^-1 Q     w_B = R^-1 w     v_B = R^-1 (v - x cross w)
+//! ```
+//!
+//! With `(x, R)` taken from the state itself these are (1) to (4), `x_B = 0` and `R_B = 1`; with the frame of the
+//! token before they are (5) to (8). Differences are taken in f64 before anything is cast to f32, so moving or
+//! turning the world changes them by rounding only.
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+use crate::robot::Robot;
+use crate::state::{quaternion, vector, write_quaternion};
+
+/// The frame B: where the root is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RootFrame {
+    /// Origin x in the world (m).
+    pub origin: Vector3<f64>,
+    /// Rotation R from B to the world.
+    pub rotation: UnitQuaternion<f64>,
+}
+
+impl RootFrame {
+    /// The frame at a pose of the root.
+    pub fn at(pose: &Isometry3<f64>) -> Self {
+        Self { origin: pose.translation.vector, rotation: pose.rotation }
+    }
+
+    /// The frame of a floating robot's own state.
+    pub fn of(state: &[f64]) -> Self {
+        Self { origin: vector(&state[..3]), rotation: quaternion(&state[3..7]) }
+    }
+
+    /// A world point seen from B (equation 5).
+    pub fn point(&self, p: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation.inverse_transform_vector(&(p - self.origin))
+    }
+
+    /// A world direction seen from B.
+    pub fn direction(&self, d: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation.inverse_transform_vector(d)
+    }
+
+    /// Equations (1) to (8): writes the world state `state` in B to `out`, equal lengths.
+    pub fn state_in(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(state);
+        if !robot.floating() {
+            return;
+        }
+        let (p, r, v) = (vector(&state[..3]), quaternion(&state[3..7]), robot.nq());
+        let (w, nu) = (vector(&state[v..]), vector(&state[v + 3..]));
+        out[..3].copy_from_slice(self.point(&p).as_slice());
+        write_quaternion(&mut out[3..7], &(self.rotation.inverse() * r));
+        out[v..v + 3].copy_from_slice(self.direction(&w).as_slice());
+        out[v + 3..v + 6].copy_from_slice(self.direction(&(nu - self.origin.cross(&w))).as_slice());
+    }
+
+    /// The inverse of [`Self::state_in`].
+    pub fn state_out(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(state);
+        if !robot.floating() {
+            return;
+        }
+        let (p, r, v) = (vector(&state[..3]), quaternion(&state[3..7]), robot.nq());
+        let w = self.rotation * vector(&state[v..]);
+        let nu = self.origin.cross(&w) + self.rotation * vector(&state[v + 3..]);
+        out[..3].copy_from_slice((self.origin + self.rotation * p).as_slice());
+        write_quaternion(&mut out[3..7], &(self.rotation * r));
+        out[v..v + 3].copy_from_slice(w.as_slice());
+        out[v + 3..v + 6].copy_from_slice(nu.as_slice());
+    }
+}

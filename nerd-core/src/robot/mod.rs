@@ -1,0 +1,7 @@
+//! The robot: a tree of links joined by one-DoF joints, on a fixed or a floating base.
+
+mod model;
+mod urdf;
+
+pub use model::{Base, Joint, JointKind, Limit, Link, Robot, Shape, ShapeKind};
+pub use urdf::UrdfError;

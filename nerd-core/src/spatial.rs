@@ -1,0 +1,185 @@
+//! Spatial (6-D) algebra in one common frame.
+//!
+//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)` with `v` the velocity of the body's material
+//! point at the frame's origin; a [`Wrench`] is `(n, f)` with `n` the moment about that origin. All vectors of one
+//! computation share one frame (world axes, origin at the root, see [`crate::dynamics`]), so no transforms between
+//! links are needed: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2, in the form without Pluecker
+//! transforms.
+
+use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+/// A twist or its derivative: angular part (rad/s), linear part at the origin (m/s).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Angular part.
+    pub ang: Vector3<f64>,
+    /// Linear part at the origin.
+    pub lin: Vector3<f64>,
+}
+
+/// A wrench or a momentum: moment about the origin (N m), force (N).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench {
+    /// Moment about the origin.
+    pub ang: Vector3<f64>,
+    /// Force.
+    pub lin: Vector3<f64>,
+}
+
+impl Motion {
+    /// From angular and linear part.
+    #[inline]
+    pub fn new(ang: Vector3<f64>, lin: Vector3<f64>) -> Self {
+        Self { ang, lin }
+    }
+
+    /// `self x m`: rate of change of the motion `m` carried along by `self`.
+    #[inline]
+    pub fn cross(&self, m: &Motion) -> Motion {
+        Motion::new(self.ang.cross(&m.ang), self.ang.cross(&m.lin) + self.lin.cross(&m.ang))
+    }
+
+    /// `self x* f`: rate of change of the wrench `f` carried along by `self`.
+    #[inline]
+    pub fn cross_wrench(&self, f: &Wrench) -> Wrench {
+        Wrench::new(self.ang.cross(&f.ang) + self.lin.cross(&f.lin), self.ang.cross(&f.lin))
+    }
+
+    /// Power `self . f` (W).
+    #[inline]
+    pub fn dot(&self, f: &Wrench) -> f64 {
+        self.ang.dot(&f.ang) + self.lin.dot(&f.lin)
+    }
+
+    /// Velocity of the material point at `x` (from the origin).
+    #[inline]
+    pub fn at(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        self.lin + self.ang.cross(x)
+    }
+}
+
+impl Wrench {
+    /// From moment and force.
+    #[inline]
+    pub fn new(ang: Vector3<f64>, lin: Vector3<f64>) -> Self {
+        Self { ang, lin }
+    }
+
+    /// The wrench of the force `f` acting at `x`.
+    #[inline]
+    pub fn force_at(f: Vector3<f64>, x: &Vector3<f64>) -> Self {
+        Self::new(x.cross(&f), f)
+    }
+}
+
+macro_rules! linear {
+    ($t:ty) => {
+        impl Add for $t {
+            type Output = Self;
+            #[inline]
+            fn add(self, o: Self) -> Self {
+                Self::new(self.ang + o.ang, self.lin + o.lin)
+            }
+        }
+        impl Sub for $t {
+            type Output = Self;
+            #[inline]
+            fn sub(self, o: Self) -> Self {
+                Self::new(self.ang - o.ang, self.lin - o.lin)
+            }
+        }
+        impl AddAssign for $t {
+            #[inline]
+            fn add_assign(&mut self, o: Self) {
+                self.ang += o.ang;
+                self.lin += o.lin;
+            }
+        }
+        impl SubAssign for $t {
+            #[inline]
+            fn sub_assign(&mut self, o: Self) {
+                self.ang -= o.ang;
+                self.lin -= o.lin;
+            }
+        }
+        impl Mul<f64> for $t {
+            type Output = Self;
+            #[inline]
+            fn mul(self, k: f64) -> Self {
+                Self::new(self.ang * k, self.lin * k)
+            }
+        }
+    };
+}
+linear!(Motion);
+linear!(Wrench);
+
+/// Inertia of a rigid body in its own link frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BodyInertia {
+    /// Mass (kg).
+    pub mass: f64,
+    /// Centre of mass in the link frame (m).
+    pub com: Vector3<f64>,
+    /// Rotational inertia about the centre of mass, link axes (kg m^2).
+    pub inertia: Matrix3<f64>,
+}
+
+impl BodyInertia {
+    /// The same body seen from a frame in which its own frame stands at `rotation`, `translation`.
+    pub fn transformed(&self, rotation: &Rotation3<f64>, translation: &Vector3<f64>) -> Self {
+        let r = rotation.matrix();
+        Self { mass: self.mass, com: r * self.com + translation, inertia: r * self.inertia * r.transpose() }
+    }
+
+    /// Two bodies welded together (parallel-axis theorem, exact).
+    pub fn welded(&self, other: &Self) -> Self {
+        let mass = self.mass + other.mass;
+        let com = if mass > 0.0 { (self.com * self.mass + other.com * other.mass) / mass } else { self.com };
+        let about = |b: &Self| b.inertia + parallel_axis(b.mass, &(b.com - com));
+        Self { mass, com, inertia: about(self) + about(other) }
+    }
+}
+
+/// `m (|c|^2 1 - c c^T)`: inertia of a point mass at `c`.
+#[inline]
+pub fn parallel_axis(mass: f64, c: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_diagonal_element(mass * c.norm_squared()) - c * c.transpose() * mass
+}
+
+/// Inertia of one or several welded bodies about the common origin, in the common axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpatialInertia {
+    /// Mass (kg).
+    pub mass: f64,
+    /// First moment, mass times centre of mass (kg m).
+    pub moment: Vector3<f64>,
+    /// Rotational inertia about the origin (kg m^2).
+    pub inertia: Matrix3<f64>,
+}
+
+impl SpatialInertia {
+    /// A body whose link frame has rotation `r` and origin `x`.
+    #[inline]
+    pub fn of(body: &BodyInertia, r: &Matrix3<f64>, x: &Vector3<f64>) -> Self {
+        let c = r * body.com + x;
+        Self { mass: body.mass, moment: c * body.mass, inertia: r * body.inertia * r.transpose() + parallel_axis(body.mass, &c) }
+    }
+
+    /// Momentum of the twist `m`.
+    #[inline]
+    pub fn apply(&self, m: &Motion) -> Wrench {
+        Wrench::new(self.inertia * m.ang + self.moment.cross(&m.lin), m.lin * self.mass - self.moment.cross(&m.ang))
+    }
+}
+
+impl AddAssign for SpatialInertia {
+    #[inline]
+    fn add_assign(&mut self, o: Self) {
+        self.mass += o.mass;
+        self.moment += o.moment;
+        self.inertia += o.inertia;
+    }
+}

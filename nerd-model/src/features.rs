@@ -1,0 +1,136 @@
+//! Network inputs and targets (paper A.1): everything in the robot's own frame, computed in f64, then cast to f32.
+//!
+//! A token of a robot that can touch something or move its base:
+//! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
+//! quantities masked to zero beyond `xi`; of any other robot: `[state, torques]`. A scene pays only for what it has.
+//! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and
+//! velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, kinematics, link_pose};
+use nerd_core::frames::RootFrame;
+use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
+use nerd_sim::system::System;
+
+/// Turns states into tokens and predictions into states, for one system.
+#[derive(Clone)]
+pub struct Features {
+    system: Arc<System>,
+    data: Data,
+    near: Vec<f64>,
+    far: Vec<f64>,
+}
+
+impl Features {
+    /// For a system.
+    pub fn new(system: &Arc<System>) -> Self {
+        let d = system.robot.state_dim();
+        Self { data: Data::new(&system.robot), system: system.clone(), near: vec![0.0; d], far: vec![0.0; d] }
+    }
+
+    /// Whether the robot's surroundings matter: it has contact points or a free base.
+    fn situated(system: &System) -> bool {
+        system.robot.floating() || !system.robot.contact_points.is_empty()
+    }
+
+    /// Width of a token.
+    pub fn inputs(system: &System) -> usize {
+        let plain = system.robot.state_dim() + system.robot.joint_count();
+        if Self::situated(system) { plain + 7 * system.robot.contact_points.len() + 3 } else { plain }
+    }
+
+    /// Width of a prediction.
+    pub fn outputs(system: &System) -> usize {
+        system.robot.state_dim()
+    }
+
+    /// Pose of the frame B of a state: the floating base, or the first moving link.
+    fn frame(&mut self, state: &[f64]) -> RootFrame {
+        let robot = &self.system.robot;
+        if robot.floating() {
+            return RootFrame::of(state);
+        }
+        kinematics(robot, state, &mut self.data);
+        RootFrame::at(&link_pose(robot, state, &self.data, 0))
+    }
+
+    /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector.
+    pub fn token(&mut self, state: &[f64], contacts: &[ContactEvent], torques: &[f64], gravity: &Vector3<f64>, out: &mut [f32]) {
+        let d = state.len();
+        if !Self::situated(&self.system) {
+            cast(state, &mut out[..d]);
+            cast(torques, &mut out[d..]);
+            return;
+        }
+        let frame = self.frame(state);
+        let system = self.system.clone();
+        frame.state_in(&system.robot, state, &mut self.near);
+        wrap_state(&system.robot, &mut self.near);
+        cast(&self.near, &mut out[..d]);
+        let c = contacts.len();
+        let (normals, rest) = out[d..].split_at_mut(3 * c);
+        let (points, rest) = rest.split_at_mut(3 * c);
+        let (depths, rest) = rest.split_at_mut(c);
+        for (k, (event, point)) in contacts.iter().zip(&system.robot.contact_points).enumerate() {
+            // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
+            let seen = event.distance < point.threshold();
+            let keep = |v: Vector3<f64>| if seen { v } else { Vector3::zeros() };
+            cast(keep(frame.direction(&event.normal)).as_slice(), &mut normals[3 * k..3 * k + 3]);
+            cast(keep(frame.point(&event.p1)).as_slice(), &mut points[3 * k..3 * k + 3]);
+            depths[k] = if seen { event.distance as f32 } else { 0.0 };
+        }
+        let (tau, down) = rest.split_at_mut(torques.len());
+        cast(torques, tau);
+        let norm = gravity.norm();
+        cast((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice(), down);
+    }
+
+    /// Writes the target of the frame from `state` to `next`.
+    pub fn target(&mut self, state: &[f64], next: &[f64], out: &mut [f32]) {
+        let system = self.system.clone();
+        let robot = &system.robot;
+        let frame = if robot.floating() { Some(RootFrame::of(state)) } else { None };
+        self.near.copy_from_slice(state);
+        self.far.copy_from_slice(next);
+        if let Some(frame) = frame {
+            frame.state_in(robot, state, &mut self.near);
+            frame.state_in(robot, next, &mut self.far);
+        }
+        for (o, (a, b)) in out.iter_mut().zip(self.near.iter().zip(&self.far)) {
+            *o = (b - a) as f32;
+        }
+        for (i, _) in robot.joints().enumerate().filter(|(_, joint)| joint.wraps()) {
+            let k = robot.root_coords() + i;
+            out[k] = wrap(self.far[k] - self.near[k]) as f32;
+        }
+        if robot.floating() {
+            let turn = quaternion(&self.far[3..7]) * quaternion(&self.near[3..7]).inverse();
+            cast(turn.coords.as_slice(), &mut out[3..7]);
+        }
+    }
+
+    /// Writes the state that lies `change` (as in [`Self::target`]) from `state`.
+    pub fn apply(&mut self, state: &[f64], change: &[f64], next: &mut [f64]) {
+        let system = self.system.clone();
+        let robot = &system.robot;
+        if !robot.floating() {
+            next.iter_mut().zip(state.iter().zip(change)).for_each(|(n, (s, c))| *n = s + c);
+            return;
+        }
+        let frame = RootFrame::of(state);
+        frame.state_in(robot, state, &mut self.near);
+        for k in 0..state.len() {
+            self.far[k] = self.near[k] + change[k];
+        }
+        let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
+        write_quaternion(&mut self.far[3..7], &turned);
+        frame.state_out(robot, &self.far, next);
+    }
+}
+
+fn cast(x: &[f64], out: &mut [f32]) {
+    out.iter_mut().zip(x).for_each(|(o, x)| *o = *x as f32);
+}

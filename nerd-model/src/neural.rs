@@ -1,0 +1,120 @@
+//! The learned solver: one network evaluation a frame in place of dynamics, contact and integration.
+//!
+//! Contacts are found by the scene's geometry, as for every solver. Of each environment the last h tokens are
+//! remembered, each in its own frame; the window grows from one token at a reset. A gap in an environment's frames
+//! (a reset, or frames stepped by another solver) empties its window, so history can never be another motion's.
+
+use std::sync::Arc;
+
+use nerd_core::dynamics::Data;
+use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::solver::{Solver, StepError, check_torques, commit};
+use nerd_sim::system::System;
+
+use crate::features::Features;
+use crate::folder::Model;
+use crate::forward::Forward;
+
+/// A model as a [`Solver`].
+pub struct Neural {
+    model: Model,
+    forward: Box<dyn Forward>,
+    features: Features,
+    data: Data,
+    events: Vec<nerd_core::contact::ContactEvent>,
+    /// Normalised tokens `[env][h][inputs]`, oldest first.
+    tokens: Vec<f32>,
+    /// Tokens held of each environment.
+    held: Vec<usize>,
+    /// Frame of each environment's newest token.
+    newest: Vec<u64>,
+    window: Vec<f32>,
+    output: Vec<f32>,
+    next: Vec<f64>,
+}
+
+impl Neural {
+    /// A model of `system`, evaluated by `forward`.
+    pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
+        let (features, data) = (Features::new(system), Data::new(&system.robot));
+        let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
+        Self { model, forward, features, data, events: Vec::new(), tokens, held, newest, window: Vec::new(), output: Vec::new(), next: Vec::new() }
+    }
+
+    /// The same, evaluated by burn on the CPU.
+    #[cfg(feature = "flex")]
+    pub fn on_cpu(model: Model, system: &Arc<System>) -> Self {
+        let forward = crate::transformer::BurnForward::new(&model.weights, &burn::tensor::Device::flex());
+        Self::new(model, system, Box::new(forward))
+    }
+
+    /// What was learned, from what.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Appends the token of this frame to an environment's window.
+    fn remember(&mut self, batch: &Batch, env: usize, torques: &[f64]) {
+        let (h, width) = (self.model.config.network.history, self.model.config.network.inputs);
+        let (frame, joints) = (batch.frames[env], batch.system.robot.joint_count());
+        if frame == 0 || self.newest[env] + 1 != frame {
+            self.held[env] = 0;
+        }
+        self.newest[env] = frame;
+        let ring = &mut self.tokens[env * h * width..(env + 1) * h * width];
+        if self.held[env] == h {
+            ring.copy_within(width.., 0);
+            self.held[env] -= 1;
+        }
+        let at = self.held[env] * width;
+        let (scene, token) = (&batch.scenes[env], &mut ring[at..at + width]);
+        self.events.clear();
+        if !batch.system.robot.contact_points.is_empty() {
+            contacts(&batch.system, scene, batch.state(env), &mut self.data, &mut self.events);
+        }
+        let tau = &torques[env * joints..(env + 1) * joints];
+        self.features.token(batch.state(env), &self.events, tau, &scene.gravity, token);
+        self.model.normalizer.inputs.normalize(token);
+        self.held[env] += 1;
+    }
+}
+
+impl Solver for Neural {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        check_torques(batch, torques)?;
+        let network = self.model.config.network;
+        let (n, h, width) = (batch.len(), network.history, network.inputs);
+        if self.held.len() != n {
+            self.tokens = vec![0.0; n * h * width];
+            (self.held, self.newest) = (vec![0; n], vec![u64::MAX - 1; n]);
+        }
+        for env in 0..n {
+            self.remember(batch, env, torques);
+        }
+        // Windows shorter than the longest are padded behind their newest token, which a causal network cannot see.
+        let longest = self.held.iter().copied().max().unwrap_or(0);
+        self.window.clear();
+        for ring in self.tokens.chunks_exact(h * width) {
+            self.window.extend_from_slice(&ring[..longest * width]);
+        }
+        let last: Vec<u32> = self.held.iter().map(|k| *k as u32 - 1).collect();
+        self.forward.forward(&self.window, longest, &last, &mut self.output).map_err(|e| StepError::Solver(e.to_string()))?;
+        self.next.clone_from(&batch.states);
+        let (scale, mean) = (self.model.normalizer.outputs.scale(), &self.model.normalizer.outputs.mean);
+        let mut change = vec![0.0; network.outputs];
+        for (env, out) in self.output.chunks_exact(network.outputs).enumerate() {
+            for (k, c) in change.iter_mut().enumerate() {
+                *c = f64::from(out[k]) * scale[k] + mean[k];
+            }
+            let d = network.outputs;
+            self.features.apply(batch.state(env), &change, &mut self.next[env * d..(env + 1) * d]);
+        }
+        commit(batch, &mut self.next)
+    }
+
+    fn reset(&mut self, env: usize) {
+        if let Some(held) = self.held.get_mut(env) {
+            *held = 0;
+        }
+    }
+}

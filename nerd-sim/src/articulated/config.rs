@@ -1,0 +1,64 @@
+//! Settings and presets.
+
+use serde::{Deserialize, Serialize};
+
+use crate::system::System;
+
+/// Integrator of contact-free environments; those with contact use symplectic Euler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// `qd += qdd dt`, then `q += qd dt`: first order.
+    SymplecticEuler,
+    /// Classical Runge-Kutta: fourth order.
+    Rk4,
+}
+
+/// How often the mass matrix is computed and factorised under symplectic Euler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refresh {
+    /// At the first substep of a frame, as the reference simulator does.
+    Frame,
+    /// At every substep.
+    Substep,
+}
+
+/// Friction law of the compliant contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Friction {
+    /// `min(k_f |v_t|, mu N)` against slip: regularised Coulomb (Warp 1.5.1).
+    Coulomb,
+    /// `min(k_f s, mu N) |v_t| / s` with the Huber size s of the slip (Warp 1.8).
+    Huber,
+}
+
+/// Settings of [`super::Articulated`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArticulatedConfig {
+    /// Integrator where there is nothing to touch.
+    pub integrator: Integrator,
+    /// Substeps a frame where there is nothing to touch, at least 1.
+    pub substeps: usize,
+    /// Substeps a frame where there is something to touch, at least 1.
+    pub contact_substeps: usize,
+    /// When the mass matrix is renewed (symplectic Euler only).
+    pub refresh: Refresh,
+    /// Friction law.
+    pub friction: Friction,
+}
+
+impl ArticulatedConfig {
+    /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed once a frame.
+    pub fn paper(system: &System, friction: Friction) -> Self {
+        let substeps = system.spec.substeps;
+        Self { integrator: Integrator::SymplecticEuler, substeps, contact_substeps: substeps, refresh: Refresh::Frame, friction }
+    }
+
+    /// Accurate: RK4 with four substeps in free space, 1024 symplectic substeps with contact.
+    pub fn converged(friction: Friction) -> Self {
+        Self { integrator: Integrator::Rk4, substeps: 4, contact_substeps: 1024, refresh: Refresh::Substep, friction }
+    }
+}

@@ -1,0 +1,190 @@
+//! One frame of one environment.
+
+use nalgebra::linalg::Cholesky;
+use nalgebra::{DMatrix, Dyn, UnitQuaternion, Vector3};
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position, to_local, to_world};
+use nerd_core::robot::Robot;
+use nerd_core::spatial::Wrench;
+use nerd_core::state::{quaternion, vector, write_quaternion};
+
+use super::law::force;
+use super::{ArticulatedConfig, Integrator, Refresh};
+use crate::scene::{Material, Scene};
+use crate::system::System;
+
+/// Working memory of one environment at a time; nothing in it outlives a frame.
+pub(super) struct Workspace {
+    data: Data,
+    factor: Option<Cholesky<f64, Dyn>>,
+    rates: [Vec<f64>; 4],
+    trial: Vec<f64>,
+    materials: Vec<Material>,
+    events: Vec<ContactEvent>,
+}
+
+impl Workspace {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let d = robot.state_dim();
+        Self {
+            data: Data::new(robot),
+            factor: None,
+            rates: std::array::from_fn(|_| vec![0.0; d]),
+            trial: vec![0.0; d],
+            materials: Vec::new(),
+            events: Vec::with_capacity(robot.contact_points.len()),
+        }
+    }
+
+    /// Advances `state` by one frame under joint torques `tau`; `Err` says why not.
+    pub(super) fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+        let robot = &system.robot;
+        let (q, qd) = state.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
+        let substeps = if contact { config.contact_substeps } else { config.substeps };
+        let dt = system.frame_time / substeps as f64;
+        if contact {
+            self.materials.clear();
+            self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
+        }
+        for substep in 0..substeps {
+            if !contact && config.integrator == Integrator::Rk4 {
+                self.rk4(system, scene, state, tau, dt)?;
+                continue;
+            }
+            let (q, qd) = state.split_at_mut(robot.nq());
+            kinematics(robot, q, &mut self.data);
+            if contact {
+                // A plane is the same plane all through a frame; other shapes are looked at once a frame and held
+                // as the plane they present, as the reference does, unless the matrix is renewed every substep.
+                if substep == 0 || config.refresh == Refresh::Substep {
+                    self.query(system, scene, q);
+                }
+                self.press(robot, config, q, qd);
+            }
+            let renew = substep == 0 || config.refresh == Refresh::Substep;
+            self.accelerate(robot, scene, q, qd, tau, renew)?;
+            euler(robot, q, qd, self.data.qdd.as_slice(), dt);
+        }
+        let (q, qd) = state.split_at_mut(robot.nq());
+        to_world(robot, q, qd);
+        Ok(())
+    }
+
+    /// Contact events of all points at `q`.
+    fn query(&mut self, system: &System, scene: &Scene, q: &[f64]) {
+        self.events.clear();
+        for point in &system.robot.contact_points {
+            self.events.push(scene.contact(&point_position(&system.robot, q, &self.data, point.link, &point.local)));
+        }
+    }
+
+    /// Contact wrenches into `data.external`.
+    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, q: &[f64], qd: &[f64]) {
+        self.data.external.fill(Wrench::default());
+        let root = point_position(robot, q, &self.data, usize::MAX, &Vector3::zeros());
+        let mut moving = false;
+        for (point, event) in robot.contact_points.iter().zip(&self.events) {
+            let n = &event.normal;
+            let p0 = self.data.position[point.link] + self.data.rotation[point.link] * point.local;
+            let gap = n.dot(&(p0 - (event.p1 - root))) - point.radius;
+            if gap < 0.0 && event.distance.is_finite() {
+                if !moving {
+                    nerd_core::dynamics::velocities(robot, qd, &mut self.data);
+                    moving = true;
+                }
+                let x = p0 - n * point.radius;
+                let v = self.data.velocity[point.link].at(&x);
+                let f = force(gap, n, &v, &self.materials[event.collider], config.friction);
+                self.data.external[point.link] += Wrench::force_at(f, &x);
+            }
+        }
+    }
+
+    /// `data.qdd = M^-1 (tau + limits - damping - bias)`.
+    fn accelerate(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], tau: &[f64], renew: bool) -> Result<(), String> {
+        if renew {
+            crba(robot, &mut self.data);
+            let nv = robot.nv();
+            let mut store = self.factor.take().map_or_else(|| DMatrix::zeros(nv, nv), Cholesky::unpack_dirty);
+            store.copy_from(&self.data.mass);
+            self.factor = Cholesky::new(store);
+        }
+        bias(robot, qd, &scene.gravity, &mut self.data);
+        let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
+        for k in 0..dofs {
+            self.data.qdd[k] = -self.data.tau[k];
+        }
+        for (i, joint) in robot.joints().enumerate() {
+            let (x, v) = (q[coords + i], qd[dofs + i]);
+            let limit = joint.limit.map_or(0.0, |l| l.force(x, v));
+            self.data.qdd[dofs + i] = tau[i] + limit - joint.damping * v - self.data.tau[dofs + i];
+        }
+        let factor = self.factor.as_ref().ok_or("the mass matrix is not positive definite: a link without inertia, or a state out of bounds")?;
+        factor.solve_mut(&mut self.data.qdd);
+        Ok(())
+    }
+
+    /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after.
+    fn rk4(&mut self, system: &System, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<(), String> {
+        let robot = &system.robot;
+        for stage in 0..4 {
+            self.trial.copy_from_slice(state);
+            if stage > 0 {
+                let h = if stage == 3 { dt } else { 0.5 * dt };
+                self.trial.iter_mut().zip(&self.rates[stage - 1]).for_each(|(x, r)| *x += h * r);
+            }
+            let mut trial = std::mem::take(&mut self.trial);
+            let (q, qd) = trial.split_at_mut(robot.nq());
+            kinematics(robot, q, &mut self.data);
+            let done = self.accelerate(robot, scene, q, qd, tau, true);
+            rate(robot, q, qd, self.data.qdd.as_slice(), &mut self.rates[stage]);
+            self.trial = trial;
+            done?;
+        }
+        for (i, x) in state.iter_mut().enumerate() {
+            let [a, b, c, d] = &self.rates;
+            *x += dt / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
+        }
+        if robot.floating() {
+            let unit = quaternion(&state[3..7]);
+            write_quaternion(&mut state[3..7], &unit);
+        }
+        Ok(())
+    }
+}
+
+/// Time derivative of (q, qd) in local velocities: `p_ddot = a + w x p_dot`, `Q_dot = (w, 0) Q / 2`.
+fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
+    let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
+    out[coords..nq].copy_from_slice(&qd[dofs..]);
+    out[nq..].copy_from_slice(qdd);
+    if robot.floating() {
+        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]));
+        out[..3].copy_from_slice(v.as_slice());
+        let spin = nalgebra::Quaternion::from_imag(w) * nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]) * 0.5;
+        out[3..7].copy_from_slice(spin.coords.as_slice());
+        out[nq + 3..nq + 6].copy_from_slice((vector(&qdd[3..6]) + w.cross(&v)).as_slice());
+    }
+}
+
+/// Symplectic Euler. For a floating root the twist is integrated about the origin where the root stood, as the
+/// reference does about the world's, and then carried to where it stands now: `p_dot += dt w x p_dot`.
+#[inline]
+fn euler(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], dt: f64) {
+    qd.iter_mut().zip(qdd).for_each(|(v, a)| *v += a * dt);
+    let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
+    for (x, v) in q[coords..].iter_mut().zip(&qd[dofs..]) {
+        *x += v * dt;
+    }
+    if robot.floating() {
+        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]));
+        let moved = vector(&q[..3]) + v * dt;
+        q[..3].copy_from_slice(moved.as_slice());
+        let r = quaternion(&q[3..7]);
+        let turned = r.quaternion() + nalgebra::Quaternion::from_imag(w * (0.5 * dt)) * r.quaternion();
+        write_quaternion(&mut q[3..7], &UnitQuaternion::new_normalize(turned));
+        qd[3..6].copy_from_slice((v + w.cross(&v) * dt).as_slice());
+    }
+}

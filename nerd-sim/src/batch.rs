@@ -1,0 +1,74 @@
+//! A batch: n environments of one system, each with its own scene.
+
+use std::sync::Arc;
+
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, kinematics};
+
+use crate::scene::Scene;
+use crate::system::System;
+
+/// States and scenes of n environments; row-major f64.
+#[derive(Clone)]
+pub struct Batch {
+    /// The robot of every environment.
+    pub system: Arc<System>,
+    /// States `[env][q, qd]`.
+    pub states: Vec<f64>,
+    /// Scene of each environment.
+    pub scenes: Vec<Arc<Scene>>,
+    /// Frames stepped since each environment's reset; names the place of an error.
+    pub frames: Vec<u64>,
+}
+
+impl Batch {
+    /// `n` environments at zero coordinates (identity pose for a floating root) in one scene.
+    pub fn new(system: &Arc<System>, scene: &Arc<Scene>, n: usize) -> Self {
+        let robot = &system.robot;
+        let mut zero = vec![0.0; robot.state_dim()];
+        if robot.floating() {
+            zero[6] = 1.0;
+        }
+        Self { system: system.clone(), states: zero.repeat(n), scenes: vec![scene.clone(); n], frames: vec![0; n] }
+    }
+
+    /// Number of environments.
+    pub fn len(&self) -> usize {
+        self.scenes.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.scenes.is_empty()
+    }
+
+    /// State `[q, qd]` of an environment.
+    pub fn state(&self, env: usize) -> &[f64] {
+        let d = self.system.robot.state_dim();
+        &self.states[env * d..(env + 1) * d]
+    }
+
+    /// The same, to be written.
+    pub fn state_mut(&mut self, env: usize) -> &mut [f64] {
+        let d = self.system.robot.state_dim();
+        &mut self.states[env * d..(env + 1) * d]
+    }
+
+    /// Puts an environment at `state` and starts counting its frames anew. Tell the solver, too
+    /// ([`crate::solver::Solver::reset`]), or use [`crate::solver::Simulation::reset`].
+    pub fn reset(&mut self, env: usize, state: &[f64]) {
+        self.state_mut(env).copy_from_slice(state);
+        self.frames[env] = 0;
+    }
+}
+
+/// Contact events of every contact point at one state, into `events`. Also leaves the kinematics in `data`.
+pub fn contacts(system: &System, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
+    let robot = &system.robot;
+    kinematics(robot, state, data);
+    events.clear();
+    for point in &robot.contact_points {
+        let p0 = nerd_core::dynamics::point_position(robot, state, data, point.link, &point.local);
+        events.push(scene.contact(&p0));
+    }
+}

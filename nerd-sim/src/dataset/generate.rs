@@ -1,0 +1,178 @@
+//! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_core::dynamics::Data;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::shard::write_whole;
+use super::{DatasetError, Recording, read_shard, write_shard};
+use crate::batch::{Batch, contacts};
+use crate::law::Law;
+use crate::sampling::{Start, scene, start, stream, torques};
+use crate::solver::Solver;
+use crate::system::System;
+
+/// What to generate.
+#[derive(Clone, Debug)]
+pub struct GenerateConfig {
+    /// Transitions in all, rounded up to whole trajectories.
+    pub transitions: usize,
+    /// Frames of a trajectory (paper: 100).
+    pub frames: usize,
+    /// Seed (training 0, validation 10 in the paper).
+    pub seed: u64,
+    /// Trajectories of a shard.
+    pub shard_trajectories: usize,
+    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1).
+    pub torque_scale: Law,
+}
+
+impl Default for GenerateConfig {
+    fn default() -> Self {
+        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale: Law { low: 1.0, high: 1.0 } }
+    }
+}
+
+impl GenerateConfig {
+    /// Trajectories in all.
+    pub fn trajectories(&self) -> usize {
+        self.transitions.div_ceil(self.frames)
+    }
+}
+
+/// What a folder of shards holds; `manifest.json` in it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Robot.
+    pub robot: String,
+    /// Trajectories.
+    pub trajectories: usize,
+    /// Frames of each.
+    pub frames: usize,
+    /// Seed.
+    pub seed: u64,
+    /// Shard files, in order.
+    pub shards: Vec<String>,
+    /// SHA-256 over the arrays of all shards in order.
+    pub sha256: String,
+}
+
+/// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
+pub fn record(system: &Arc<System>, solver: &mut dyn Solver, config: &GenerateConfig, first: u64, count: usize) -> Result<Recording, DatasetError> {
+    let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
+    let amplitudes = system.torque_amplitudes();
+    let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
+    let mut batch = Batch::new(system, &Arc::new(crate::scene::Scene::free(system.gravity())), count);
+    let mut scales = Vec::with_capacity(count);
+    for (env, rng) in streams.iter_mut().enumerate() {
+        let state = start(system, Start::Sample, rng);
+        batch.scenes[env] = scene(system, &state, rng);
+        batch.reset(env, &state);
+        scales.push(config.torque_scale.draw(rng));
+        solver.reset(env);
+    }
+    let f = config.frames;
+    let zeros = |n: usize| vec![0.0f32; n];
+    let mut out = Recording {
+        trajectories: count,
+        frames: f,
+        states: zeros(count * (f + 1) * d),
+        torques: zeros(count * f * joints),
+        normals: zeros(count * f * points * 3),
+        points: zeros(count * f * points * 3),
+        depths: zeros(count * f * points),
+        gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().map(|g| *g as f32)).collect(),
+    };
+    let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
+    for frame in 0..=f {
+        for env in 0..count {
+            let at = (env * (f + 1) + frame) * d;
+            copy(&mut out.states[at..], batch.state(env));
+            if frame == f {
+                continue;
+            }
+            let row = env * f + frame;
+            torques(&amplitudes, scales[env], &mut streams[env], &mut tau[env * joints..(env + 1) * joints]);
+            copy(&mut out.torques[row * joints..], &tau[env * joints..(env + 1) * joints]);
+            if points > 0 {
+                contacts(system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+                for (k, event) in events.iter().enumerate() {
+                    copy(&mut out.normals[(row * points + k) * 3..], event.normal.as_slice());
+                    copy(&mut out.points[(row * points + k) * 3..], event.p1.as_slice());
+                    out.depths[row * points + k] = event.distance as f32;
+                }
+            }
+        }
+        if frame < f {
+            solver.step(&mut batch, &tau).map_err(|source| DatasetError::Step { first, source })?;
+        }
+    }
+    Ok(out)
+}
+
+fn copy(out: &mut [f32], x: &[f64]) {
+    out.iter_mut().zip(x).for_each(|(o, x)| *o = *x as f32);
+}
+
+/// Adds a recording to a running hash.
+pub(crate) fn digest(hash: &mut Sha256, recording: &Recording) {
+    for (_, _, x) in recording.arrays() {
+        let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
+        hash.update(&bytes);
+    }
+}
+
+/// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are
+/// kept. `progress` is told transitions done and in all.
+pub fn generate(
+    system: &Arc<System>,
+    solver: &mut dyn Solver,
+    truth: &str,
+    config: &GenerateConfig,
+    folder: &Path,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Manifest, DatasetError> {
+    let total = config.trajectories();
+    let mut hash = Sha256::new();
+    let mut shards = Vec::new();
+    let mut first = 0;
+    while first < total {
+        let count = config.shard_trajectories.min(total - first);
+        let name = format!("shard-{:05}.safetensors", shards.len());
+        let path = folder.join(&name);
+        let header: HashMap<String, String> = [
+            ("robot", system.name.clone()),
+            ("truth", truth.to_string()),
+            ("seed", config.seed.to_string()),
+            ("first", first.to_string()),
+            ("frames", config.frames.to_string()),
+            ("trajectories", count.to_string()),
+            ("torque_scale", format!("U({}, {})", config.torque_scale.low, config.torque_scale.high)),
+        ]
+        .map(|(k, v)| (k.to_string(), v))
+        .into();
+        let kept = read_shard(&path).ok().filter(|(_, found)| *found == header).map(|(recording, _)| recording);
+        let recording = match kept {
+            Some(recording) => recording,
+            None => {
+                let recording = record(system, solver, config, first as u64, count)?;
+                write_shard(&path, &recording, header)?;
+                recording
+            }
+        };
+        digest(&mut hash, &recording);
+        shards.push(name);
+        first += count;
+        progress(first * config.frames, total * config.frames);
+    }
+    let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+    let manifest = Manifest { robot: system.name.clone(), trajectories: total, frames: config.frames, seed: config.seed, shards, sha256 };
+    let path = folder.join("manifest.json");
+    let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;
+    write_whole(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;
+    Ok(manifest)
+}

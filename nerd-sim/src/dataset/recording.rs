@@ -1,0 +1,51 @@
+//! Trajectories of equal length in memory, f32, trajectory-major.
+
+/// Everything recorded of some trajectories: F frames each, states before and after.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    /// Number of trajectories.
+    pub trajectories: usize,
+    /// Frames of each.
+    pub frames: usize,
+    /// States `[trajectory][F + 1][state_dim]`.
+    pub states: Vec<f32>,
+    /// Joint torques held over each frame, `[trajectory][F][joints]`.
+    pub torques: Vec<f32>,
+    /// Surface normals at the frame's start, world axes, `[trajectory][F][points][3]`.
+    pub normals: Vec<f32>,
+    /// Nearest scene points at the frame's start, world (m), `[trajectory][F][points][3]`.
+    pub points: Vec<f32>,
+    /// Signed distances at the frame's start (m), `[trajectory][F][points]`; infinite in an empty scene.
+    pub depths: Vec<f32>,
+    /// Gravity (m/s^2), `[trajectory][3]`.
+    pub gravity: Vec<f32>,
+}
+
+impl Recording {
+    /// The arrays by name, with the shape of one trajectory.
+    pub fn arrays(&self) -> [(&'static str, Vec<usize>, &Vec<f32>); 6] {
+        let (n, f) = (self.trajectories, self.frames);
+        let width = |x: &Vec<f32>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
+        let contacts = width(&self.depths, f);
+        [
+            ("states", vec![f + 1, width(&self.states, f + 1)], &self.states),
+            ("torques", vec![f, width(&self.torques, f)], &self.torques),
+            ("normals", vec![f, contacts, 3], &self.normals),
+            ("points", vec![f, contacts, 3], &self.points),
+            ("depths", vec![f, contacts], &self.depths),
+            ("gravity", vec![3], &self.gravity),
+        ]
+    }
+
+    /// Puts the trajectories of `other` behind these; same system, same frames.
+    pub fn append(&mut self, other: &Self) {
+        self.frames = other.frames;
+        self.trajectories += other.trajectories;
+        self.states.extend_from_slice(&other.states);
+        self.torques.extend_from_slice(&other.torques);
+        self.normals.extend_from_slice(&other.normals);
+        self.points.extend_from_slice(&other.points);
+        self.depths.extend_from_slice(&other.depths);
+        self.gravity.extend_from_slice(&other.gravity);
+    }
+}

@@ -1,0 +1,96 @@
+//! One recording in one safetensors file, written whole or not at all.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+use super::Recording;
+use crate::solver::StepError;
+
+/// Why data could not be made, written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// The file system said no.
+    #[error("{path}: {source}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What it said.
+        source: std::io::Error,
+    },
+    /// Not a shard, or a shard of something else.
+    #[error("{path}: {reason}", path = path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// One line.
+        reason: String,
+    },
+    /// The solver failed.
+    #[error("trajectories from {first}: {source}")]
+    Step {
+        /// First trajectory of the batch that failed.
+        first: u64,
+        /// What it said.
+        source: StepError,
+    },
+}
+
+fn file_error(path: &Path) -> impl Fn(std::io::Error) -> DatasetError + '_ {
+    move |source| DatasetError::File { path: path.into(), source }
+}
+
+/// Writes `recording` with `metadata` in the header: to a temporary name first, then renamed.
+pub fn write_shard(path: &Path, recording: &Recording, metadata: HashMap<String, String>) -> Result<(), DatasetError> {
+    let wrong = |e: safetensors::SafeTensorError| DatasetError::Format { path: path.into(), reason: e.to_string() };
+    let raw = recording.arrays().map(|(name, shape, x)| {
+        let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
+        (name, [vec![recording.trajectories], shape].concat(), bytes)
+    });
+    let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F32, shape.clone(), bytes).map_err(wrong)?)));
+    let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, DatasetError>>()?, Some(metadata)).map_err(wrong)?;
+    write_whole(path, &bytes).map_err(file_error(path))
+}
+
+/// Writes a file so that it is there whole or not at all.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    let mut file = tempfile::Builder::new().suffix(".tmp").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
+}
+
+/// Reads a shard and its metadata.
+pub fn read_shard(path: &Path) -> Result<(Recording, HashMap<String, String>), DatasetError> {
+    let bytes = std::fs::read(path).map_err(file_error(path))?;
+    let wrong = |reason: String| DatasetError::Format { path: path.into(), reason };
+    let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
+    let file = SafeTensors::deserialize(&bytes).map_err(|e| wrong(e.to_string()))?;
+    let read = |name: &str| -> Result<(Vec<usize>, Vec<f32>), DatasetError> {
+        let view = file.tensor(name).map_err(|_| wrong(format!("no array `{name}`")))?;
+        if view.dtype() != Dtype::F32 {
+            return Err(wrong(format!("array `{name}` is {:?}, not f32", view.dtype())));
+        }
+        let numbers = view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        Ok((view.shape().to_vec(), numbers))
+    };
+    let (shape, states) = read("states")?;
+    let [trajectories, rows, _] = shape[..] else { return Err(wrong("`states` has not three axes".into())) };
+    let [torques, normals, points, depths, gravity] = ["torques", "normals", "points", "depths", "gravity"].map(read);
+    let recording = Recording {
+        trajectories,
+        frames: rows.saturating_sub(1),
+        states,
+        torques: torques?.1,
+        normals: normals?.1,
+        points: points?.1,
+        depths: depths?.1,
+        gravity: gravity?.1,
+    };
+    Ok((recording, header.metadata().clone().unwrap_or_default()))
+}

@@ -1,0 +1,181 @@
+//! A system: a robot model together with its specification, built in (`cartpole`, `pendulum`) or from files.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactPoint;
+use nerd_core::robot::{Robot, UrdfError};
+
+use crate::law::number;
+use crate::scene::{Collider, Scene, turned_plane};
+use crate::spec::Spec;
+
+const BUILT_IN: [(&str, &str, &str); 2] = [
+    ("cartpole", include_str!("../assets/cartpole.toml"), include_str!("../assets/cartpole.urdf")),
+    ("pendulum", include_str!("../assets/pendulum.toml"), include_str!("../assets/pendulum.urdf")),
+];
+
+/// Why a system could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum SystemError {
+    /// No such built-in robot, and no such file.
+    #[error("no robot `{0}`: known are cartpole, pendulum, or the path of a .urdf (with a .toml beside it for what URDF cannot say)")]
+    Unknown(String),
+    /// No such scene.
+    #[error("robot `{robot}` has no scene `{scene}`: known are {known}")]
+    Scene {
+        /// The robot.
+        robot: String,
+        /// The scene asked for.
+        scene: String,
+        /// What there is.
+        known: String,
+    },
+    /// A file that could not be read.
+    #[error("{path}: {source}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The URDF cannot be honoured.
+    #[error("robot `{0}`: {1}")]
+    Urdf(String, UrdfError),
+    /// The specification is wrong.
+    #[error("specification of robot `{0}`: {1}")]
+    Spec(String, String),
+}
+
+/// A robot, how it is driven, sampled and watched.
+#[derive(Clone, Debug)]
+pub struct System {
+    /// Name, as on the command line.
+    pub name: String,
+    /// The model, with armature, limits and contact points of the specification.
+    pub robot: Robot,
+    /// The specification.
+    pub spec: Spec,
+    /// One control frame (s).
+    pub frame_time: f64,
+    /// Index of each name in `spec.joints`, by joint.
+    joint_specs: Vec<usize>,
+}
+
+impl System {
+    /// A built-in robot by name, or the robot of a URDF file by path.
+    pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
+        if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {
+            return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
+        }
+        let path = Path::new(name);
+        if path.extension().is_none_or(|e| e != "urdf") {
+            return Err(SystemError::Unknown(name.into()));
+        }
+        let read = |path: &Path| std::fs::read_to_string(path).map_err(|source| SystemError::File { path: path.into(), source });
+        let beside = path.with_extension("toml");
+        let spec = beside.exists().then(|| read(&beside)).transpose()?;
+        let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
+        Self::from_text(&stem, &read(path)?, spec.as_deref()).map(Arc::new)
+    }
+
+    /// From the text of a URDF and of a specification; without one, fixed base, gravity along -z, 1/60 s, no torque.
+    pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
+        let wrong = |text: String| SystemError::Spec(name.into(), text);
+        let given = spec.map(|text| toml::from_str::<Spec>(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))).transpose()?;
+        let floating = given.as_ref().is_some_and(|s| s.floating);
+        let mut robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let spec = given.unwrap_or_else(|| plain(&robot));
+        let frame_time = number(&spec.frame_time).filter(|t| *t > 0.0);
+        let frame_time = frame_time.ok_or_else(|| wrong(format!("frame_time `{}` is no positive number of seconds", spec.frame_time)))?;
+        for (what, found, wanted) in [
+            ("state_columns", spec.state_columns.len(), robot.state_dim()),
+            ("torque_columns", spec.torque_columns.len(), robot.joint_count()),
+            ("joint", spec.joints.len(), robot.joint_count()),
+        ] {
+            if found != wanted {
+                return Err(wrong(format!("{found} entries of `{what}`, the robot needs {wanted}")));
+            }
+        }
+        let mut joint_specs = Vec::new();
+        for joint in robot.joints_mut() {
+            let index = spec.joints.iter().position(|s| s.name == joint.name);
+            let index = index.ok_or_else(|| wrong(format!("no [[joint]] named `{}`", joint.name)))?;
+            joint.armature = spec.joints[index].armature;
+            match (&mut joint.limit, spec.joints[index].limit) {
+                (Some(limit), Some(law)) => (limit.stiffness, limit.damping) = (law.stiffness, law.damping),
+                (None, Some(_)) => return Err(wrong(format!("joint `{}` has no limit in the URDF to give stiffness to", joint.name))),
+                (_, None) => {}
+            }
+            joint_specs.push(index);
+        }
+        if !spec.contacts.is_empty() {
+            let link = |wanted: &str| robot.links.iter().position(|l| l.name == wanted).ok_or_else(|| wrong(format!("[[contact]] on unknown link `{wanted}`")));
+            let points = spec.contacts.iter().map(|c| {
+                Ok(ContactPoint { link: link(&c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
+            });
+            robot.contact_points = points.collect::<Result<_, SystemError>>()?;
+        } else if spec.scenes.is_empty() && spec.random_plane.is_none() {
+            // Nothing to touch: the robot pays for no contact point.
+            robot.contact_points.clear();
+        }
+        Ok(Self { name: name.into(), robot, spec, frame_time, joint_specs })
+    }
+
+    /// What the specification says of each joint, in the order of the coordinates.
+    pub fn joint_specs(&self) -> impl Iterator<Item = &crate::spec::JointSpec> {
+        self.joint_specs.iter().map(|&i| &self.spec.joints[i])
+    }
+
+    /// Amplitude of random torques by joint (N m or N).
+    pub fn torque_amplitudes(&self) -> Vec<f64> {
+        self.joint_specs().map(|j| j.torque).collect()
+    }
+
+    /// Gravity (m/s^2).
+    pub fn gravity(&self) -> Vector3<f64> {
+        Vector3::from(self.spec.gravity)
+    }
+
+    /// Names of the scenes.
+    pub fn scene_names(&self) -> Vec<&str> {
+        std::iter::once("free").chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
+    }
+
+    /// A scene by name; `free` is empty space.
+    pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
+        let mut scene = Scene::free(self.gravity());
+        if name != "free" {
+            let unknown = || SystemError::Scene { robot: self.name.clone(), scene: name.into(), known: self.scene_names().join(", ") };
+            let spec = self.spec.scenes.iter().find(|s| s.name == name).ok_or_else(unknown)?;
+            let plane = turned_plane(&scene.gravity, spec.plane.height, spec.plane.angles);
+            scene.name = name.into();
+            scene.colliders.push(Collider::plane(plane, self.spec.material));
+        }
+        Ok(Arc::new(scene))
+    }
+}
+
+/// The specification of a bare URDF.
+fn plain(robot: &Robot) -> Spec {
+    use crate::law::Law;
+    use crate::spec::{JointSpec, StartSpec};
+    let start = |q: f64, qd: f64| StartSpec { q: Law { low: -q, high: q }, qd: Law { low: -qd, high: qd }, minus: None };
+    let names: Vec<_> = robot.joints().map(|j| j.name.clone()).collect();
+    let joint = |name: &String| JointSpec { name: name.clone(), armature: 0.0, limit: None, torque: 0.0, sample: start(1.0, 1.0), reset: start(0.1, 0.0) };
+    Spec {
+        urdf: String::new(),
+        floating: robot.floating(),
+        frame_time: "1/60".into(),
+        gravity: [0.0, 0.0, -9.81],
+        substeps: 16,
+        state_columns: names.iter().cloned().chain(names.iter().map(|n| format!("d_{n}"))).collect(),
+        torque_columns: names.iter().map(|n| format!("tau_{n}")).collect(),
+        material: Default::default(),
+        random_plane: None,
+        joints: names.iter().map(joint).collect(),
+        contacts: Vec::new(),
+        scenes: Vec::new(),
+    }
+}

@@ -1,0 +1,64 @@
+//! From recorded trajectories to normalised windows.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+use nerd_model::features::Features;
+use nerd_model::normalizer::{Moments, Normalizer};
+use nerd_sim::dataset::Recording;
+use nerd_sim::system::System;
+use rayon::prelude::*;
+
+use crate::windows::Windows;
+
+/// Tokens and targets of every frame of a recording, not normalised yet.
+pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize) -> Windows {
+    let (inputs, outputs) = (Features::inputs(system), Features::outputs(system));
+    let f = recording.frames;
+    let mut x = vec![0.0; recording.trajectories * f * inputs];
+    let mut y = vec![0.0; recording.trajectories * f * outputs];
+    x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate().for_each_init(
+        || Features::new(system),
+        |features, (trajectory, (x, y))| {
+            for frame in 0..f {
+                let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * outputs..][..outputs]);
+                frame_of(system, recording, trajectory, frame, features, x, y);
+            }
+        },
+    );
+    Windows { inputs, outputs, frames: f, history, x, y }
+}
+
+fn frame_of(system: &System, recording: &Recording, trajectory: usize, frame: usize, features: &mut Features, x: &mut [f32], y: &mut [f32]) {
+    let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
+    let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
+    let vector = |x: &[f32]| Vector3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]));
+    let at = (trajectory * (recording.frames + 1) + frame) * d;
+    let (state, next) = (wide(&recording.states[at..at + d]), wide(&recording.states[at + d..at + 2 * d]));
+    let row = trajectory * recording.frames + frame;
+    let event = |k: usize| {
+        let i = row * points + k;
+        let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
+        let distance = f64::from(recording.depths[i]);
+        // The point on the robot follows from the rest and is no input of the network.
+        ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
+    };
+    let events: Vec<_> = (0..points).map(event).collect();
+    let torques = wide(&recording.torques[row * joints..(row + 1) * joints]);
+    features.token(&state, &events, &torques, &vector(&recording.gravity[3 * trajectory..]), x);
+    features.target(&state, &next, y);
+}
+
+/// Moments of training windows; apply them with [`normalize`].
+pub fn moments(windows: &Windows) -> Normalizer {
+    let of = |rows: &[f32], width| Moments::of(rows, width, windows.frames, windows.history);
+    Normalizer { inputs: of(&windows.x, windows.inputs), outputs: of(&windows.y, windows.outputs) }
+}
+
+/// Normalises windows in place.
+pub fn normalize(windows: &mut Windows, normalizer: &Normalizer) {
+    let rows = |x: &mut Vec<f32>, width: usize, moments: &Moments| x.par_chunks_mut(width * 4096).for_each(|rows| moments.normalize(rows));
+    rows(&mut windows.x, windows.inputs, &normalizer.inputs);
+    rows(&mut windows.y, windows.outputs, &normalizer.outputs);
+}
