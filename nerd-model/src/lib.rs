@@ -2,7 +2,6 @@
 
 pub mod features;
 pub mod folder;
-pub mod forward;
 pub mod neural;
 pub mod normalizer;
 pub mod transformer;

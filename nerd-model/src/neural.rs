@@ -13,7 +13,7 @@ use nerd_sim::system::System;
 
 use crate::features::Features;
 use crate::folder::Model;
-use crate::forward::Forward;
+use crate::transformer::Forward;
 
 /// A model as a [`Solver`].
 pub struct Neural {

@@ -1,12 +1,14 @@
 //! From recorded trajectories to normalised windows.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 use nerd_model::features::Features;
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_sim::dataset::Recording;
+use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, read_shard, record, sha256_of};
+use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
@@ -48,6 +50,62 @@ fn frame_of(system: &System, recording: &Recording, trajectory: usize, frame: us
     let torques = wide(&recording.torques[row * joints..(row + 1) * joints]);
     features.token(&state, &events, &torques, &vector(&recording.gravity[3 * trajectory..]), x);
     features.target(&state, &next, y);
+}
+
+/// A data set ready to be normalised, and the hash of the recordings it was made from.
+pub struct Prepared {
+    /// Tokens and targets.
+    pub windows: Windows,
+    /// [`sha256_of`] the recordings.
+    pub sha256: String,
+}
+
+/// Records `config`'s trajectories in memory, shards in parallel, and turns them into tokens. `solver` makes the
+/// truth; `progress` is told transitions done. The same config gives the same bytes as [`nerd_sim::dataset::generate`].
+pub fn generate(
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    config: &GenerateConfig,
+    history: usize,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<Prepared, DatasetError> {
+    let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
+    let shard = |&first: &usize| {
+        let count = config.shard_trajectories.min(config.trajectories() - first);
+        let recording = record(system, &mut *solver(), config, first as u64, count)?;
+        let done = (tokens(system, &recording, history), recording.sha256());
+        progress(count * config.frames);
+        Ok(done)
+    };
+    Ok(joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
+}
+
+/// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote.
+pub fn read(system: &Arc<System>, folder: &Path, history: usize) -> Result<Prepared, DatasetError> {
+    let path = folder.join("manifest.json");
+    let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
+    let text = std::fs::read_to_string(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
+    let manifest: Manifest = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    if manifest.robot != system.name {
+        return Err(wrong(format!("holds robot `{}`, not `{}`", manifest.robot, system.name)));
+    }
+    let shard = |name: &String| read_shard(&folder.join(name)).map(|(r, _)| (tokens(system, &r, history), r.sha256()));
+    let prepared = joined(manifest.shards.par_iter().map(shard).collect::<Result<_, DatasetError>>()?);
+    if prepared.sha256 != manifest.sha256 {
+        return Err(wrong("the shards are not those it was written for (SHA-256 differs)".into()));
+    }
+    Ok(prepared)
+}
+
+fn joined(shards: Vec<(Windows, [u8; 32])>) -> Prepared {
+    let sha256 = sha256_of(shards.iter().map(|s| s.1));
+    let mut shards = shards.into_iter().map(|s| s.0);
+    let mut windows = shards.next().unwrap_or_default();
+    for shard in shards {
+        windows.x.extend_from_slice(&shard.x);
+        windows.y.extend_from_slice(&shard.y);
+    }
+    Prepared { windows, sha256 }
 }
 
 /// Moments of training windows; apply them with [`normalize`].

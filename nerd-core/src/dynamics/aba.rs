@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::Data;
+use super::{Data, inertias};
 use crate::robot::Robot;
 use crate::spatial::{Motion, SpatialInertia, Wrench};
 
@@ -11,6 +11,7 @@ use crate::spatial::{Motion, SpatialInertia, Wrench};
 /// [`super::kinematics`]; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
     let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
+    inertias(robot, data);
     for (i, link) in robot.links.iter().enumerate() {
         let (mut v, mut c) = (Motion::default(), Motion::default());
         if link.joint.is_none() {

@@ -3,14 +3,15 @@
 
 use nalgebra::Vector3;
 
-use super::Data;
+use super::{Data, inertias};
 use crate::robot::Robot;
 use crate::spatial::Motion;
 
-/// Mass matrix into `data.mass`, both triangles. Needs [`super::kinematics`].
+/// Mass matrix into `data.mass`, both triangles. Needs [`super::kinematics`]; fills `data.inertia`.
 pub fn crba(robot: &Robot, data: &mut Data) {
     let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     data.mass.fill(0.0);
+    inertias(robot, data);
     data.composite.copy_from_slice(&data.inertia);
     for j in (first..robot.links.len()).rev() {
         let link = &robot.links[j];

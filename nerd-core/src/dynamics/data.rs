@@ -14,7 +14,7 @@ pub struct Data {
     pub position: Vec<Vector3<f64>>,
     /// Joint axis of each link as a motion; unused for a floating root.
     pub axis: Vec<Motion>,
-    /// Inertia of each link about the root.
+    /// Inertia of each link about the root; filled by [`super::crba`], [`super::aba`] or [`super::inertias`].
     pub inertia: Vec<SpatialInertia>,
     /// Twist of each link.
     pub velocity: Vec<Motion>,

@@ -1,4 +1,4 @@
-//! Forward kinematics: link frames, joint axes and inertias about the root, from `q`.
+//! Forward kinematics: link frames, joint axes and, for those who need them, inertias about the root, from `q`.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -7,7 +7,7 @@ use crate::robot::{Base, JointKind, Robot};
 use crate::spatial::{Motion, SpatialInertia};
 use crate::state::{quaternion, vector};
 
-/// Fills `rotation`, `position`, `axis` and `inertia` of every link for coordinates `q` (length `nq`).
+/// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`).
 #[inline]
 pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
     let root = root_rotation(robot, q);
@@ -16,7 +16,6 @@ pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
     if robot.floating() {
         data.rotation[0] = root;
         data.position[0] = Vector3::zeros();
-        data.inertia[0] = SpatialInertia::of(&robot.links[0].inertia, &root, &Vector3::zeros());
     }
     for (i, link) in robot.links.iter().enumerate().skip(first) {
         let Some(joint) = &link.joint else { continue };
@@ -44,7 +43,13 @@ pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
         };
         data.rotation[i] = rotation;
         data.position[i] = position;
-        data.inertia[i] = SpatialInertia::of(&link.inertia, &rotation, &position);
+    }
+}
+
+/// Fills `inertia` of every link, about the root; after [`kinematics`].
+pub fn inertias(robot: &Robot, data: &mut Data) {
+    for (i, link) in robot.links.iter().enumerate() {
+        data.inertia[i] = SpatialInertia::of(&link.inertia, &data.rotation[i], &data.position[i]);
     }
 }
 

@@ -7,16 +7,18 @@
 //! A floating root's first six velocities are here `(w, p_dot)` and their derivatives the spatial acceleration
 //! `(w_dot, p_ddot - w x p_dot)`; [`to_local`] and [`to_world`] convert from and to a state's twist.
 //!
-//! Nothing allocates but [`Data::new`].
+//! Nothing allocates but [`Data::new`] and [`Factor::new`].
 
 mod aba;
 mod crba;
 mod data;
 mod kinematics;
+mod ltl;
 mod rnea;
 
 pub use aba::aba;
 pub use crba::crba;
 pub use data::Data;
-pub use kinematics::{kinematics, link_pose, point_position, to_local, to_world};
+pub use ltl::Factor;
+pub use kinematics::{inertias, kinematics, link_pose, point_position, to_local, to_world};
 pub use rnea::{bias, rnea, velocities};

@@ -1,13 +1,15 @@
 //! Recursive Newton-Euler: `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of
-//! the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`,
-//! `F_i = I_i A_i + V_i x* I_i V_i - f_i`, `tau_i = S_i . sum of F over the subtree`.
+//! the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the
+//! subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is taken in Newton's and Euler's words, force
+//! at the centre of mass c and moment in link axes, which spares turning its inertia into world axes:
+//! `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`.
 //! Joint damping, armature and limits are the caller's: they are forces and inertias of the joint, not of the tree.
 
 use nalgebra::Vector3;
 
 use super::Data;
 use crate::robot::Robot;
-use crate::spatial::Motion;
+use crate::spatial::{Motion, Wrench};
 
 /// Torques at zero acceleration, into `data.tau`. Needs [`super::kinematics`]; fills `data.velocity`.
 /// `qd` is local (see [`super::to_local`]), length `nv`; `gravity` in m/s^2, world axes.
@@ -57,8 +59,12 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             }
             (data.velocity[i], data.acceleration[i]) = (v, a);
         }
-        let (v, inertia) = (data.velocity[i], &data.inertia[i]);
-        data.force[i] = inertia.apply(&data.acceleration[i]) + v.cross_wrench(&inertia.apply(&v)) - data.external[i];
+        let (v, a, r, body) = (&data.velocity[i], &data.acceleration[i], &data.rotation[i], &link.inertia);
+        let c = data.position[i] + r * body.com;
+        let f = (a.at(&c) + v.ang.cross(&v.at(&c))) * body.mass;
+        let (w, w_dot) = (r.tr_mul(&v.ang), r.tr_mul(&a.ang));
+        let n = r * (body.inertia * w_dot + w.cross(&(body.inertia * w))) + c.cross(&f);
+        data.force[i] = Wrench::new(n, f) - data.external[i];
     }
     for (i, link) in robot.links.iter().enumerate().rev() {
         let f = data.force[i];

@@ -160,6 +160,8 @@ pub struct Robot {
     pub links: Vec<Link>,
     /// Points at which contact is looked for.
     pub contact_points: Vec<ContactPoint>,
+    /// Links of the URDF whose collision meshes were passed over: only primitives are looked at for contact.
+    pub skipped_meshes: Vec<String>,
 }
 
 impl Robot {
@@ -218,5 +220,33 @@ impl Robot {
     /// Total mass (kg).
     pub fn mass(&self) -> f64 {
         self.links.iter().map(|l| l.inertia.mass).sum()
+    }
+
+    /// Contact points of the collision shapes: a sphere's centre, the ends of a capsule's or cylinder's axis (the far
+    /// one along +z first), a box's corners (x fastest, negative first; radius 1e-5 m).
+    pub fn default_contact_points(&self) -> Vec<ContactPoint> {
+        let mut points = Vec::new();
+        for (link, body) in self.links.iter().enumerate() {
+            for shape in &body.shapes {
+                let mut add = |local: Vector3<f64>, radius: f64| {
+                    let local = shape.pose.transform_point(&local.into()).coords;
+                    points.push(ContactPoint { link, local, radius, thickness: radius });
+                };
+                match shape.kind {
+                    ShapeKind::Sphere { radius } => add(Vector3::zeros(), radius),
+                    ShapeKind::Capsule { radius, half_length } | ShapeKind::Cylinder { radius, half_length } => {
+                        add(Vector3::z() * half_length, radius);
+                        add(Vector3::z() * -half_length, radius);
+                    }
+                    ShapeKind::Box { half } => {
+                        let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+                        for c in 0..8 {
+                            add(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), 1e-5);
+                        }
+                    }
+                }
+            }
+        }
+        points
     }
 }

@@ -1,9 +1,8 @@
 //! One frame of one environment.
 
-use nalgebra::linalg::Cholesky;
-use nalgebra::{DMatrix, Dyn, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position, to_local, to_world};
+use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, point_position, to_local, to_world};
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector, write_quaternion};
@@ -16,7 +15,7 @@ use crate::system::System;
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {
     data: Data,
-    factor: Option<Cholesky<f64, Dyn>>,
+    factor: Factor,
     rates: [Vec<f64>; 4],
     trial: Vec<f64>,
     materials: Vec<Material>,
@@ -28,7 +27,7 @@ impl Workspace {
         let d = robot.state_dim();
         Self {
             data: Data::new(robot),
-            factor: None,
+            factor: Factor::new(robot),
             rates: std::array::from_fn(|_| vec![0.0; d]),
             trial: vec![0.0; d],
             materials: Vec::new(),
@@ -106,10 +105,9 @@ impl Workspace {
     fn accelerate(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], tau: &[f64], renew: bool) -> Result<(), String> {
         if renew {
             crba(robot, &mut self.data);
-            let nv = robot.nv();
-            let mut store = self.factor.take().map_or_else(|| DMatrix::zeros(nv, nv), Cholesky::unpack_dirty);
-            store.copy_from(&self.data.mass);
-            self.factor = Cholesky::new(store);
+            if !self.factor.refill(&self.data.mass) {
+                return Err("the mass matrix is not positive definite: a link without inertia, or a state out of bounds".into());
+            }
         }
         bias(robot, qd, &scene.gravity, &mut self.data);
         let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
@@ -121,8 +119,7 @@ impl Workspace {
             let limit = joint.limit.map_or(0.0, |l| l.force(x, v));
             self.data.qdd[dofs + i] = tau[i] + limit - joint.damping * v - self.data.tau[dofs + i];
         }
-        let factor = self.factor.as_ref().ok_or("the mass matrix is not positive definite: a link without inertia, or a state out of bounds")?;
-        factor.solve_mut(&mut self.data.qdd);
+        self.factor.solve(self.data.qdd.as_mut_slice());
         Ok(())
     }
 

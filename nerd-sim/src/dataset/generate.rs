@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
+use super::recording::sha256_of;
 use super::shard::write_whole;
 use super::{DatasetError, Recording, read_shard, write_shard};
 use crate::batch::{Batch, contacts};
@@ -57,7 +57,7 @@ pub struct Manifest {
     pub seed: u64,
     /// Shard files, in order.
     pub shards: Vec<String>,
-    /// SHA-256 over the arrays of all shards in order.
+    /// Hash of all shards ([`sha256_of`]).
     pub sha256: String,
 }
 
@@ -118,14 +118,6 @@ fn copy(out: &mut [f32], x: &[f64]) {
     out.iter_mut().zip(x).for_each(|(o, x)| *o = *x as f32);
 }
 
-/// Adds a recording to a running hash.
-pub(crate) fn digest(hash: &mut Sha256, recording: &Recording) {
-    for (_, _, x) in recording.arrays() {
-        let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
-        hash.update(&bytes);
-    }
-}
-
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are
 /// kept. `progress` is told transitions done and in all.
 pub fn generate(
@@ -137,7 +129,7 @@ pub fn generate(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
     let total = config.trajectories();
-    let mut hash = Sha256::new();
+    let mut hashes = Vec::new();
     let mut shards = Vec::new();
     let mut first = 0;
     while first < total {
@@ -164,12 +156,12 @@ pub fn generate(
                 recording
             }
         };
-        digest(&mut hash, &recording);
+        hashes.push(recording.sha256());
         shards.push(name);
         first += count;
         progress(first * config.frames, total * config.frames);
     }
-    let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+    let sha256 = sha256_of(hashes);
     let manifest = Manifest { robot: system.name.clone(), trajectories: total, frames: config.frames, seed: config.seed, shards, sha256 };
     let path = folder.join("manifest.json");
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;

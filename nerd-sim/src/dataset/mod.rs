@@ -5,5 +5,5 @@ mod recording;
 mod shard;
 
 pub use generate::{GenerateConfig, Manifest, generate, record};
-pub use recording::Recording;
+pub use recording::{Recording, sha256_of};
 pub use shard::{DatasetError, read_shard, write_shard};

@@ -1,5 +1,7 @@
 //! Trajectories of equal length in memory, f32, trajectory-major.
 
+use sha2::{Digest, Sha256};
+
 /// Everything recorded of some trajectories: F frames each, states before and after.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
@@ -37,15 +39,20 @@ impl Recording {
         ]
     }
 
-    /// Puts the trajectories of `other` behind these; same system, same frames.
-    pub fn append(&mut self, other: &Self) {
-        self.frames = other.frames;
-        self.trajectories += other.trajectories;
-        self.states.extend_from_slice(&other.states);
-        self.torques.extend_from_slice(&other.torques);
-        self.normals.extend_from_slice(&other.normals);
-        self.points.extend_from_slice(&other.points);
-        self.depths.extend_from_slice(&other.depths);
-        self.gravity.extend_from_slice(&other.gravity);
+    /// SHA-256 over the arrays in order.
+    pub fn sha256(&self) -> [u8; 32] {
+        let mut hash = Sha256::new();
+        for (_, _, x) in self.arrays() {
+            let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
+            hash.update(&bytes);
+        }
+        hash.finalize().into()
     }
+}
+
+/// One hash of a whole data set: SHA-256 over its recordings' hashes in order, as lower-case hex.
+pub fn sha256_of(recordings: impl IntoIterator<Item = [u8; 32]>) -> String {
+    let mut hash = Sha256::new();
+    recordings.into_iter().for_each(|h| hash.update(h));
+    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -4,6 +4,13 @@
 //! (beta 0.9, 0.999, epsilon 1e-8, no decay), gradient clipped to a global norm, and a moving average of the weights
 //! `a += (1 - d) (w - a)` after each update with `d = min(average, (1 + s) / (10 + s))` at update s counted from 0.
 
+pub mod adam;
+mod burn;
+
+pub use burn::BurnLearner;
+#[cfg(feature = "cuda")]
+pub mod cuda;
+
 use nerd_model::transformer::Weights;
 
 /// What an update needs beside the learning rate.

@@ -1,0 +1,78 @@
+//! Factorisation `M = L^T L` that keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only
+//! at i and its ancestors, so a chain costs what dense Cholesky does and a star of legs far less.
+
+use nalgebra::DMatrix;
+
+use crate::robot::Robot;
+
+/// Lower-triangular factor of a mass matrix; made once, refilled at will.
+#[derive(Clone, Debug)]
+pub struct Factor {
+    /// Rows of L.
+    rows: DMatrix<f64>,
+    /// DoF above each DoF, or `usize::MAX`.
+    parent: Vec<usize>,
+}
+
+impl Factor {
+    /// Room for the mass matrix of `robot`.
+    pub fn new(robot: &Robot) -> Self {
+        let (dofs, first, nv) = (robot.root_dofs(), usize::from(robot.floating()), robot.nv());
+        let root = (0..dofs).map(|k| k.wrapping_sub(1));
+        let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
+        let joints = robot.links[first..].iter().map(|l| l.parent.map_or(usize::MAX, above));
+        Self { rows: DMatrix::zeros(nv, nv), parent: root.chain(joints).collect() }
+    }
+
+    /// Factorises `mass` (its lower triangle is read). `false` if it is not positive definite; then do not solve.
+    #[must_use]
+    pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
+        self.rows.copy_from(mass);
+        let (l, parent) = (&mut self.rows, &self.parent);
+        for k in (0..parent.len()).rev() {
+            let square = l[(k, k)];
+            if square.is_nan() || square <= 0.0 {
+                return false;
+            }
+            let pivot = square.sqrt();
+            l[(k, k)] = pivot;
+            let mut i = parent[k];
+            while i != usize::MAX {
+                l[(k, i)] /= pivot;
+                i = parent[i];
+            }
+            let mut i = parent[k];
+            while i != usize::MAX {
+                let mut j = i;
+                while j != usize::MAX {
+                    l[(i, j)] -= l[(k, i)] * l[(k, j)];
+                    j = parent[j];
+                }
+                i = parent[i];
+            }
+        }
+        true
+    }
+
+    /// Replaces `x` by `M^-1 x`: `L^T y = x`, then `L z = y`.
+    #[inline]
+    pub fn solve(&self, x: &mut [f64]) {
+        let (l, parent) = (&self.rows, &self.parent);
+        for i in (0..x.len()).rev() {
+            x[i] /= l[(i, i)];
+            let mut j = parent[i];
+            while j != usize::MAX {
+                x[j] -= l[(i, j)] * x[i];
+                j = parent[j];
+            }
+        }
+        for i in 0..x.len() {
+            let mut j = parent[i];
+            while j != usize::MAX {
+                x[i] -= l[(i, j)] * x[j];
+                j = parent[j];
+            }
+            x[i] /= l[(i, i)];
+        }
+    }
+}

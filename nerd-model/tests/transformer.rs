@@ -1,0 +1,182 @@
+//! The burn Transformer against the published parameter counts and a plain f64 forward pass written out here.
+
+use std::collections::HashMap;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use nerd_model::transformer::{BurnForward, Forward, Transformer, TransformerConfig, Weights};
+
+const SMALL: TransformerConfig = TransformerConfig { inputs: 5, outputs: 3, embedding: 24, layers: 3, heads: 4, block: 8, history: 6, head: 7 };
+
+/// Parameters ten times the usual spread, so that attention is far from uniform and every term matters.
+fn lively(seed: u64) -> Weights {
+    let mut w = Weights::init(SMALL, seed);
+    let noise = Weights::init(TransformerConfig { inputs: w.flat.len(), embedding: 1, layers: 0, heads: 1, ..SMALL }, seed + 1);
+    w.flat.iter_mut().zip(&noise.flat).for_each(|(w, n)| *w = 4.0 * *w + 8.0 * n);
+    w
+}
+
+fn inputs(windows: usize, tokens: usize) -> Vec<f32> {
+    (0..windows * tokens * SMALL.inputs).map(|i| (1.7 * i as f32).sin() * 2.0).collect()
+}
+
+fn run(w: &Weights, x: &[f32], windows: usize, tokens: usize) -> Vec<f32> {
+    let device = Device::flex();
+    let x = Tensor::from_data(TensorData::new(x.to_vec(), [windows, tokens, SMALL.inputs]), &device);
+    Transformer::new(w, &device).forward(x).into_data().iter::<f32>().collect()
+}
+
+fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// `erf` by its Maclaurin series, f64: exact to 1e-12 for the |x| < 5 seen here.
+fn erf(x: f64) -> f64 {
+    if x.abs() > 5.0 {
+        return x.signum();
+    }
+    let (mut term, mut sum) = (x, x);
+    for n in 1..120 {
+        term *= -x * x / n as f64;
+        sum += term / (2 * n + 1) as f64;
+    }
+    sum * std::f64::consts::FRAC_2_SQRT_PI
+}
+
+/// One window, straight from the equations, in f64.
+fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
+    let c = w.config;
+    let p: HashMap<String, (Vec<usize>, Vec<f64>)> = w.iter().map(|(n, s, v)| (n, (s, v.iter().map(|&v| f64::from(v)).collect()))).collect();
+    let linear = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
+        let (shape, m) = &p[&format!("{name}.weight")];
+        let bias = p.get(&format!("{name}.bias"));
+        let column = |row: &Vec<f64>, j: usize| row.iter().enumerate().map(|(i, x)| x * m[i * shape[1] + j]).sum::<f64>() + bias.map_or(0.0, |b| b.1[j]);
+        rows.iter().map(|row| (0..shape[1]).map(|j| column(row, j)).collect()).collect()
+    };
+    let norm = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
+        let g = &p[&format!("{name}.weight")].1;
+        let one = |row: &Vec<f64>| {
+            let mean = row.iter().sum::<f64>() / row.len() as f64;
+            let var = row.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / row.len() as f64;
+            row.iter().zip(g).map(|(x, g)| g * (x - mean) / (var + 1e-5).sqrt()).collect()
+        };
+        rows.iter().map(one).collect()
+    };
+    let add = |a: &mut Vec<Vec<f64>>, b: Vec<Vec<f64>>| a.iter_mut().zip(b).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
+    let rows: Vec<Vec<f64>> = x.chunks(c.inputs).map(|r| r.iter().map(|&v| f64::from(v)).collect()).collect();
+    let mut h = linear(&rows, "embed");
+    let table = p["position.weight"].1.chunks(c.embedding).map(<[f64]>::to_vec).collect();
+    add(&mut h, table);
+    let d = c.embedding / c.heads;
+    for b in 0..c.layers {
+        let qkv = linear(&norm(&h, &format!("blocks.{b}.norm_attn")), &format!("blocks.{b}.attn.qkv"));
+        let mut mixed = vec![vec![0.0; c.embedding]; tokens];
+        for (head, i) in (0..c.heads).flat_map(|head| (0..tokens).map(move |i| (head, i))) {
+            let at = |t: usize, part: usize, k: usize| qkv[t][part * c.embedding + head * d + k];
+            let score: Vec<f64> = (0..=i).map(|j| ((0..d).map(|k| at(i, 0, k) * at(j, 1, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
+            let total: f64 = score.iter().sum();
+            for k in 0..d {
+                mixed[i][head * d + k] = (0..=i).map(|j| score[j] / total * at(j, 2, k)).sum();
+            }
+        }
+        add(&mut h, linear(&mixed, &format!("blocks.{b}.attn.proj")));
+        let mut up = linear(&norm(&h, &format!("blocks.{b}.norm_mlp")), &format!("blocks.{b}.mlp.up"));
+        up.iter_mut().flatten().for_each(|x| *x *= 0.5 * (1.0 + erf(*x / 2f64.sqrt())));
+        add(&mut h, linear(&up, &format!("blocks.{b}.mlp.down")));
+    }
+    let mut hidden = linear(&linear(&norm(&h, "norm"), "out"), "head.hidden");
+    hidden.iter_mut().flatten().for_each(|x| *x = x.max(0.0));
+    linear(&hidden, "head.out").concat()
+}
+
+#[test]
+fn parameter_counts_are_the_papers() {
+    let counts = [(6, 4, 2_713_668, 10_809_156), (37, 4, 2_719_620, 10_821_060), (72, 13, 2_726_925, 10_835_085)];
+    let more = [(21, 14, 2_717_198, 10_815_566), (215, 29, 2_755_421, 10_891_037), (150, 37, 2_743_461, 10_866_597)];
+    for (inputs, outputs, narrow, wide) in counts.into_iter().chain(more) {
+        assert_eq!(TransformerConfig::paper(inputs, outputs, 192).parameters(), narrow);
+        assert_eq!(TransformerConfig::paper(inputs, outputs, 384).parameters(), wide);
+    }
+    let weights = Weights::init(TransformerConfig::paper(6, 4, 192), 0);
+    assert_eq!(burn::module::Module::num_params(&Transformer::new(&weights, &Device::flex())), 2_713_668);
+}
+
+#[test]
+fn forward_is_the_equations() {
+    let (w, x) = (lively(1), inputs(2, 6));
+    let y = run(&w, &x, 2, 6);
+    let expected: Vec<f64> = x.chunks(6 * SMALL.inputs).flat_map(|x| reference(&w, x, 6)).collect();
+    let scale = expected.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+    let worst = y.iter().zip(&expected).map(|(&y, e)| (f64::from(y) - e).abs()).fold(0.0, f64::max);
+    assert!(scale > 0.1 && worst < 1e-5 * scale.max(1.0), "largest difference {worst:.2e} at outputs up to {scale:.2}");
+}
+
+#[test]
+fn a_token_never_sees_newer_ones() {
+    let (w, x) = (lively(2), inputs(1, 6));
+    let y = run(&w, &x, 1, 6);
+    for k in 0..6 {
+        let mut changed = x.clone();
+        changed[k * SMALL.inputs..(k + 1) * SMALL.inputs].iter_mut().for_each(|x| *x += 1.0);
+        let z = run(&w, &changed, 1, 6);
+        let (before, after) = (k * SMALL.outputs, (k + 1) * SMALL.outputs);
+        assert!(largest_difference(&y[..before], &z[..before]) < 1e-6, "token {k} changed an older prediction");
+        assert!(largest_difference(&y[before..after], &z[before..after]) > 1e-4, "token {k} does not change its own prediction");
+    }
+}
+
+#[test]
+fn weights_survive_the_module_and_the_file() {
+    let w = lively(3);
+    assert_eq!(Transformer::new(&w, &Device::flex()).weights(), w);
+    let bytes = w.to_bytes(HashMap::new()).unwrap();
+    assert_eq!(Weights::from_bytes(SMALL, &bytes).unwrap(), w);
+    let other = TransformerConfig { embedding: 28, ..SMALL };
+    let error = Weights::from_bytes(other, &bytes).unwrap_err().to_string();
+    assert!(error.contains("embed.weight") && error.contains("[5, 28]"), "{error}");
+}
+
+#[cfg(feature = "autodiff")]
+#[test]
+fn weights_survive_an_autodiff_module() {
+    let w = lively(3);
+    assert_eq!(Transformer::new(&w, &Device::flex().autodiff()).weights(), w);
+}
+
+#[test]
+fn the_predictor_gives_the_newest_tokens_prediction_whatever_the_padding_and_the_chunks() {
+    let (w, x, windows) = (lively(4), inputs(21, 6), 21usize);
+    let all = run(&w, &x, windows, 6);
+    let last: Vec<u32> = (0..windows as u32).map(|i| i % 6).collect();
+    let expected: Vec<f32> = last.iter().enumerate().flat_map(|(i, &l)| all[(i * 6 + l as usize) * 3..][..3].to_vec()).collect();
+    let mut padded = x.clone();
+    for (i, row) in padded.chunks_mut(SMALL.inputs).enumerate().filter(|(i, _)| i % 6 > last[i / 6] as usize) {
+        row.fill(i as f32);
+    }
+    for (chunk, threads) in [(64, 1), (4, 1), (4, 3)] {
+        let mut predictor = BurnForward::new(&w, &Device::flex()).chunks(chunk, threads);
+        let mut out = vec![7.0; 3];
+        for x in [&x, &padded] {
+            predictor.forward(x, 6, &last, &mut out).unwrap();
+            let worst = largest_difference(&out, &expected);
+            assert!(worst < 1e-5, "chunks of {chunk} on {threads} threads: {worst:.2e}");
+        }
+    }
+}
+
+#[test]
+fn shorter_windows_use_the_first_positions() {
+    let (w, x) = (lively(5), inputs(1, 6));
+    let whole = run(&w, &x, 1, 6);
+    let short = run(&w, &x[..3 * SMALL.inputs], 1, 3);
+    assert!(largest_difference(&whole[..3 * SMALL.outputs], &short) < 1e-5);
+}
+
+#[test]
+fn ill_formed_windows_are_errors_that_say_why() {
+    let mut predictor = BurnForward::new(&lively(6), &Device::flex());
+    let mut ask = |n: usize, tokens, last: &[u32]| predictor.forward(&vec![0.0; n], tokens, last, &mut Vec::new()).unwrap_err().to_string();
+    assert!(ask(30, 6, &[0, 0]).contains("30 input values"));
+    assert!(ask(30, 6, &[6]).contains("newest token 6 of 6"));
+    assert!(ask(45, 9, &[0]).contains("position table has 8"));
+}

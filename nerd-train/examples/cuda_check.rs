@@ -1,0 +1,215 @@
+//! Checks the fused CUDA engine on the GPU at hand and times it.
+//!
+//! ```text
+//! cargo run --release -p nerd-train --features cuda --example cuda_check            checks, then times
+//! cargo run --release -p nerd-train --features cuda --example cuda_check -- dump DIR    raw f32 files of a short run
+//! cargo run --release -p nerd-train --features cuda --example cuda_check -- step BATCH  one update for a profiler
+//! ```
+//!
+//! Checks: gradient against central differences along random directions, bitwise resume, a falling loss, and
+//! inference against a rolled window. `dump` writes what a comparison with another framework needs.
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_train::learner::cuda::{CudaForward, CudaLearner, Precision};
+use nerd_train::learner::{Learner, LearnerConfig, LearnerState};
+use nerd_train::windows::{Windows, draw};
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+fn main() -> Outcome {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["dump", dir] => dump(Path::new(dir)),
+        ["step", batch] => learner(batch.parse()?, Precision::Tf32, 1.0)?.update_eagerly(1e-4).map_err(Into::into),
+        _ => {
+            gradient()?;
+            resume()?;
+            learning()?;
+            inference()?;
+            timing()
+        }
+    }
+}
+
+/// Uniform in +-1, a hash of `i`.
+fn noise(stream: u64, i: usize) -> f32 {
+    (draw(stream, 0, i as u64, 1 << 24) as f32 / (1 << 23) as f32) - 1.0
+}
+
+/// Random inputs; the targets mix the present and the previous token, so that attention has something to find.
+fn windows(stream: u64, config: TransformerConfig, trajectories: usize, frames: usize) -> Windows {
+    let (i, o) = (config.inputs, config.outputs);
+    let x: Vec<f32> = (0..trajectories * frames * i).map(|k| noise(stream, k)).collect();
+    let y = (0..trajectories * frames * o).map(|k| {
+        let (token, c) = (k / o, k % o);
+        let before = if token % frames == 0 { 0.0 } else { x[(token - 1) * i + c % i] };
+        x[token * i + c % i] + 0.5 * (2.0 * before).sin() - x[token * i] * x[token * i + i - 1]
+    });
+    Windows { inputs: i, outputs: o, frames, history: config.history, y: y.collect(), x }
+}
+
+/// Weights with no entry at a special value (zero biases, unit norms).
+fn weights(config: TransformerConfig, size: f32) -> Weights {
+    let mut w = Weights::init(config, 1);
+    w.flat.iter_mut().enumerate().for_each(|(i, x)| *x += size * noise(7, i));
+    w
+}
+
+fn configuration(batch: usize) -> LearnerConfig {
+    LearnerConfig { batch, clip: 1.0, average: 0.999, seed: 5 }
+}
+
+fn learner(batch: usize, precision: Precision, scale: f32) -> Result<CudaLearner, Box<dyn Error>> {
+    let config = TransformerConfig::paper(37, 4, 192);
+    let state = LearnerState::new(weights(config, 0.05 * scale));
+    Ok(CudaLearner::new(configuration(batch), precision, state, &windows(2, config, 200, 100), &windows(3, config, 20, 100))?)
+}
+
+/// Along the gradient with its entries scaled at random the loss changes most, so f32 rounding matters least.
+fn gradient() -> Outcome {
+    let paper = TransformerConfig::paper;
+    let shapes = [paper(37, 4, 192), paper(6, 14, 384), TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) }];
+    for config in shapes.map(|c| TransformerConfig { layers: c.layers.min(3), ..c }) {
+        let data = windows(2, config, 20, 50);
+        let at = |w: Weights| CudaLearner::new(configuration(64), Precision::F32, LearnerState::new(w), &data, &data)?.gradient();
+        let centre = weights(config, 0.05);
+        let (_, g) = at(centre.clone())?;
+        let norm = g.iter().map(|g| g * g).sum::<f32>().sqrt();
+        for direction in 0..2 {
+            let d: Vec<f32> = g.iter().enumerate().map(|(i, g)| g / norm * (1.0 + noise(100 + direction, i))).collect();
+            let slope: f64 = d.iter().zip(&g).map(|(d, g)| *d as f64 * *g as f64).sum();
+            let length = 2e-3;
+            let moved = |h: f32| Weights { config, flat: centre.flat.iter().zip(&d).map(|(w, d)| w + h * d).collect() };
+            let (above, below) = (at(moved(length))?.0, at(moved(-length))?.0);
+            let error = ((above - below) as f64 / (2.0 * length as f64) / slope - 1.0).abs();
+            println!("E {} of {} inputs, {} outputs: slope {slope:.6}, off the central difference by {error:.1e}", config.embedding, config.inputs, config.outputs);
+            if error > 2e-3 {
+                return Err("the gradient does not fit the loss".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn resume() -> Outcome {
+    for precision in [Precision::F32, Precision::Tf32] {
+        let config = TransformerConfig::paper(37, 4, 192);
+        let (train, validation) = (windows(2, config, 200, 100), windows(3, config, 20, 100));
+        let start = |state| CudaLearner::new(configuration(512), precision, state, &train, &validation);
+        let mut whole = start(LearnerState::new(weights(config, 0.0)))?;
+        let mut half = start(LearnerState::new(weights(config, 0.0)))?;
+        for _ in 0..20 {
+            whole.update(1e-3)?;
+            half.update(1e-3)?;
+        }
+        let mut taken_up = start(half.state()?)?;
+        for _ in 0..20 {
+            whole.update(5e-4)?;
+            taken_up.update(5e-4)?;
+        }
+        let equal = whole.state()? == taken_up.state()?;
+        println!("{precision:?}: 20 + 20 updates from a state equal 40 unbroken ones bit for bit: {equal}");
+        if !equal {
+            return Err("resume is not exact".into());
+        }
+    }
+    Ok(())
+}
+
+fn learning() -> Outcome {
+    for precision in [Precision::F32, Precision::Tf32] {
+        let mut learner = learner(512, precision, 0.0)?;
+        for k in 0..=5 {
+            println!("{precision:?} update {:>4}: validation {:.5}", 100 * k, learner.validate(1000)?);
+            for _ in 0..100 {
+                learner.update(1e-3)?;
+            }
+            let p = learner.progress()?;
+            println!("{precision:?} training loss {:.5}, gradient norm {:.4}", p.loss, p.gradient_norm);
+        }
+    }
+    Ok(())
+}
+
+/// A full window and its first tokens alone must give the same prediction for a token both hold.
+fn inference() -> Outcome {
+    let config = TransformerConfig::paper(37, 4, 192);
+    let data = windows(2, config, 300, config.history);
+    let mut forward = CudaForward::new(&weights(config, 0.05), Precision::F32, 512)?;
+    let whole = forward.forward(&data.x, 10, &[6; 300])?;
+    let part: Vec<f32> = data.x.chunks_exact(370).flat_map(|w| w[..7 * 37].to_vec()).collect();
+    let part = forward.forward(&part, 7, &[6; 300])?;
+    let worst = whole.iter().zip(&part).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    println!("causality: largest difference {worst:e}");
+    let inputs = windows(2, config, 2048, config.history).x;
+    for precision in [Precision::F32, Precision::Tf32] {
+        let mut forward = CudaForward::new(&weights(config, 0.05), precision, 2048)?;
+        forward.forward(&inputs, 10, &[9; 2048])?;
+        let start = Instant::now();
+        for _ in 0..20 {
+            forward.forward(&inputs, 10, &[9; 2048])?;
+        }
+        println!("{precision:?}: 2048 windows forward in {:.3} ms, copies included", start.elapsed().as_secs_f64() * 50.0);
+    }
+    Ok(())
+}
+
+fn timing() -> Outcome {
+    let c = TransformerConfig::paper(37, 4, 192);
+    let e = c.embedding;
+    let matrices = c.layers * 12 * e * e + e * (c.inputs + e + c.head) + c.head * c.outputs;
+    for precision in [Precision::Tf32, Precision::F32] {
+        for batch in [512, 2048, 8192] {
+            let mut learner = learner(batch, precision, 0.0)?;
+            (0..20).try_for_each(|_| learner.update(1e-4))?;
+            learner.progress()?;
+            let (start, count) = (Instant::now(), 200 * 512 / batch.max(512) + 20);
+            (0..count).try_for_each(|_| learner.update(1e-4))?;
+            learner.progress()?;
+            let seconds = start.elapsed().as_secs_f64() / count as f64;
+            let flops = 6.0 * (batch * c.history * (matrices + c.layers * 2 * e * c.history)) as f64;
+            println!("{precision:?} batch {batch}: {:.3} ms an update, {:.0} windows/s, {:.1} TFLOP/s", seconds * 1e3, batch as f64 / seconds, flops / seconds / 1e12);
+        }
+    }
+    Ok(())
+}
+
+/// Weights, drawn windows, gradients, and the state after five updates, as raw little-endian f32.
+fn dump(dir: &Path) -> Outcome {
+    let config = TransformerConfig::paper(37, 4, 192);
+    let save = |name: &str, x: &[f32]| std::fs::write(dir.join(name), x.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>());
+    let (train, validation) = (windows(2, config, 200, 100), windows(3, config, 20, 100));
+    let start = weights(config, 0.05);
+    save("weights", &start.flat)?;
+    for step in 0..5 {
+        let (mut x, mut y) = (Vec::new(), Vec::new());
+        for row in 0..512 {
+            let t = train.first_token(draw(5, step, row, train.len() as u64) as usize);
+            x.extend(&train.x[t * 37..(t + 10) * 37]);
+            y.extend(&train.y[t * 4..(t + 10) * 4]);
+        }
+        save(&format!("x{step}"), &x)?;
+        save(&format!("y{step}"), &y)?;
+    }
+    for precision in [Precision::F32, Precision::Tf32] {
+        let mut learner = CudaLearner::new(configuration(512), precision, LearnerState::new(start.clone()), &train, &validation)?;
+        let (loss, g) = learner.gradient()?;
+        save(&format!("gradient_{precision:?}"), &g)?;
+        (0..5).try_for_each(|_| learner.update(1e-3))?;
+        let p = learner.progress()?;
+        let state = learner.state()?;
+        save(&format!("trained_{precision:?}"), &state.weights.flat)?;
+        save(&format!("average_{precision:?}"), &state.average)?;
+        save(&format!("scalars_{precision:?}"), &[loss, p.loss, p.gradient_norm, learner.validate(700)?])?;
+        let inputs = windows(9, config, 33, 8).x;
+        save("forward_x", &inputs)?;
+        save("forward_y", &CudaForward::new(&start, Precision::F32, 40)?.forward(&inputs, 8, &[5; 33])?)?;
+    }
+    save("validation_x", &validation.x)?;
+    save("validation_y", &validation.y)?;
+    Ok(())
+}

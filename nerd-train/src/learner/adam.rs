@@ -1,0 +1,54 @@
+//! The optimiser on flat vectors: global-norm clip, Adam, moving average of the weights.
+//!
+//! With t = s + 1 the update counted from 1 and g the clipped gradient,
+//! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `w -= lr (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`,
+//! then `a = w + d (a - w)` with `d = min(average, (1 + s) / (10 + s))`. Entries are independent, so the result does
+//! not depend on the number of threads.
+
+use rayon::prelude::*;
+
+use super::{LearnerConfig, LearnerState};
+
+const BETA: (f32, f32) = (0.9, 0.999);
+const EPSILON: f32 = 1e-8;
+/// Entries one task handles: four vectors of this length fit in a second-level cache.
+const CHUNK: usize = 1 << 14;
+
+/// Global norm `|g|`, summed in f64.
+pub fn norm(gradient: &[f32]) -> f32 {
+    // Partial sums over fixed chunks, added in order: the same bits on any number of threads.
+    let parts: Vec<f64> = gradient.par_chunks(CHUNK).map(|c| c.iter().map(|&g| f64::from(g) * f64::from(g)).sum()).collect();
+    parts.iter().sum::<f64>().sqrt() as f32
+}
+
+/// Clips `gradient` (of norm `norm`) to `config.clip`, makes one Adam update of `state` and counts it.
+///
+/// # Panics
+/// If `gradient` is shorter than the weights.
+pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
+    let scale = (config.clip / (norm + 1e-6)).min(1.0);
+    let t = (state.step + 1) as f64;
+    let corrections = (1.0 - f64::from(BETA.0).powf(t), 1.0 - f64::from(BETA.1).powf(t));
+    let (rate, inverse_root) = ((f64::from(lr) / corrections.0) as f32, corrections.1.powf(-0.5) as f32);
+    let s = state.step as f64;
+    let decay = config.average.min((1.0 + s) / (10.0 + s)) as f32;
+    assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
+    state
+        .weights
+        .flat
+        .par_chunks_mut(CHUNK)
+        .zip(state.m.par_chunks_mut(CHUNK))
+        .zip(state.v.par_chunks_mut(CHUNK))
+        .zip(state.average.par_chunks_mut(CHUNK))
+        .zip(gradient.par_chunks(CHUNK))
+        .for_each(|((((w, m), v), a), g)| {
+            for ((((w, m), v), a), g) in w.iter_mut().zip(m).zip(v).zip(a).zip(g) {
+                let g = g * scale;
+                *m = BETA.0 * *m + (1.0 - BETA.0) * g;
+                *v = BETA.1 * *v + (1.0 - BETA.1) * g * g;
+                *w -= rate * *m / (v.sqrt() * inverse_root + EPSILON);
+                *a = *w + decay * (*a - *w);
+            }
+        });
+    state.step += 1;
+}

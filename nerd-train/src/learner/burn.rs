@@ -1,0 +1,180 @@
+//! Updates through burn's autodiff, on the CPU (`Device::flex()`) or any other burn device.
+//!
+//! An update cuts its batch in shards. Each shard's graph computes `sum (y - y*)^2 / (batch tokens outputs)`, so the
+//! shards' losses and gradients add up to those of the mean over the batch. Shards are what keeps the CPU busy: burn
+//! runs its element-wise work on one thread, and a small shard's activations stay in the cache. Their gradients are
+//! added in shard order, so the result does not depend on the number of threads.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::Arc;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use nerd_model::transformer::{Transformer, Weights};
+use rayon::prelude::*;
+
+use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
+use crate::windows::{Windows, draw};
+
+/// Windows in a shard.
+const SHARD: usize = 32;
+/// Entries of a gradient one task adds up.
+const SUM: usize = 1 << 14;
+
+/// Trains on a burn device; the optimiser runs on the CPU over the flat vectors of [`LearnerState`].
+pub struct BurnLearner {
+    config: LearnerConfig,
+    state: LearnerState,
+    train: Arc<Windows>,
+    validation: Arc<Windows>,
+    device: Device,
+    shard: usize,
+    threads: usize,
+    sums: (f64, f64, u32),
+}
+
+impl BurnLearner {
+    /// Continues `state` on `device` (autodiff is switched on here), in shards of 32 windows on every core.
+    ///
+    /// # Errors
+    /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
+    pub fn new(config: LearnerConfig, state: LearnerState, train: Arc<Windows>, validation: Arc<Windows>, device: &Device) -> Result<Self, LearnError> {
+        let (network, n) = (state.weights.config, state.weights.config.parameters());
+        for (name, set) in [("training", &train), ("validation", &validation)] {
+            let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.history));
+            if found != expected {
+                let message = format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
+                return Err(LearnError::Mismatch(message));
+            }
+            if set.is_empty() || set.y.len() * set.inputs != set.x.len() * set.outputs {
+                return Err(LearnError::Mismatch(format!("{name} windows: {} inputs and {} targets make no window", set.x.len(), set.y.len())));
+            }
+        }
+        if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) || config.batch == 0 {
+            return Err(LearnError::Mismatch(format!("a state of {n} parameters and a batch above 0 are needed")));
+        }
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let device = device.clone().autodiff();
+        Ok(Self { config, state, train, validation, device, shard: SHARD, threads, sums: (0.0, 0.0, 0) })
+    }
+
+    /// Another shard size and number of threads (a GPU wants the whole batch in one shard on one thread).
+    pub fn shards(mut self, windows: usize, threads: usize) -> Self {
+        (self.shard, self.threads) = (windows.max(1), threads.max(1));
+        self
+    }
+
+    /// Loss and its gradient, before clipping, for the training windows `rows`.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
+        let scale = 1.0 / self.values(&self.train, rows.len());
+        let parts = self.sharded(&self.state.weights, &self.device, rows, |network, rows| {
+            let loss = squared_error(network, &self.train, rows, &self.device) * scale;
+            let value = scalar(loss.clone())?;
+            Ok((value, network.gradients(&loss.backward())))
+        })?;
+        let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
+        let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
+        let mut total = parts.next().unwrap_or_default();
+        let rest: Vec<_> = parts.collect();
+        total.par_chunks_mut(SUM).enumerate().for_each(|(i, total)| {
+            for part in &rest {
+                total.iter_mut().zip(&part[i * SUM..]).for_each(|(t, p)| *t += p);
+            }
+        });
+        Ok((loss, total))
+    }
+
+    /// Squared errors in a mean over `windows` windows.
+    fn values(&self, set: &Windows, windows: usize) -> f64 {
+        (windows * set.history * set.outputs) as f64
+    }
+
+    /// `work` on every shard of `rows`, on several threads; the results stand in shard order.
+    ///
+    /// Plain threads, not rayon tasks: burn waits inside its own locks, and a waiting rayon thread might take up
+    /// another shard there. Each thread has its own module, so that autodiff graphs share nothing.
+    fn sharded<T: Send>(
+        &self,
+        weights: &Weights,
+        device: &Device,
+        rows: &[u64],
+        work: impl Fn(&Transformer, &[u64]) -> Result<T, LearnError> + Sync,
+    ) -> Result<Vec<T>, LearnError> {
+        let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
+        let next = AtomicUsize::new(0);
+        let thread = || {
+            let network = Transformer::new(weights, device);
+            let mut done = Vec::new();
+            loop {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                let Some(rows) = shards.get(i) else { return Ok(done) };
+                done.push((i, work(&network, rows)?));
+            }
+        };
+        let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
+            let others: Vec<_> = (1..self.threads.min(shards.len())).map(|_| scope.spawn(thread)).collect();
+            let mut done = thread()?;
+            for other in others {
+                done.extend(other.join().map_err(|_| LearnError::Device("a worker thread panicked".into()))??);
+            }
+            Ok(done)
+        })?;
+        done.sort_unstable_by_key(|(i, _)| *i);
+        Ok(done.into_iter().map(|(_, result)| result).collect())
+    }
+}
+
+impl Learner for BurnLearner {
+    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+        let (step, windows) = (self.state.step, self.train.len() as u64);
+        let rows: Vec<u64> = (0..self.config.batch as u64).map(|row| draw(self.config.seed, step, row, windows)).collect();
+        let (loss, gradient) = self.gradient(&rows)?;
+        if !loss.is_finite() {
+            return Err(LearnError::NotFinite { step, loss });
+        }
+        let norm = adam::norm(&gradient);
+        if !norm.is_finite() {
+            return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
+        }
+        adam::step(&mut self.state, &gradient, norm, lr, &self.config);
+        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
+        Ok(())
+    }
+
+    fn progress(&mut self) -> Result<Progress, LearnError> {
+        let (loss, norm, n) = std::mem::take(&mut self.sums);
+        let n = f64::from(n.max(1));
+        Ok(Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 })
+    }
+
+    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
+        let rows: Vec<u64> = (0..windows.clamp(1, self.validation.len()) as u64).collect();
+        let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
+        let device = self.device.clone().inner();
+        let parts = self.sharded(&weights, &device, &rows, |network, rows| scalar(squared_error(network, &self.validation, rows, &device)))?;
+        Ok((parts.iter().sum::<f64>() / self.values(&self.validation, rows.len())) as f32)
+    }
+
+    fn state(&mut self) -> Result<LearnerState, LearnError> {
+        Ok(self.state.clone())
+    }
+}
+
+/// Squared errors of the windows `rows`, summed over windows, tokens and outputs.
+fn squared_error(network: &Transformer, set: &Windows, rows: &[u64], device: &Device) -> Tensor<1> {
+    let gather = |data: &[f32], width: usize| {
+        let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
+        let flat: Vec<f32> = rows.iter().flat_map(window).copied().collect();
+        Tensor::<3>::from_data(TensorData::new(flat, [rows.len(), set.history, width]), device)
+    };
+    let error = network.forward(gather(&set.x, set.inputs)) - gather(&set.y, set.outputs);
+    (error.clone() * error).sum()
+}
+
+/// A scalar tensor's value.
+fn scalar(tensor: Tensor<1>) -> Result<f64, LearnError> {
+    let data = tensor.try_into_data().map_err(|e| LearnError::Device(format!("{e:?}")))?;
+    Ok(data.iter::<f64>().sum())
+}

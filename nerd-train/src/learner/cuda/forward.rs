@@ -1,0 +1,90 @@
+//! [`CudaForward`]: predictions of given weights, for rollouts of many trajectories at once.
+
+use cudarc::driver::CudaGraph;
+use nerd_model::transformer::Weights;
+
+use super::Precision;
+use super::device::Arg::Ptr;
+use super::device::Buffer;
+use super::layout::Layout;
+use super::network::Network;
+use crate::learner::LearnError;
+
+/// Inference on GPU 0.
+pub struct CudaForward {
+    /// The pass over as many windows as last asked for.
+    graph: Option<(usize, CudaGraph)>,
+    network: Network,
+    weights: Buffer<f32>,
+    last: Buffer<u32>,
+    selected: Buffer<f32>,
+    predictions: Buffer<f32>,
+    staging: Vec<f32>,
+}
+
+impl CudaForward {
+    /// Copies `weights` to the device, with memory for `max_windows` windows.
+    ///
+    /// # Errors
+    /// [`LearnError::Mismatch`] if the kernels do not cover the network's shape, [`LearnError::Device`] if there is
+    /// no GPU, a library is missing or memory runs out.
+    pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> Result<Self, LearnError> {
+        let c = weights.config;
+        let layout = Layout::new(c)?;
+        if weights.flat.len() != layout.parameters {
+            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), layout.parameters)));
+        }
+        let network = Network::new(layout, max_windows, precision, false)?;
+        let d = &network.device;
+        let (flat, last) = (d.upload(&weights.flat)?, d.zeros(max_windows)?);
+        let (selected, predictions) = (d.zeros(max_windows * c.embedding)?, d.zeros(max_windows * c.outputs)?);
+        network.fold(flat.ptr)?;
+        Ok(Self { graph: None, network, weights: flat, last, selected, predictions, staging: Vec::new() })
+    }
+
+    /// Prediction for the newest token of each window.
+    ///
+    /// `inputs` are `[windows][tokens][inputs]`, normalised, with `tokens <= history`; `last[w]` is the index of
+    /// window w's newest token (what stands behind it is not looked at). Returns `[windows][outputs]`.
+    ///
+    /// # Errors
+    /// [`LearnError::Mismatch`] if the sizes do not fit together, [`LearnError::Device`] if the device fails.
+    pub fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<Vec<f32>, LearnError> {
+        let (c, padded, windows) = (self.network.layout.config, self.network.layout.padded, last.len());
+        if windows == 0 {
+            return Ok(Vec::new());
+        }
+        if tokens > c.history || windows > self.network.rows || inputs.len() != windows * tokens * c.inputs || last.iter().any(|&l| l as usize >= tokens) {
+            let have = inputs.len();
+            return Err(LearnError::Mismatch(format!("{have} inputs for {windows} windows of {tokens} tokens of {} (at most {} windows of {})", c.inputs, self.network.rows, c.history)));
+        }
+        self.staging.clear();
+        self.staging.resize(windows * c.history * padded, 0.0);
+        for (token, row) in inputs.chunks_exact(c.inputs).enumerate() {
+            let at = (token / tokens * c.history + token % tokens) * padded;
+            self.staging[at..at + c.inputs].copy_from_slice(row);
+        }
+        let d = &self.network.device;
+        d.write(&self.network.inputs, &self.staging)?;
+        d.write(&self.last, last)?;
+        if self.graph.as_ref().is_none_or(|(n, _)| *n != windows) {
+            self.pass(windows)?;
+            d.wait()?;
+            self.graph = Some((windows, d.capture(|| self.pass(windows))?));
+        }
+        if let Some((_, graph)) = &self.graph {
+            graph.launch().map_err(super::device::failed("forward pass"))?;
+        }
+        let mut out = vec![0.0; windows * c.outputs];
+        d.read(&self.predictions, &mut out)?;
+        Ok(out)
+    }
+
+    fn pass(&self, windows: usize) -> Result<(), LearnError> {
+        let (net, w) = (&self.network, self.weights.ptr);
+        net.trunk(w, windows)?;
+        net.device.launch("select_rows", (windows, 1), (128, 1), 0, &[Ptr(net.x.ptr), Ptr(self.last.ptr), Ptr(self.selected.ptr)])?;
+        net.top(w, self.selected.ptr, windows)?;
+        net.predict(w, windows, self.predictions.ptr)
+    }
+}

@@ -1,0 +1,118 @@
+//! Where each tensor stands in the flat parameter vector, and the constants the kernels are compiled with.
+//!
+//! A LayerNorm weight is folded into the matrix behind it, `W' = diag(w) W`, once an update. The kernels then move
+//! the plain normalised activations, and both gradients follow from the one of `W'`: `dW = diag(w) dW'` and
+//! `dw_i = sum_j dW'_ij W_ij`.
+
+use nerd_model::transformer::TransformerConfig;
+
+use crate::learner::LearnError;
+
+/// Largest dynamic shared memory every device gives without asking, bytes.
+const SHARED: usize = 48 << 10;
+
+/// Offsets of one block's tensors: in the flat vector for plain ones, in the folded vector for `qkv` and `up`.
+pub(super) struct Block {
+    pub qkv: Folded,
+    pub proj: usize,
+    pub up: Folded,
+    pub down: usize,
+}
+
+/// A matrix with the LayerNorm weight before it folded in.
+#[derive(Clone, Copy)]
+pub(super) struct Folded {
+    /// Offset in the flat vector (and of its gradient).
+    pub plain: usize,
+    /// Offset in the folded vector.
+    pub folded: usize,
+}
+
+/// Offsets, counts and block sizes of one network shape.
+pub(super) struct Layout {
+    pub config: TransformerConfig,
+    pub parameters: usize,
+    pub embed: usize,
+    pub embed_bias: usize,
+    pub position: usize,
+    pub blocks: Vec<Block>,
+    pub out: Folded,
+    pub hidden: usize,
+    /// `head.hidden.bias`, and behind it `head.out.weight`, `head.out.bias`.
+    pub hidden_bias: usize,
+    pub head_out: usize,
+    pub head_bias: usize,
+    /// Rows (W, w, W', columns) for the kernels `fold` and `unfold`.
+    pub table: Vec<[i32; 4]>,
+    /// Length of the folded vector.
+    pub folded: usize,
+    /// Columns of a gathered token, a multiple of 4 as cuBLAS likes its rows aligned.
+    pub padded: usize,
+    /// Heads handled by one thread block of attention.
+    pub group: usize,
+}
+
+impl Layout {
+    /// Fails with a line if the kernels do not cover the shape.
+    pub fn new(config: TransformerConfig) -> Result<Self, LearnError> {
+        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head } = config;
+        if heads == 0 || !e.is_multiple_of(4 * heads) || history == 0 || history > block || history > 32 || outputs == 0 || inputs == 0 || layers == 0 {
+            return Err(LearnError::Mismatch(format!("the CUDA engine wants 1..=32 tokens within the position table and a head width that is a multiple of 4: {config:?}")));
+        }
+        let mut starts = config.tensors().into_iter().scan(0, |at, t| {
+            let start = *at;
+            *at += t.len();
+            Some(start)
+        });
+        let mut next = || starts.next().unwrap_or(0);
+        let (embed, embed_bias, position) = (next(), next(), next());
+        let (mut table, mut folded) = (Vec::new(), 0);
+        let mut fold = |norm: usize, plain: usize, width: usize| {
+            let f = Folded { plain, folded };
+            table.push([plain as i32, norm as i32, folded as i32, width as i32]);
+            folded += e * width;
+            f
+        };
+        let mut blocks = Vec::new();
+        for _ in 0..layers {
+            let (norm_attn, qkv, proj, norm_mlp, up, down) = (next(), next(), next(), next(), next(), next());
+            blocks.push(Block { qkv: fold(norm_attn, qkv, 3 * e), proj, up: fold(norm_mlp, up, 4 * e), down });
+        }
+        let (norm, out) = (next(), next());
+        let out = fold(norm, out, e);
+        let (hidden, hidden_bias, head_out, head_bias) = (next(), next(), next(), next());
+        let group = (1..=heads).rev().find(|&g| heads.is_multiple_of(g) && g * history <= 128 && backward_shared(history, g, e / heads) <= SHARED / 2);
+        let group = group.unwrap_or(1);
+        if backward_shared(history, group, e / heads) > SHARED || head * (outputs + 1) + outputs + 1 > SHARED / 4 {
+            return Err(LearnError::Mismatch(format!("attention or head too large for the CUDA engine: {config:?}")));
+        }
+        Ok(Self { config, parameters: config.parameters(), embed, embed_bias, position, blocks, out, hidden, hidden_bias, head_out, head_bias, table, folded, padded: inputs.next_multiple_of(4), group })
+    }
+
+    /// The kernels' source with the shape in front of it.
+    pub fn source(&self) -> String {
+        let TransformerConfig { inputs, outputs, embedding, heads, history, head, .. } = self.config;
+        format!(
+            "constexpr int E = {embedding}, H = {heads}, T = {history}, G = {}, IN = {inputs}, LDX = {}, OUT = {outputs}, HID = {head};\n{}",
+            self.group,
+            self.padded,
+            include_str!("kernels.cu")
+        )
+    }
+
+    /// Threads and shared bytes (forward, backward) of an attention block.
+    pub fn attention(&self) -> (usize, usize, usize) {
+        let (t, d) = (self.config.history, self.config.embedding / self.config.heads);
+        ((self.group * t).next_multiple_of(32), 4 * t * (3 * self.group * d + 4), backward_shared(t, self.group, d))
+    }
+
+    /// Columns of a row of head gradients and squared error.
+    pub fn head_columns(&self) -> usize {
+        self.config.head * (self.config.outputs + 1) + self.config.outputs + 1
+    }
+}
+
+/// Shared bytes of `attention_backward`: q|k|v, output gradient, probabilities and their gradients.
+fn backward_shared(t: usize, group: usize, d: usize) -> usize {
+    4 * (t * (3 * group * d + 4) + t * (group * d + 4) + 2 * group * t * t)
+}

@@ -1,0 +1,29 @@
+//! The fused CUDA engine: the Transformer's forward and backward pass, clip, Adam and moving average written out by
+//! hand, captured as one CUDA graph and replayed per update.
+//!
+//! Matrix products go through cuBLAS, everything else through `kernels.cu`, compiled by NVRTC when the engine
+//! starts. Driver, cuBLAS and NVRTC are loaded at run time; without them the constructors return
+//! [`LearnError::Device`](super::LearnError::Device). All sums have a fixed order and cuBLAS a fixed workspace, so a
+//! run that is stopped and taken up again from its state gives the same bits as an unbroken one on the same device.
+
+mod device;
+mod forward;
+mod layout;
+mod network;
+mod trainer;
+
+use serde::{Deserialize, Serialize};
+
+pub use forward::CudaForward;
+pub use trainer::CudaLearner;
+
+/// Arithmetic of the matrix products; everything is stored, summed and normalised in f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// f32 throughout.
+    F32,
+    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
+    #[default]
+    Tf32,
+}

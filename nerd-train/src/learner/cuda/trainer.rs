@@ -1,0 +1,279 @@
+//! [`CudaLearner`]: one update is one replay of a captured graph.
+//!
+//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam`. What changes between updates (count,
+//! learning rate, bias corrections, decay of the average) lives in [`Scalars`] on the device, so nothing is asked
+//! of it while a run goes on.
+
+use cudarc::driver::CudaGraph;
+use nerd_model::transformer::Weights;
+
+use super::Precision;
+use super::device::Arg::{Double, Float, Int, Long, Ptr};
+use super::device::Buffer;
+use super::layout::Layout;
+use super::network::Network;
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
+use crate::windows::Windows;
+
+/// Blocks of the gradient norm's first stage.
+const NORM_BLOCKS: usize = 528;
+
+/// Mirror of the struct in `kernels.cu`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Scalars {
+    step: u64,
+    bad_step: u64,
+    count: u64,
+    loss_sum: f64,
+    norm_sum: f64,
+    lr: f32,
+    bad_loss: f32,
+    scale: f32,
+    rate: f32,
+    root: f32,
+    blend: f32,
+}
+
+/// Windows on the device.
+struct Data {
+    x: Buffer<f32>,
+    y: Buffer<f32>,
+    windows: usize,
+    per: usize,
+    frames: usize,
+}
+
+/// The fused CUDA engine of the [`Learner`] trait.
+pub struct CudaLearner {
+    graph: CudaGraph,
+    network: Network,
+    config: LearnerConfig,
+    lr: f32,
+    train: Data,
+    validation: Data,
+    weights: Buffer<f32>,
+    average: Buffer<f32>,
+    m: Buffer<f32>,
+    v: Buffer<f32>,
+    /// Gradients, and behind them the squared error.
+    gradients: Buffer<f32>,
+    norms: Buffer<f32>,
+    head_sums: Buffer<f32>,
+    total: Buffer<f64>,
+    scalars: Buffer<Scalars>,
+}
+
+impl CudaLearner {
+    /// Takes up `state` on GPU 0 with all windows in device memory.
+    ///
+    /// # Errors
+    /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
+    /// is no GPU, a library is missing or memory runs out.
+    pub fn new(config: LearnerConfig, precision: Precision, state: LearnerState, train: &Windows, validation: &Windows) -> Result<Self, LearnError> {
+        let shape = state.weights.config;
+        let layout = Layout::new(shape)?;
+        let p = layout.parameters;
+        if [state.weights.flat.len(), state.average.len(), state.m.len(), state.v.len()] != [p; 4] {
+            return Err(LearnError::Mismatch(format!("the state does not have the network's {p} parameters")));
+        }
+        if config.batch == 0 || train.x.is_empty() || train.is_empty() {
+            return Err(LearnError::Mismatch("no windows to train on, or an empty batch".into()));
+        }
+        for w in [train, validation] {
+            if !w.x.is_empty() && (w.inputs, w.outputs, w.history) != (shape.inputs, shape.outputs, shape.history) {
+                let (i, o, h) = (w.inputs, w.outputs, w.history);
+                return Err(LearnError::Mismatch(format!("windows of {h} tokens, {i} inputs, {o} outputs for {shape:?}")));
+            }
+        }
+        let columns = layout.head_columns();
+        let network = Network::new(layout, config.batch, precision, true)?;
+        let d = &network.device;
+        let data = |w: &Windows| -> Result<Data, LearnError> {
+            let windows = if w.x.is_empty() { 0 } else { w.len() };
+            Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, windows, per: if windows > 0 { w.per_trajectory() } else { 1 }, frames: w.frames })
+        };
+        let scalars = Scalars { step: state.step, bad_step: u64::MAX, count: 0, loss_sum: 0.0, norm_sum: 0.0, lr: 0.0, bad_loss: 0.0, scale: 0.0, rate: 0.0, root: 0.0, blend: 0.0 };
+        let (train, validation) = (data(train)?, data(validation)?);
+        let (weights, average) = (d.upload(&state.weights.flat)?, d.upload(&state.average)?);
+        let (m, v) = (d.upload(&state.m)?, d.upload(&state.v)?);
+        let (gradients, norms) = (d.zeros(p + 1)?, d.zeros(NORM_BLOCKS)?);
+        let (head_sums, total, scalars) = (d.zeros(columns)?, d.zeros(1)?, d.upload(&[scalars])?);
+        let step = Step { network: &network, config, train: &train, weights: &weights, average: &average, m: &m, v: &v, gradients: &gradients, norms: &norms, scalars: &scalars };
+        let graph = step.capture()?;
+        Ok(Self { graph, network, config, lr: 0.0, train, validation, weights, average, m, v, gradients, norms, head_sums, total, scalars })
+    }
+
+    /// Goes on with another arithmetic of the matrix products.
+    ///
+    /// # Errors
+    /// [`LearnError::Device`] if the update cannot be captured again.
+    pub fn set_precision(&mut self, precision: Precision) -> Result<(), LearnError> {
+        if precision != self.network.device.precision {
+            self.network.device.wait()?;
+            self.network.device.precision = precision;
+            self.graph = self.step().capture()?;
+        }
+        Ok(())
+    }
+
+    /// Gradient of the next update before clipping (in the order of the flat weights) and its loss, without making
+    /// the update. For checks.
+    ///
+    /// # Errors
+    /// [`LearnError::Device`] if the device fails.
+    pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
+        self.step().gradient()?;
+        let mut g = vec![0.0; self.gradients.len];
+        self.network.device.read(&self.gradients, &mut g)?;
+        let squares = g.pop().unwrap_or(f32::NAN);
+        Ok((squares * self.step().mean(), g))
+    }
+
+    /// Makes the next update kernel by kernel, without the graph. For profilers.
+    ///
+    /// # Errors
+    /// [`LearnError::Device`] if the device fails.
+    pub fn update_eagerly(&mut self, lr: f32) -> Result<(), LearnError> {
+        self.set_lr(lr)?;
+        self.step().all()
+    }
+
+    fn step(&self) -> Step<'_> {
+        Step {
+            network: &self.network,
+            config: self.config,
+            train: &self.train,
+            weights: &self.weights,
+            average: &self.average,
+            m: &self.m,
+            v: &self.v,
+            gradients: &self.gradients,
+            norms: &self.norms,
+            scalars: &self.scalars,
+        }
+    }
+
+    fn set_lr(&mut self, lr: f32) -> Result<(), LearnError> {
+        if lr.to_bits() != self.lr.to_bits() {
+            self.network.device.set_word(self.scalars.ptr + std::mem::offset_of!(Scalars, lr) as u64, lr.to_bits())?;
+            self.lr = lr;
+        }
+        Ok(())
+    }
+
+    fn scalars(&self) -> Result<Scalars, LearnError> {
+        let mut s = [Scalars { step: 0, bad_step: 0, count: 0, loss_sum: 0.0, norm_sum: 0.0, lr: 0.0, bad_loss: 0.0, scale: 0.0, rate: 0.0, root: 0.0, blend: 0.0 }];
+        self.network.device.read(&self.scalars, &mut s)?;
+        Ok(s[0])
+    }
+}
+
+impl Learner for CudaLearner {
+    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+        self.set_lr(lr)?;
+        self.graph.launch().map_err(super::device::failed("update"))
+    }
+
+    fn progress(&mut self) -> Result<Progress, LearnError> {
+        let s = self.scalars()?;
+        if s.bad_step != u64::MAX {
+            return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
+        }
+        self.network.device.write(&self.scalars, &[Scalars { count: 0, loss_sum: 0.0, norm_sum: 0.0, ..s }])?;
+        let count = s.count.max(1) as f64;
+        Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
+    }
+
+    /// Takes the windows at even distances over the whole set.
+    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
+        let (net, w) = (&self.network, self.average.ptr);
+        let c = net.layout.config;
+        let count = windows.min(self.validation.windows);
+        if count == 0 {
+            return Err(LearnError::Mismatch("no validation windows".into()));
+        }
+        let stride = self.validation.windows / count;
+        let error = self.head_sums.at(net.layout.head_columns() - 1);
+        net.device.write(&self.total, &[0.0])?;
+        net.fold(w)?;
+        for first in (0..count).step_by(net.rows) {
+            let rows = net.rows.min(count - first);
+            gather(net, &self.validation, rows, 0, 0, (first, stride))?;
+            net.trunk(w, rows)?;
+            net.top(w, net.x.ptr, rows * c.history)?;
+            net.loss(w, rows * c.history, self.head_sums.ptr)?;
+            net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
+        }
+        let mut total = [0.0];
+        net.device.read(&self.total, &mut total)?;
+        Ok((total[0] / (count * c.history * c.outputs) as f64) as f32)
+    }
+
+    fn state(&mut self) -> Result<LearnerState, LearnError> {
+        let d = &self.network.device;
+        let read = |b: &Buffer<f32>| -> Result<Vec<f32>, LearnError> {
+            let mut x = vec![0.0; b.len];
+            d.read(b, &mut x)?;
+            Ok(x)
+        };
+        let weights = Weights { config: self.network.layout.config, flat: read(&self.weights)? };
+        Ok(LearnerState { step: self.scalars()?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
+    }
+}
+
+/// What one update reads and writes.
+struct Step<'a> {
+    network: &'a Network,
+    config: LearnerConfig,
+    train: &'a Data,
+    weights: &'a Buffer<f32>,
+    average: &'a Buffer<f32>,
+    m: &'a Buffer<f32>,
+    v: &'a Buffer<f32>,
+    gradients: &'a Buffer<f32>,
+    norms: &'a Buffer<f32>,
+    scalars: &'a Buffer<Scalars>,
+}
+
+impl Step<'_> {
+    /// From the sum of squared errors to the loss.
+    fn mean(&self) -> f32 {
+        let c = self.network.layout.config;
+        1.0 / (self.config.batch * c.history * c.outputs) as f32
+    }
+
+    fn gradient(&self) -> Result<(), LearnError> {
+        let (net, w) = (self.network, self.weights.ptr);
+        gather(net, self.train, self.config.batch, self.scalars.ptr, self.config.seed, (0, 0))?;
+        net.fold(w)?;
+        net.trunk(w, self.config.batch)?;
+        net.top(w, net.x.ptr, self.config.batch * net.layout.config.history)?;
+        net.backward(w, self.gradients.ptr)
+    }
+
+    fn all(&self) -> Result<(), LearnError> {
+        self.gradient()?;
+        let (d, p, s) = (&self.network.device, self.network.layout.parameters, Ptr(self.scalars.ptr));
+        let [w, g, m, v, a] = [self.weights, self.gradients, self.m, self.v, self.average].map(|b| Ptr(b.ptr));
+        d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
+        let args = [Ptr(self.norms.ptr), Int(NORM_BLOCKS), Ptr(self.gradients.at(p)), Float(self.mean()), Float(self.config.clip), Double(self.config.average), s];
+        d.launch("finish", (1, 1), (256, 1), 0, &args)?;
+        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64)])
+    }
+
+    /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs.
+    fn capture(&self) -> Result<CudaGraph, LearnError> {
+        self.gradient()?;
+        self.network.device.wait()?;
+        self.network.device.capture(|| self.all())
+    }
+}
+
+/// Fills the network's inputs and targets: the windows drawn for the update counted in `scalars`, or with
+/// `(first, stride)`, stride above 0, every stride-th window from number `first stride`.
+fn gather(net: &Network, data: &Data, rows: usize, scalars: u64, seed: u64, (first, stride): (usize, usize)) -> Result<(), LearnError> {
+    let [windows, per, frames, first, stride] = [data.windows, data.per, data.frames, first, stride].map(|x| Long(x as u64));
+    let args = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.inputs.ptr), Ptr(net.targets.ptr), Ptr(scalars), Long(seed), windows, per, frames, first, stride];
+    net.device.launch("gather", (rows, 1), (128, 1), 0, &args)
+}

@@ -1,0 +1,185 @@
+//! A training run: updates, records, validation, checkpoints; stoppable and resumable at any update.
+//!
+//! In its folder a run keeps `metrics.jsonl`, `last.safetensors` (everything a continued run needs, see
+//! [`crate::checkpoint`]) and `best.safetensors` (the averaged weights with the smallest criterion, as named tensors).
+//! The criterion is the hook's value where it gives one, or else the validation loss. Resuming is: load
+//! `last.safetensors`, make a learner of it, run the same [`TrainerConfig`] again.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use nerd_model::transformer::{Weights, WeightsError};
+use safetensors::tensor::SafeTensors;
+use serde::{Deserialize, Serialize};
+
+use crate::checkpoint::{self, CheckpointError};
+use crate::learner::{LearnError, Learner, LearnerState};
+use crate::metrics::{Line, Metrics};
+use crate::report::Report;
+use crate::schedule::Schedule;
+
+/// Length of a run and how often it does what. An interval of 0 means "only at the end".
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainerConfig {
+    /// Updates in the whole run (paper: 999 x 5000).
+    pub updates: u64,
+    /// Learning rate.
+    pub schedule: Schedule,
+    /// Updates between validations (paper: 5000).
+    pub validate_every: u64,
+    /// Updates between full checkpoints (paper: 250 000); a run stopped in between loses what it did since.
+    pub checkpoint_every: u64,
+    /// Windows in a validation (paper: up to 100 batches of 512).
+    pub validation_windows: usize,
+    /// Updates between lines of the record. Each waits for the device.
+    pub log_every: u64,
+}
+
+impl Default for TrainerConfig {
+    /// The paper's run.
+    fn default() -> Self {
+        Self {
+            updates: 999 * 5000,
+            schedule: Schedule::default(),
+            validate_every: 5000,
+            checkpoint_every: 250_000,
+            validation_windows: 51_200,
+            log_every: 500,
+        }
+    }
+}
+
+/// A run that could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// An update or a validation failed.
+    #[error(transparent)]
+    Learn(#[from] LearnError),
+    /// A file of the run could not be written or read.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The best weights could not be encoded or decoded.
+    #[error("best.safetensors: {0}")]
+    Weights(#[from] WeightsError),
+    /// The validation hook failed.
+    #[error("validation hook at step {step}: {source}")]
+    Hook {
+        /// Updates done.
+        step: u64,
+        /// What it returned.
+        source: HookError,
+    },
+}
+
+/// What a validation hook may return as its error.
+pub type HookError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Called after each validation with the learner and the updates done. `Some(value)` becomes the criterion (smaller
+/// is better), for example a rollout error; `None` leaves the validation loss.
+pub type Hook<'a> = dyn FnMut(&mut dyn Learner, u64) -> Result<Option<f64>, HookError> + 'a;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Updates done.
+    pub step: u64,
+    /// Whether that is all of them (else the time was over).
+    pub finished: bool,
+    /// Step and criterion of `best.safetensors`; none before the first validation with a finite criterion.
+    pub best: Option<(u64, f64)>,
+}
+
+/// Drives any learner through a run.
+#[derive(Clone, Debug)]
+pub struct Trainer {
+    config: TrainerConfig,
+    batch: usize,
+    folder: PathBuf,
+    run: String,
+    stop_at: Option<Duration>,
+}
+
+impl Trainer {
+    /// A run in `folder` (which exists) of updates of `batch` windows; `run` is JSON kept in its checkpoints.
+    pub fn new(config: TrainerConfig, batch: usize, folder: &Path, run: &str) -> Self {
+        Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None }
+    }
+
+    /// Stops, with a full checkpoint, at the first update that ends `wall` after [`Trainer::run`] was called.
+    pub fn stop_at(mut self, wall: Option<Duration>) -> Self {
+        self.stop_at = wall;
+        self
+    }
+
+    /// Trains from the learner's step to the configured number of updates or until the time is over.
+    ///
+    /// # Errors
+    /// [`TrainError`]; the files of the last checkpoint stay as they are.
+    pub fn run(&self, learner: &mut dyn Learner, hook: &mut Hook) -> Result<Outcome, TrainError> {
+        let (c, started) = (&self.config, Instant::now());
+        let first = learner.state()?.step;
+        let mut metrics = Metrics::open(&self.folder.join("metrics.jsonl"), first)?;
+        // A fresh run in an old folder starts its own comparison.
+        let mut best = if first == 0 { None } else { self.best() };
+        let mut report = Report::new(first, c.updates);
+        let (mut step, mut logged, mut since) = (first, first, Instant::now());
+        while step < c.updates {
+            let lr = c.schedule.rate(step, c.updates);
+            learner.update(lr as f32)?;
+            step += 1;
+            let over = self.stop_at.is_some_and(|wall| started.elapsed() >= wall);
+            if over || due(step, c.log_every, c.updates) {
+                let p = learner.progress()?;
+                let windows_per_second = (step - logged) as f64 * self.batch as f64 / since.elapsed().as_secs_f64();
+                metrics.write(&Line::Train { step, loss: p.loss, gradient_norm: p.gradient_norm, lr, windows_per_second })?;
+                report.progress(step, p.loss, windows_per_second);
+                (logged, since) = (step, Instant::now());
+            }
+            if due(step, c.validate_every, c.updates) {
+                let paused = Instant::now();
+                let loss = learner.validate(c.validation_windows)?;
+                let value = hook(learner, step).map_err(|source| TrainError::Hook { step, source })?;
+                let criterion = value.unwrap_or(f64::from(loss));
+                let better = criterion.is_finite() && best.is_none_or(|(_, b)| criterion < b);
+                if better {
+                    best = Some((step, criterion));
+                    self.save_best(learner.state()?, criterion)?;
+                }
+                metrics.write(&Line::Validation { step, loss, criterion, best: better })?;
+                report.validation(step, loss, criterion, better);
+                since += paused.elapsed();
+            }
+            if over || due(step, c.checkpoint_every, c.updates) {
+                checkpoint::save(&self.folder.join("last.safetensors"), &learner.state()?, &self.run)?;
+            }
+            if over {
+                break;
+            }
+        }
+        Ok(Outcome { step, finished: step >= c.updates, best })
+    }
+
+    /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.
+    fn save_best(&self, state: LearnerState, criterion: f64) -> Result<(), TrainError> {
+        let network = serde_json::to_string(&state.weights.config).unwrap_or_default();
+        let metadata = [("step", state.step.to_string()), ("criterion", criterion.to_string()), ("network", network), ("config", self.run.clone())];
+        let metadata: HashMap<_, _> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+        let bytes = Weights { config: state.weights.config, flat: state.average }.to_bytes(metadata)?;
+        Ok(checkpoint::replace(&self.folder.join("best.safetensors"), |file| file.write_all(&bytes))?)
+    }
+
+    /// Step and criterion of the best weights so far, if there are any.
+    fn best(&self) -> Option<(u64, f64)> {
+        let bytes = std::fs::read(self.folder.join("best.safetensors")).ok()?;
+        let (_, header) = SafeTensors::read_metadata(&bytes).ok()?;
+        let metadata = header.metadata().as_ref()?;
+        Some((metadata.get("step")?.parse().ok()?, metadata.get("criterion")?.parse().ok()?))
+    }
+}
+
+/// Whether something done every `every` updates is done after update `step`; always after the last.
+fn due(step: u64, every: u64, updates: u64) -> bool {
+    step == updates || (every > 0 && step.is_multiple_of(every))
+}
