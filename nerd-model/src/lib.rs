@@ -5,3 +5,6 @@ pub mod folder;
 pub mod neural;
 pub mod normalizer;
 pub mod transformer;
+
+/// Where burn computes: `BurnDevice::flex()`, and `cuda` or `wgpu` with those features.
+pub use burn::tensor::Device as BurnDevice;

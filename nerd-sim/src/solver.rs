@@ -44,7 +44,7 @@ pub enum StepError {
 }
 
 /// Advances every environment of a batch by one control frame.
-pub trait Solver: Send {
+pub trait Solver {
     /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame. Angles of endless joints come back
     /// wrapped to [-pi, pi). On an error the states are those before the step.
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError>;

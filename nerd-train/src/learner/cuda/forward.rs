@@ -1,7 +1,7 @@
 //! [`CudaForward`]: predictions of given weights, for rollouts of many trajectories at once.
 
 use cudarc::driver::CudaGraph;
-use nerd_model::transformer::Weights;
+use nerd_model::transformer::{Forward, ForwardError, Weights};
 
 use super::Precision;
 use super::device::Arg::Ptr;
@@ -86,5 +86,12 @@ impl CudaForward {
         net.device.launch("select_rows", (windows, 1), (128, 1), 0, &[Ptr(net.x.ptr), Ptr(self.last.ptr), Ptr(self.selected.ptr)])?;
         net.top(w, self.selected.ptr, windows)?;
         net.predict(w, windows, self.predictions.ptr)
+    }
+}
+
+impl Forward for CudaForward {
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        *out = CudaForward::forward(self, inputs, tokens, last).map_err(|e| ForwardError { message: e.to_string() })?;
+        Ok(())
     }
 }

@@ -1,0 +1,60 @@
+//! Options and small things every verb shares.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::Mutex;
+
+/// Where networks are computed.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Device {
+    /// The CPU, through burn.
+    Flex,
+    /// An NVIDIA GPU, through the fused engine (build with `--features cuda`).
+    Cuda,
+}
+
+/// A progress bar with throughput and time left; a line every twenty seconds where there is no terminal.
+pub struct Bar {
+    bar: Option<ProgressBar>,
+    what: String,
+    total: u64,
+    started: Instant,
+    printed: Mutex<Instant>,
+}
+
+/// Starts a bar over `total` units of `what`.
+pub fn bar(what: &str, total: u64) -> Bar {
+    let bar = std::io::stderr().is_terminal().then(|| {
+        let bar = ProgressBar::new(total);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {human_pos}/{human_len}, {per_sec}, {eta} left") {
+            bar.set_style(style);
+        }
+        bar.with_message(what.to_string())
+    });
+    Bar { bar, what: what.into(), total, started: Instant::now(), printed: Mutex::new(Instant::now()) }
+}
+
+impl Bar {
+    /// `done` units are done.
+    pub fn set(&self, done: u64) {
+        if let Some(bar) = &self.bar {
+            return bar.set_position(done);
+        }
+        let Ok(mut printed) = self.printed.lock() else { return };
+        if printed.elapsed() > Duration::from_secs(20) {
+            let rate = done as f64 / self.started.elapsed().as_secs_f64();
+            let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
+            eprintln!("{} {done}/{}, {rate:.0}/s, {left:.0} s left", self.what, self.total);
+            *printed = Instant::now();
+        }
+    }
+
+    /// Takes the bar away.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! `cargo xtask dataset --robot pendulum --out data/pendulum`: random trajectories of the truth as safetensors shards.
+//!
+//! Starts from the robot's sampling box, a random plane where it has one, fresh random torques every frame. A shard is
+//! there whole or not at all; the same command again keeps what is there and makes what is missing.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use nerd_sim::dataset::{GenerateConfig, generate};
+use nerd_sim::law::Law;
+use nerd_sim::prelude::*;
+
+/// Record random trajectories.
+#[derive(clap::Args, Clone, Debug)]
+pub struct DatasetArgs {
+    /// Robot: cartpole, pendulum, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Transitions in all, rounded up to whole trajectories
+    #[arg(long, default_value_t = 1_000_000)]
+    pub transitions: usize,
+    /// Frames of a trajectory
+    #[arg(long, default_value_t = 100)]
+    pub frames: usize,
+    /// Least factor on the random torques, drawn once a trajectory from U(this, 1)
+    #[arg(long, default_value_t = 1.0)]
+    pub torque_scale: f64,
+    /// Seed (the paper: 0 to train, 10 to validate)
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Folder of the shards
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: DatasetArgs) -> Result<()> {
+    if args.frames == 0 || args.transitions == 0 {
+        bail!("--transitions and --frames are at least 1");
+    }
+    let system = System::named(&args.robot)?;
+    let torque_scale = Law { low: args.torque_scale, high: 1.0 };
+    let config = GenerateConfig { transitions: args.transitions, frames: args.frames, seed: args.seed, torque_scale, ..Default::default() };
+    let started = std::time::Instant::now();
+    let bar = crate::common::bar("transitions", (config.trajectories() * config.frames) as u64);
+    let mut solver = crate::train::truth(&system);
+    let manifest = generate(&system, &mut *solver, crate::train::TRUTH, &config, &args.out, &mut |done, _| bar.set(done as u64))?;
+    bar.finish();
+    let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
+    println!("{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}", manifest.shards.len(), n as f64 / seconds, manifest.sha256);
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! `cargo xtask evaluate --robot pendulum --scene ground1 --starts 2048`: passive motion against the truth.
+//!
+//! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law,
+//! without torques; beside it the floors `hold` and `glide`, the paper's figure and the count of diverged rollouts.
+//! The paper-size network takes about a millisecond an environment-frame on two cores.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Result;
+use nerd_sim::prelude::*;
+use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
+use serde::{Deserialize, Serialize};
+
+use crate::paper;
+use crate::provenance::Provenance;
+use crate::solvers::{SolverArgs, SolverName, build};
+use crate::table::{markdown, pair};
+
+/// Measure a solver against the truth.
+#[derive(clap::Args, Clone, Debug)]
+pub struct EvaluateArgs {
+    /// Robot: cartpole, pendulum, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Scenes, comma-separated [default: all of the robot's]
+    #[arg(long, value_delimiter = ',')]
+    pub scene: Vec<String>,
+    #[command(flatten)]
+    pub solver: SolverArgs,
+    /// Trajectories (the paper: 2048)
+    #[arg(long, default_value_t = 256)]
+    pub starts: usize,
+    /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Seed of the starts
+    #[arg(long, default_value_t = 500)]
+    pub seed: u64,
+    /// JSON file to write
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// One scene's errors.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// Robot.
+    pub robot: String,
+    /// Scene.
+    pub scene: String,
+    /// Trajectories and frames.
+    pub protocol: PassiveConfig,
+    /// Errors and floors.
+    pub report: PassiveReport,
+    /// What the paper says.
+    pub paper: Option<[f64; 2]>,
+}
+
+/// Runs the verb.
+pub fn run(mut args: EvaluateArgs) -> Result<()> {
+    if args.solver.solver == SolverName::Articulated && args.solver.model.is_some() {
+        args.solver.solver = SolverName::Neural;
+    }
+    let rows = rows(&args)?;
+    println!("{}", table(&rows));
+    if let Some(path) = &args.out {
+        let json = serde_json::json!({ "provenance": Provenance::now(args.seed), "truth": crate::train::TRUTH, "rows": rows });
+        crate::files::write(path, (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Measures every scene asked for.
+pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
+    let system = System::named(&args.robot)?;
+    let scenes = if args.scene.is_empty() { system.scene_names().into_iter().map(String::from).collect() } else { args.scene.clone() };
+    let steps = args.steps.unwrap_or_else(|| paper::horizon(&system.name));
+    if args.starts == 0 || steps == 0 {
+        anyhow::bail!("--starts and --steps are at least 1");
+    }
+    let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
+    let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
+    let mut rows = Vec::new();
+    for (k, scene) in found.iter().enumerate() {
+        let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed };
+        let mut solver = build(&args.solver, &system, args.starts)?;
+        let report = measure(&system, scene, &mut *solver, protocol, &mut |step| bar.set((k * steps + step) as u64))?;
+        rows.push(Row { robot: system.name.clone(), scene: scene.name.clone(), protocol, report, paper: paper::passive_error(&system.name, &scene.name) });
+    }
+    bar.finish();
+    Ok(rows)
+}
+
+fn measure(system: &Arc<System>, scene: &Arc<Scene>, solver: &mut dyn Solver, protocol: PassiveConfig, progress: &mut dyn FnMut(usize)) -> Result<PassiveReport> {
+    Ok(passive(system, scene, &mut *crate::train::truth(system), solver, protocol, progress)?)
+}
+
+/// The rows as a Markdown table.
+pub fn table(rows: &[Row]) -> String {
+    let cells = rows.iter().map(|r| {
+        let p = &r.report;
+        vec![
+            r.robot.clone(),
+            r.scene.clone(),
+            format!("{} x {}", r.protocol.starts, r.protocol.steps),
+            pair(&p.error),
+            pair(&p.standard_error),
+            r.paper.map_or_else(|| "-".into(), |x| pair(&x)),
+            pair(&p.hold),
+            pair(&p.glide),
+            p.diverged.to_string(),
+        ]
+    });
+    markdown(&["robot", "scene", "starts x steps", "error (rad or m)", "standard error", "paper", "hold last", "constant velocity", "diverged"], &cells.collect::<Vec<_>>())
+}

@@ -1,0 +1,68 @@
+//! Where a figure comes from: stamped on every result.
+
+use std::process::Command;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+/// Commit, command, seed, machine, date.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Commit of the checkout, `-dirty` behind it if files differ from it, `unknown` outside git.
+    pub commit: String,
+    /// The command line.
+    pub command: String,
+    /// Seed.
+    pub seed: u64,
+    /// Processor, cores, GPU if one is seen.
+    pub machine: String,
+    /// Day, UTC.
+    pub date: String,
+}
+
+impl Provenance {
+    /// This very run.
+    pub fn now(seed: u64) -> Self {
+        let args = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+        Self { commit: commit(), command: format!("cargo xtask {args}"), seed, machine: Self::machine(), date: date() }
+    }
+
+    /// The machine, in words.
+    pub fn machine() -> String {
+        let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = text.lines().find_map(|l| l.strip_prefix("model name")).map(|l| l.trim_start_matches([' ', '\t', ':']));
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let cpu = format!("{} ({cores} cores)", model.unwrap_or(std::env::consts::ARCH));
+        match read("nvidia-smi", &["--query-gpu=name", "--format=csv,noheader"]) {
+            Some(gpu) => format!("{}, {cpu}", gpu.lines().next().unwrap_or_default()),
+            None => cpu,
+        }
+    }
+}
+
+/// `NERD_COMMIT` stands in for git where a program runs away from its checkout.
+fn commit() -> String {
+    if let Ok(commit) = std::env::var("NERD_COMMIT") {
+        return commit;
+    }
+    let Some(hash) = read("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
+    let changed = read("git", &["status", "--porcelain", "--untracked-files=no", "--", ".", ":!results", ":!models", ":!README.md"]);
+    if changed.is_some_and(|c| !c.is_empty()) { format!("{hash}-dirty") } else { hash }
+}
+
+fn read(program: &str, args: &[&str]) -> Option<String> {
+    let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;
+    Some(String::from_utf8_lossy(&output.stdout).trim().to_string())
+}
+
+/// Today as year-month-day (civil-from-days, Howard Hinnant).
+fn date() -> String {
+    let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs() / 86_400) as i64 + 719_468;
+    let era = days.div_euclid(146_097);
+    let doe = days.rem_euclid(146_097);
+    let yoe = (doe - doe / 1460 + doe / 36_524 - doe / 146_096) / 365;
+    let doy = doe - (365 * yoe + yoe / 4 - yoe / 100);
+    let mp = (5 * doy + 2) / 153;
+    let (day, month) = (doy - (153 * mp + 2) / 5 + 1, if mp < 10 { mp + 3 } else { mp - 9 });
+    format!("{:04}-{month:02}-{day:02}", yoe + era * 400 + i64::from(month <= 2))
+}
