@@ -15,7 +15,7 @@ pub mod prelude {
     pub use crate::contact::{ContactEvent, ContactPoint};
     pub use crate::dynamics::{Data, aba, bias, crba, kinematics, rnea};
     pub use crate::frames::RootFrame;
-    pub use crate::robot::{Base, Joint, JointKind, Link, Limit, Robot, Shape, UrdfError};
+    pub use crate::robot::{Base, Joint, JointKind, Limit, Link, Robot, Shape, UrdfError};
     pub use crate::spatial::{BodyInertia, Motion, SpatialInertia, Wrench};
     pub use crate::state::wrap;
 }

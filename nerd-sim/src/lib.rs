@@ -17,7 +17,8 @@ pub mod articulated;
 pub mod batch;
 pub mod dataset;
 pub mod law;
-#[cfg(any())]
+mod parallel;
+#[cfg(feature = "rapier")]
 pub mod rapier;
 pub mod sampling;
 pub mod scene;
@@ -29,7 +30,7 @@ pub mod system;
 pub mod prelude {
     pub use crate::articulated::{Articulated, ArticulatedConfig, Friction, Integrator, Refresh};
     pub use crate::batch::Batch;
-    #[cfg(any())]
+    #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
     pub use crate::scene::{Collider, Material, Plane, Scene};
     pub use crate::solver::{Simulation, Solver, StepError};

@@ -21,7 +21,7 @@ use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{PassiveConfig, passive};
-use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState};
+use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::prepare::{Prepared, generate, moments, normalize, read};
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::{Trainer, TrainerConfig};
@@ -70,6 +70,9 @@ pub struct TrainArgs {
     /// Updates over which the rate rises from zero (paper: 0)
     #[arg(long, default_value_t = 0)]
     pub warmup: u64,
+    /// What updates the hidden matrices: adam (the paper) or muon
+    #[arg(long, value_enum, default_value_t = OptimizerName::Adam)]
+    pub optimizer: OptimizerName,
     /// Decay of the moving average of the weights, per update
     #[arg(long, default_value_t = 0.9995)]
     pub average: f64,
@@ -100,6 +103,15 @@ pub enum Preset {
     Paper,
     /// E 48, 2 layers, 4 heads, block 16, 400 000 transitions, batch 128, 6000 updates.
     Small,
+}
+
+/// Optimisers of the hidden matrices.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OptimizerName {
+    /// Adam, as in the paper.
+    Adam,
+    /// Orthogonalised momentum.
+    Muon,
 }
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
@@ -157,7 +169,11 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         network = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..network };
     }
     let updates = args.updates.unwrap_or(if small { 6_000 } else { 500_000 });
-    let learner = LearnerConfig { batch: args.batch.unwrap_or(if small { 128 } else { 512 }), clip: 1.0, average: args.average, seed: args.seed };
+    let optimizer = match args.optimizer {
+        OptimizerName::Adam => Optimizer::Adam,
+        OptimizerName::Muon => Optimizer::Muon,
+    };
+    let learner = LearnerConfig { batch: args.batch.unwrap_or(if small { 128 } else { 512 }), clip: 1.0, average: args.average, seed: args.seed, optimizer };
     let tail = (args.tail.clamp(0.0, 1.0) * updates as f64) as u64;
     let every = args.validate_every.unwrap_or(updates.div_ceil(50));
     let trainer = TrainerConfig {
@@ -317,6 +333,7 @@ fn export(folder: &Path, out: &Path, run: &Run, normalizer: Normalizer, weights:
         ("minutes", minutes),
         ("date", stamp.date.clone()),
         ("weights", format!("moving average {} at update {step}, chosen by rollout error {criterion:.5}", run.learner.average)),
+        ("optimizer", format!("{:?}", run.learner.optimizer)),
         ("schedule", format!("{:?}", run.trainer.schedule)),
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),
     ];

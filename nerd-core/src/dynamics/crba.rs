@@ -54,6 +54,10 @@ fn set(data: &mut Data, i: usize, j: usize, value: f64) {
 #[inline]
 fn unit(k: usize) -> Motion {
     let mut m = Motion::default();
-    if k < 3 { m.ang = Vector3::ith(k, 1.0) } else { m.lin = Vector3::ith(k - 3, 1.0) }
+    if k < 3 {
+        m.ang = Vector3::ith(k, 1.0)
+    } else {
+        m.lin = Vector3::ith(k - 3, 1.0)
+    }
     m
 }

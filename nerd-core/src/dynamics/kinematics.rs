@@ -20,8 +20,8 @@ pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
     for (i, link) in robot.links.iter().enumerate().skip(first) {
         let Some(joint) = &link.joint else { continue };
         let (parent, start) = match link.parent {
-            Some(p) => (data.rotation[p], data.position[p]),
-            None => (root, Vector3::zeros()),
+            Some(p) => (&data.rotation[p], data.position[p]),
+            None => (&root, Vector3::zeros()),
         };
         let value = joints[i - first];
         let mut position = start + parent * joint.origin.translation.vector;
@@ -76,6 +76,7 @@ pub(crate) fn root_position(robot: &Robot, q: &[f64]) -> Vector3<f64> {
     }
 }
 
+#[inline]
 fn root_rotation(robot: &Robot, q: &[f64]) -> Matrix3<f64> {
     match robot.base {
         Base::Fixed(pose) => pose.rotation.to_rotation_matrix().into_inner(),

@@ -8,7 +8,7 @@ use crate::robot::Robot;
 /// Lower-triangular factor of a mass matrix; made once, refilled at will.
 #[derive(Clone, Debug)]
 pub struct Factor {
-    /// Rows of L.
+    /// Rows of L, its diagonal inverted: a product is a quarter of the time of a division.
     rows: DMatrix<f64>,
     /// DoF above each DoF, or `usize::MAX`.
     parent: Vec<usize>,
@@ -34,11 +34,11 @@ impl Factor {
             if square.is_nan() || square <= 0.0 {
                 return false;
             }
-            let pivot = square.sqrt();
-            l[(k, k)] = pivot;
+            let inverse = square.sqrt().recip();
+            l[(k, k)] = inverse;
             let mut i = parent[k];
             while i != usize::MAX {
-                l[(k, i)] /= pivot;
+                l[(k, i)] *= inverse;
                 i = parent[i];
             }
             let mut i = parent[k];
@@ -59,7 +59,7 @@ impl Factor {
     pub fn solve(&self, x: &mut [f64]) {
         let (l, parent) = (&self.rows, &self.parent);
         for i in (0..x.len()).rev() {
-            x[i] /= l[(i, i)];
+            x[i] *= l[(i, i)];
             let mut j = parent[i];
             while j != usize::MAX {
                 x[j] -= l[(i, j)] * x[i];
@@ -72,7 +72,7 @@ impl Factor {
                 x[i] -= l[(i, j)] * x[j];
                 j = parent[j];
             }
-            x[i] /= l[(i, i)];
+            x[i] *= l[(i, i)];
         }
     }
 }

@@ -19,6 +19,6 @@ mod rnea;
 pub use aba::aba;
 pub use crba::crba;
 pub use data::Data;
-pub use ltl::Factor;
 pub use kinematics::{inertias, kinematics, link_pose, point_position, to_local, to_world};
+pub use ltl::Factor;
 pub use rnea::{bias, rnea, velocities};

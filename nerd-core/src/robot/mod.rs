@@ -1,5 +1,6 @@
 //! The robot: a tree of links joined by one-DoF joints, on a fixed or a floating base.
 
+mod lump;
 mod model;
 mod urdf;
 

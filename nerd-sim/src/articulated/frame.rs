@@ -9,6 +9,7 @@ use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::law::force;
 use super::{ArticulatedConfig, Integrator, Refresh};
+use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
@@ -22,21 +23,24 @@ pub(super) struct Workspace {
     events: Vec<ContactEvent>,
 }
 
-impl Workspace {
-    pub(super) fn new(robot: &Robot) -> Self {
+impl Frame for Workspace {
+    type Config = ArticulatedConfig;
+    const CHUNK: usize = 64;
+
+    fn new(system: &System) -> Result<Self, String> {
+        let robot = &system.robot;
         let d = robot.state_dim();
-        Self {
+        Ok(Self {
             data: Data::new(robot),
             factor: Factor::new(robot),
             rates: std::array::from_fn(|_| vec![0.0; d]),
             trial: vec![0.0; d],
             materials: Vec::new(),
             events: Vec::with_capacity(robot.contact_points.len()),
-        }
+        })
     }
 
-    /// Advances `state` by one frame under joint torques `tau`; `Err` says why not.
-    pub(super) fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+    fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
@@ -70,7 +74,9 @@ impl Workspace {
         to_world(robot, q, qd);
         Ok(())
     }
+}
 
+impl Workspace {
     /// Contact events of all points at `q`.
     fn query(&mut self, system: &System, scene: &Scene, q: &[f64]) {
         self.events.clear();

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{LearnerConfig, LearnerState};
+use super::{LearnerConfig, LearnerState, Optimizer, muon};
 
 const BETA: (f32, f32) = (0.9, 0.999);
 const EPSILON: f32 = 1e-8;
@@ -33,6 +33,13 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
     let s = state.step as f64;
     let decay = config.average.min((1.0 + s) / (10.0 + s)) as f32;
     assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
+    let mut hidden = None;
+    if config.optimizer == Optimizer::Muon {
+        // Muon first, on the same clipped gradient; Adam's pass below would touch its entries, so they are put back.
+        let clipped: Vec<f32> = gradient.iter().map(|g| g * scale).collect();
+        muon::step(state, &clipped, lr, config);
+        hidden = Some((state.weights.flat.clone(), state.average.clone(), state.m.clone(), state.v.clone()));
+    }
     state
         .weights
         .flat
@@ -50,5 +57,13 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
                 *a = *w + decay * (*a - *w);
             }
         });
+    if let Some((w, a, m, v)) = hidden {
+        for h in muon::hidden(&state.weights.config).concat() {
+            for i in 0..h.rows * h.columns {
+                let at = h.at(i / h.columns, i % h.columns);
+                (state.weights.flat[at], state.average[at], state.m[at], state.v[at]) = (w[at], a[at], m[at], v[at]);
+            }
+        }
+    }
     state.step += 1;
 }

@@ -5,6 +5,7 @@
 //! `a += (1 - d) (w - a)` after each update with `d = min(average, (1 + s) / (10 + s))` at update s counted from 0.
 
 pub mod adam;
+pub mod muon;
 mod burn;
 
 pub use burn::BurnLearner;
@@ -24,6 +25,20 @@ pub struct LearnerConfig {
     pub average: f64,
     /// Seed of the window draws.
     pub seed: u64,
+    /// What updates the hidden matrices (paper: Adam).
+    #[serde(default)]
+    pub optimizer: Optimizer,
+}
+
+/// What updates the hidden matrices; everything else is always Adam's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Optimizer {
+    /// Adam (paper).
+    #[default]
+    Adam,
+    /// Orthogonalised momentum, see [`muon`].
+    Muon,
 }
 
 /// Everything a continued run needs; equal states give equal updates.

@@ -14,7 +14,7 @@ use nerd_train::windows::Windows;
 pub const NETWORK: TransformerConfig = TransformerConfig { inputs: 3, outputs: 2, embedding: 16, layers: 1, heads: 2, block: 4, history: 4, head: 8 };
 
 /// 24 windows an update, clip 1, moving average 0.99.
-pub const LEARNER: LearnerConfig = LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7 };
+pub const LEARNER: LearnerConfig = LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, optimizer: nerd_train::learner::Optimizer::Adam };
 
 /// 30 trajectories of 12 frames: `y0 = x0 - x1 / 2`, `y1 = x2`.
 pub fn windows(phase: f32) -> Arc<Windows> {

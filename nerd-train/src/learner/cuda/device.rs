@@ -33,6 +33,15 @@ pub(super) enum Op {
     Transposed,
 }
 
+/// Shapes of a batch of equal products: `c = op(a) op(b)` with `c` of `m x n`, inner size `k`.
+#[derive(Clone, Copy)]
+pub(super) struct Batch {
+    pub ops: (Op, Op),
+    /// `m`, `n`, `k`.
+    pub size: (usize, usize, usize),
+    pub count: usize,
+}
+
 /// A kernel argument.
 #[derive(Clone, Copy)]
 pub(super) enum Arg {
@@ -193,21 +202,14 @@ impl Device {
     /// Column-major `c = op(a) op(b) + beta c` with `c` of `m x n` and inner size `k`; leading dimensions `ld`.
     #[allow(clippy::too_many_arguments)]
     pub fn product(&self, lane: Lane, ops: (Op, Op), (m, n, k): (usize, usize, usize), a: (u64, usize), b: (u64, usize), beta: f32, c: (u64, usize)) -> Result<(), LearnError> {
-        let compute = match self.precision {
-            Precision::F32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,
-            Precision::Tf32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
-        };
-        let op = |o| match o {
-            Op::Plain => blas::cublasOperation_t::CUBLAS_OP_N,
-            Op::Transposed => blas::cublasOperation_t::CUBLAS_OP_T,
-        };
+        let compute = self.compute();
         let (alpha, f32_type) = (1.0f32, blas::cudaDataType::CUDA_R_32F);
         let size = |x: usize| x as i32;
         unsafe {
             cublas::result::gemm_ex(
                 *self.queues[lane as usize].blas.handle(),
-                op(ops.0),
-                op(ops.1),
+                ops.0.blas(),
+                ops.1.blas(),
                 size(m),
                 size(n),
                 size(k),
@@ -229,8 +231,59 @@ impl Device {
         .map_err(|e| LearnError::Device(format!("matrix product {m} x {n} x {k}: {e:?}")))
     }
 
+    /// Column-major products of a batch; each operand is (address, leading dimension, distance to the next).
+    pub fn products(&self, lane: Lane, batch: Batch, a: (u64, usize, usize), b: (u64, usize, usize), c: (u64, usize, usize)) -> Result<(), LearnError> {
+        let (alpha, beta, f32_type) = (1.0f32, 0.0f32, blas::cudaDataType::CUDA_R_32F);
+        let (m, n, k) = batch.size;
+        unsafe {
+            blas::cublasGemmStridedBatchedEx(
+                *self.queues[lane as usize].blas.handle(),
+                batch.ops.0.blas(),
+                batch.ops.1.blas(),
+                m as i32,
+                n as i32,
+                k as i32,
+                (&raw const alpha).cast(),
+                a.0 as *const _,
+                f32_type,
+                a.1 as i32,
+                a.2 as i64,
+                b.0 as *const _,
+                f32_type,
+                b.1 as i32,
+                b.2 as i64,
+                (&raw const beta).cast(),
+                c.0 as *mut _,
+                f32_type,
+                c.1 as i32,
+                c.2 as i64,
+                batch.count as i32,
+                self.compute(),
+                blas::cublasGemmAlgo_t::CUBLAS_GEMM_DEFAULT,
+            )
+        }
+        .result()
+        .map_err(|e| LearnError::Device(format!("{} matrix products {m} x {n} x {k}: {e:?}", batch.count)))
+    }
+
+    fn compute(&self) -> blas::cublasComputeType_t {
+        match self.precision {
+            Precision::F32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,
+            Precision::Tf32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
+        }
+    }
+
     fn stream(&self, lane: Lane) -> &Arc<CudaStream> {
         &self.queues[lane as usize].stream
+    }
+}
+
+impl Op {
+    fn blas(self) -> blas::cublasOperation_t {
+        match self {
+            Op::Plain => blas::cublasOperation_t::CUBLAS_OP_N,
+            Op::Transposed => blas::cublasOperation_t::CUBLAS_OP_T,
+        }
     }
 }
 

@@ -518,16 +518,81 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
+// Whether entry i belongs to a hidden matrix of one of `layers` blocks that start at `first`: Muon's, not Adam's.
+__device__ __forceinline__ bool is_hidden(u64 i, u64 first, int layers) {
+    constexpr u64 attention = 4ull * E * E, block = 2 * E + 12ull * E * E;
+    if (i < first || i >= first + layers * block) return false;
+    const u64 o = (i - first) % block;
+    return o >= E && (o < E + attention || o >= 2 * E + attention);
+}
+
 // Clip, Adam and the moving average. A run whose loss was not finite leaves the weights as they were.
-extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const Scalars* s, u64 n) {
+extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const Scalars* s, u64 n,
+                                u64 first, int hidden_layers) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
-    if (i >= n || s->bad_step != ~0ull) return;
+    if (i >= n || s->bad_step != ~0ull || is_hidden(i, first, hidden_layers)) return;
     const float d = g[i] * s->scale;
-    const float first = m[i] + 0.1f * (d - m[i]);
+    const float mean = m[i] + 0.1f * (d - m[i]);
     const float second = 0.999f * v[i] + 0.001f * d * d;
-    const float x = w[i] - s->rate * first / (sqrtf(second) * s->root + 1e-8f);
-    m[i] = first;
+    const float x = w[i] - s->rate * mean / (sqrtf(second) * s->root + 1e-8f);
+    m[i] = mean;
     v[i] = second;
     w[i] = x;
     a[i] += s->blend * (x - a[i]);
+}
+
+// Where entry (r, c) of packed matrix k stands in the flat vector; rows of the table: offset, stride, transposed.
+__device__ __forceinline__ u64 hidden_at(const int4* table, int k, int i, int columns) {
+    const int4 t = table[k];
+    const int r = i / columns, c = i % columns;
+    return t.x + (t.z ? (u64)c * t.y + r : (u64)r * t.y + c);
+}
+
+// Momentum and its look-ahead, packed [matrix][rows][columns]. Grid (ceil(rows columns / 256), matrices).
+extern "C" __global__ void muon_pack(const float* g, float* m, float* x, const int4* table, const Scalars* s, float beta,
+                                     int rows, int columns) {
+    const int i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i >= rows * columns) return;
+    const u64 at = hidden_at(table, blockIdx.y, i, columns);
+    const float d = g[at] * s->scale;
+    const float mean = beta * m[at] + (1.0f - beta) * d;
+    if (s->bad_step == ~0ull) m[at] = mean;
+    x[(u64)blockIdx.y * rows * columns + i] = beta * mean + (1.0f - beta) * d;
+}
+
+// Divides each packed matrix of n entries by its Frobenius norm. One block of 1024 a matrix.
+extern "C" __global__ void muon_unit(float* x, int n) {
+    __shared__ float part[32];
+    x += (u64)blockIdx.x * n;
+    float sum = 0.0f;
+    for (int i = threadIdx.x; i < n; i += blockDim.x) sum += x[i] * x[i];
+    sum = warp_sum(sum);
+    if (threadIdx.x % 32 == 0) part[threadIdx.x / 32] = sum;
+    __syncthreads();
+    if (threadIdx.x < 32) {
+        sum = warp_sum(part[threadIdx.x]);
+        if (threadIdx.x == 0) part[0] = sum;
+    }
+    __syncthreads();
+    const float scale = 1.0f / (sqrtf(part[0]) + 1e-7f);
+    for (int i = threadIdx.x; i < n; i += blockDim.x) x[i] *= scale;
+}
+
+// p = a 1 + b gram + c p. Grid (ceil(rows rows / 256), matrices).
+extern "C" __global__ void muon_polynomial(const float* gram, float* p, float a, float b, float c, int rows) {
+    const int i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i >= rows * rows) return;
+    const u64 at = (u64)blockIdx.y * rows * rows + i;
+    p[at] = (i / rows == i % rows ? a : 0.0f) + b * gram[at] + c * p[at];
+}
+
+// w -= lr gain x, and the moving average.
+extern "C" __global__ void muon_apply(float* w, float* a, const float* x, const int4* table, const Scalars* s, float gain,
+                                      int rows, int columns) {
+    const int i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i >= rows * columns || s->bad_step != ~0ull) return;
+    const u64 at = hidden_at(table, blockIdx.y, i, columns);
+    const float y = w[at] - s->lr * gain * x[(u64)blockIdx.y * rows * columns + i];
+    w[at] = y;
+    a[at] += s->blend * (y - a[at]);
 }

@@ -106,6 +106,11 @@ impl Layout {
         ((self.group * t).next_multiple_of(32), 4 * t * (3 * self.group * d + 4), backward_shared(t, self.group, d))
     }
 
+    /// Offset of the first block's first tensor.
+    pub fn first_block(&self) -> usize {
+        self.position + self.config.block * self.config.embedding
+    }
+
     /// Columns of a row of head gradients and squared error.
     pub fn head_columns(&self) -> usize {
         self.config.head * (self.config.outputs + 1) + self.config.outputs + 1

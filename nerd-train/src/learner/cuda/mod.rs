@@ -9,6 +9,7 @@
 mod device;
 mod forward;
 mod layout;
+mod muon;
 mod network;
 mod trainer;
 

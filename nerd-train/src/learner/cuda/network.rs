@@ -14,9 +14,10 @@ use super::layout::Layout;
 use crate::learner::LearnError;
 
 /// Every kernel of `kernels.cu`.
-const KERNELS: [&str; 18] = [
+const KERNELS: [&str; 22] = [
     "gather", "select_rows", "fold", "unfold", "norm_forward", "norm_backward", "attention_forward", "attention_backward", "gelu_forward", "gelu_backward", "head_predict", "head_loss",
     "column_sum", "position_partial", "add_loss", "square_partial", "finish", "adam",
+    "muon_pack", "muon_unit", "muon_polynomial", "muon_apply",
 ];
 
 /// Rows of partial sums of the head and of the position table.

@@ -1,6 +1,6 @@
 //! [`CudaLearner`]: one update is one replay of a captured graph.
 //!
-//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam`. What changes between updates (count,
+//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`. What changes between updates (count,
 //! learning rate, bias corrections, decay of the average) lives in [`Scalars`] on the device, so nothing is asked
 //! of it while a run goes on.
 
@@ -11,8 +11,10 @@ use super::Precision;
 use super::device::Arg::{Double, Float, Int, Long, Ptr};
 use super::device::Buffer;
 use super::layout::Layout;
+use super::muon::{Muon, Vectors};
 use super::network::Network;
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
+use crate::learner::muon::hidden;
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress};
 use crate::windows::Windows;
 
 /// Blocks of the gradient norm's first stage.
@@ -62,6 +64,7 @@ pub struct CudaLearner {
     head_sums: Buffer<f32>,
     total: Buffer<f64>,
     scalars: Buffer<Scalars>,
+    muon: Option<Muon>,
 }
 
 impl CudaLearner {
@@ -99,9 +102,13 @@ impl CudaLearner {
         let (m, v) = (d.upload(&state.m)?, d.upload(&state.v)?);
         let (gradients, norms) = (d.zeros(p + 1)?, d.zeros(NORM_BLOCKS)?);
         let (head_sums, total, scalars) = (d.zeros(columns)?, d.zeros(1)?, d.upload(&[scalars])?);
-        let step = Step { network: &network, config, train: &train, weights: &weights, average: &average, m: &m, v: &v, gradients: &gradients, norms: &norms, scalars: &scalars };
+        let muon = match config.optimizer {
+            Optimizer::Adam => None,
+            Optimizer::Muon => Some(Muon::new(d, &hidden(&shape))?),
+        };
+        let step = Step { network: &network, config, train: &train, weights: &weights, average: &average, m: &m, v: &v, gradients: &gradients, norms: &norms, scalars: &scalars, muon: muon.as_ref() };
         let graph = step.capture()?;
-        Ok(Self { graph, network, config, lr: 0.0, train, validation, weights, average, m, v, gradients, norms, head_sums, total, scalars })
+        Ok(Self { muon, graph, network, config, lr: 0.0, train, validation, weights, average, m, v, gradients, norms, head_sums, total, scalars })
     }
 
     /// Goes on with another arithmetic of the matrix products.
@@ -151,6 +158,7 @@ impl CudaLearner {
             gradients: &self.gradients,
             norms: &self.norms,
             scalars: &self.scalars,
+            muon: self.muon.as_ref(),
         }
     }
 
@@ -234,6 +242,7 @@ struct Step<'a> {
     gradients: &'a Buffer<f32>,
     norms: &'a Buffer<f32>,
     scalars: &'a Buffer<Scalars>,
+    muon: Option<&'a Muon>,
 }
 
 impl Step<'_> {
@@ -259,7 +268,12 @@ impl Step<'_> {
         d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
         let args = [Ptr(self.norms.ptr), Int(NORM_BLOCKS), Ptr(self.gradients.at(p)), Float(self.mean()), Float(self.config.clip), Double(self.config.average), s];
         d.launch("finish", (1, 1), (256, 1), 0, &args)?;
-        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64)])
+        let blocks = if self.muon.is_some() { self.network.layout.config.layers } else { 0 };
+        let first = self.network.layout.first_block() as u64;
+        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), Long(first), Int(blocks)])?;
+        let address = |b: &Buffer<f32>| b.ptr;
+        let vectors = Vectors { weights: address(self.weights), gradients: address(self.gradients), m: address(self.m), average: address(self.average), scalars: self.scalars.ptr };
+        self.muon.map_or(Ok(()), |muon| muon.update(d, &vectors))
     }
 
     /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs.

@@ -1,0 +1,110 @@
+//! What one link and one joint of a URDF bring: inertia and shapes welded to the moving link they belong to, and
+//! joints with what the dynamics honour.
+
+use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+use urdf_rs::{Geometry, JointType};
+
+use super::{Joint, JointKind, Limit, Robot, Shape, ShapeKind, UrdfError};
+use crate::spatial::BodyInertia;
+
+/// Welds a link of the file, at `pose` in moving link `host`, to it.
+pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, robot: &mut Robot) -> Result<(), UrdfError> {
+    let wrong = |reason: String| UrdfError::link(&source.name, reason);
+    let origin = isometry(&source.inertial.origin).ok_or_else(|| wrong("inertial origin is not finite".into()))?;
+    let i = &source.inertial.inertia;
+    let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+    let mass = source.inertial.mass.value;
+    if !mass.is_finite() || mass < 0.0 || inertia.iter().any(|x| !x.is_finite()) {
+        return Err(wrong(format!("mass {mass} kg or inertia is negative or not finite")));
+    }
+    // Scaled to 1, so that no finite numbers overflow.
+    let scale = inertia.amax();
+    let least = if scale > 0.0 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
+    if least < -1e-9 {
+        return Err(wrong(format!("inertia is not positive semi-definite (smallest eigenvalue {:.3e} kg m^2)", least * scale)));
+    }
+    let place = pose * origin;
+    let body = BodyInertia { mass, com: Vector3::zeros(), inertia };
+    let target = &mut robot.links[host];
+    target.inertia = target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
+    if !(target.inertia.com.iter().chain(target.inertia.inertia.iter()).all(|x| x.is_finite()) && target.inertia.mass.is_finite()) {
+        return Err(wrong("mass, inertia or place is too large to reckon with".into()));
+    }
+    for collision in &source.collision {
+        let pose = pose * isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite".into()))?;
+        match shape(&collision.geometry) {
+            Some(kind) if sizes(&kind).iter().all(|x| x.is_finite() && *x >= 0.0) => target.shapes.push(Shape { pose, kind }),
+            Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite".into())),
+            None => robot.skipped_meshes.push(source.name.clone()),
+        }
+    }
+    Ok(())
+}
+
+/// A moving joint of the file; `origin` is its frame in the moving link above it.
+pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<Joint, UrdfError> {
+    let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
+    let kind = match source.joint_type {
+        JointType::Revolute => JointKind::Revolute,
+        JointType::Continuous => JointKind::Continuous,
+        JointType::Prismatic => JointKind::Prismatic,
+        ref other => return Err(wrong(&format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints"))),
+    };
+    if source.mimic.is_some() {
+        return Err(wrong("<mimic> is not supported: every joint moves by itself"));
+    }
+    let axis = Vector3::from(*source.axis.xyz);
+    let usable = (1e-9..1e9).contains(&axis.norm());
+    let axis = Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| wrong("axis has no direction or is not finite"))?;
+    let mut joint = Joint::new(source.name.clone(), kind, origin, axis);
+    if let Some(dynamics) = &source.dynamics {
+        if dynamics.friction != 0.0 {
+            return Err(wrong("dry friction in <dynamics> is not supported; set friction=\"0\""));
+        }
+        if !dynamics.damping.is_finite() || dynamics.damping < 0.0 {
+            return Err(wrong("damping is negative or not finite"));
+        }
+        joint.damping = dynamics.damping;
+    }
+    let (limit, given) = (&source.limit, |x: f64| if x.is_finite() && x > 0.0 { x } else { f64::INFINITY });
+    (joint.effort, joint.velocity) = (given(limit.effort), given(limit.velocity));
+    if kind != JointKind::Continuous {
+        joint.limit = match (limit.lower, limit.upper) {
+            (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
+                return Err(wrong("needs a <limit>; an endless one is continuous"));
+            }
+            (lower, upper) if lower > upper => return Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
+            (lower, upper) if lower.is_finite() && upper.is_finite() => Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 }),
+            // What URDF 1.2 means by leaving both out.
+            (f64::NEG_INFINITY, f64::INFINITY) => None,
+            _ => return Err(wrong("a limit is not finite; give both ends or neither")),
+        };
+    }
+    Ok(joint)
+}
+
+/// `None` for a mesh, which is no primitive.
+fn shape(geometry: &Geometry) -> Option<ShapeKind> {
+    match geometry {
+        Geometry::Box { size } => Some(ShapeKind::Box { half: Vector3::from(**size) * 0.5 }),
+        Geometry::Cylinder { radius, length } => Some(ShapeKind::Cylinder { radius: *radius, half_length: 0.5 * length }),
+        Geometry::Capsule { radius, length } => Some(ShapeKind::Capsule { radius: *radius, half_length: 0.5 * length }),
+        Geometry::Sphere { radius } => Some(ShapeKind::Sphere { radius: *radius }),
+        Geometry::Mesh { .. } => None,
+    }
+}
+
+fn sizes(kind: &ShapeKind) -> [f64; 3] {
+    match *kind {
+        ShapeKind::Sphere { radius } => [radius, radius, radius],
+        ShapeKind::Box { half } => half.into(),
+        ShapeKind::Cylinder { radius, half_length } | ShapeKind::Capsule { radius, half_length } => [radius, half_length, radius],
+    }
+}
+
+/// A URDF pose (roll, pitch, yaw about fixed axes), if finite.
+pub(super) fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
+    let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
+    let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.is_finite());
+    finite.then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
+}

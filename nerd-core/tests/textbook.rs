@@ -1,0 +1,130 @@
+//! Motions with a closed form: pendulums, the cartpole, the double pendulum, a free rigid body.
+//!
+//! Bounds: closed forms of accelerations agree to rounding, 1e-13 of the largest; the period is limited by the
+//! fourth-order integrator of this test (h = 1 ms, error h^4 = 1e-12 times constants).
+
+mod common;
+
+use common::*;
+use nalgebra::{Vector3, vector};
+use nerd_core::dynamics::{Data, aba, crba, kinematics};
+use nerd_core::robot::Robot;
+
+const DOWN: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
+
+fn accelerations(robot: &Robot, q: &[f64], qd: &[f64], tau: &[f64], data: &mut Data) -> Vec<f64> {
+    kinematics(robot, q, data);
+    assert!(aba(robot, qd, tau, &DOWN, data));
+    data.qdd.as_slice().to_vec()
+}
+
+fn with_armature(urdf: &str) -> Robot {
+    let mut robot = Robot::from_urdf(urdf, false).expect("a valid asset");
+    robot.joints_mut().for_each(|j| j.armature = 0.01);
+    robot
+}
+
+/// Largest difference of accelerations and of mass matrices from a closed form `(M, rhs)` in 1000 random states.
+fn against(robot: &Robot, closed: impl Fn(&[f64], &[f64], &[f64]) -> ([[f64; 2]; 2], [f64; 2])) -> [f64; 2] {
+    let (mut rng, mut data, mut worst) = (Rng::seed_from_u64(0), Data::new(robot), [0.0f64; 2]);
+    for _ in 0..1000 {
+        let (q, qd, tau) = (values(&mut rng, 2, 4.0), values(&mut rng, 2, 10.0), values(&mut rng, 2, 1500.0));
+        let ([[a, b], [c, d]], [x, y]) = closed(&q, &qd, &tau);
+        let det = a * d - b * c;
+        let expected = [(d * x - b * y) / det, (a * y - c * x) / det];
+        worst[0] = worst[0].max(gap(&accelerations(robot, &q, &qd, &tau, &mut data), &expected));
+        crba(robot, &mut data);
+        worst[1] = worst[1].max(gap(data.mass.as_slice(), &[a, c, b, d]));
+    }
+    worst
+}
+
+#[test]
+fn cartpole_obeys_its_closed_form() {
+    let robot = with_armature(include_str!("../../nerd-sim/assets/cartpole.urdf"));
+    let (mc, mp, l, iyy, g) = (50.0, 2.5, 0.5, 0.2188542, 9.81);
+    let worst = against(&robot, |q, qd, tau| {
+        let (sin, cos) = q[1].sin_cos();
+        let m = [[mc + mp + 0.01, mp * l * cos], [mp * l * cos, iyy + mp * l * l + 0.01]];
+        (m, [tau[0] + mp * l * sin * qd[1] * qd[1], tau[1] + mp * g * l * sin])
+    });
+    println!("cartpole: accelerations {:.1e}, mass matrix {:.1e}", worst[0], worst[1]);
+    assert!(worst.iter().all(|w| *w < 1e-13), "cartpole is off by {worst:.1e?}, allowed 1e-13");
+}
+
+#[test]
+fn double_pendulum_obeys_its_closed_form() {
+    let robot = with_armature(include_str!("../../nerd-sim/assets/pendulum.urdf"));
+    // Two equal links, angles from the horizontal: mass, length, half length, inertia about the axis at the centre.
+    let (m, l, h, i, g) = (25.65634, 1.5, 0.75, 5.881054, 9.81);
+    let worst = against(&robot, |q, qd, tau| {
+        let (sin, cos) = q[1].sin_cos();
+        let own = i + m * h * h;
+        let both = own + m * l * h * cos;
+        let mass = [[own + m * l * l + both + m * l * h * cos + 0.01, both], [both, own + 0.01]];
+        let weight = m * g * h * (q[0] + q[1]).cos();
+        let swing = m * l * h * sin;
+        let rhs = [
+            tau[0] + swing * qd[1] * (2.0 * qd[0] + qd[1]) - m * g * (h + l) * q[0].cos() - weight,
+            tau[1] - swing * qd[0] * qd[0] - weight,
+        ];
+        (mass, rhs)
+    });
+    println!("double pendulum: accelerations {:.1e}, mass matrix {:.1e}", worst[0], worst[1]);
+    assert!(worst.iter().all(|w| *w < 1e-13), "double pendulum is off by {worst:.1e?}, allowed 1e-13");
+}
+
+#[test]
+fn a_wide_swing_takes_the_elliptic_integrals_time() {
+    // A point mass 1 kg on a massless rod of 0.7 m, hanging at q = 0, let go at 2 rad.
+    let (length, start) = (0.7, 2.0f64);
+    let urdf = r#"<robot name="bob"><link name="world"/><link name="bob"><inertial><origin xyz="0 -0.7 0"/><mass value="1"/>
+        <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link><joint name="pivot" type="continuous">
+        <parent link="world"/><child link="bob"/><axis xyz="0 0 1"/></joint></robot>"#;
+    let robot = Robot::from_urdf(urdf, false).expect("valid");
+    let mut data = Data::new(&robot);
+    // T = 2 pi sqrt(l / g) / agm(1, cos(start / 2)).
+    let (mut a, mut b) = (1.0, (start / 2.0).cos());
+    for _ in 0..8 {
+        (a, b) = (0.5 * (a + b), f64::sqrt(a * b));
+    }
+    let period = std::f64::consts::TAU * (length / 9.81f64).sqrt() / a;
+    let small = accelerations(&robot, &[1e-3], &[0.0], &[0.0], &mut data)[0];
+    assert!((small + 9.81 / length * f64::sin(1e-3)).abs() < 1e-15, "acceleration {small}, expected -g/l sin q");
+
+    let mut rate = |x: [f64; 2]| [x[1], accelerations(&robot, &x[..1], &x[1..], &[0.0], &mut data)[0]];
+    let (steps, mut x) = ((period / 1e-3).ceil(), [start, 0.0]);
+    let h = period / steps;
+    for _ in 0..steps as usize {
+        let ahead = |k: [f64; 2], s: f64| [x[0] + s * k[0], x[1] + s * k[1]];
+        let k1 = rate(x);
+        let k2 = rate(ahead(k1, h / 2.0));
+        let k3 = rate(ahead(k2, h / 2.0));
+        let k4 = rate(ahead(k3, h));
+        x = [0, 1].map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+    }
+    println!("after one period {period:.6} s: {:.1e} rad, {:.1e} rad/s", x[0] - start, x[1]);
+    assert!((x[0] - start).abs() < 1e-10 && x[1].abs() < 1e-10, "after {period} s the bob is at {x:?}, expected [{start}, 0]");
+}
+
+#[test]
+fn a_free_body_obeys_eulers_equations() {
+    let mut worst = 0.0f64;
+    for seed in 0..50 {
+        let mut rng = Rng::seed_from_u64(seed);
+        let mut robot = robot(&mut rng, 0, true);
+        robot.links[0].inertia.com = Vector3::zeros();
+        let (q, qd) = state(&mut rng, &robot);
+        let tau = values(&mut rng, 6, 1.0);
+        let mut data = Data::new(&robot);
+        let qdd = accelerations(&robot, &q, &qd, &tau, &mut data);
+        let (body, r) = (robot.links[0].inertia, data.rotation[0]);
+        let inertia = r * body.inertia * r.transpose();
+        let (w, v) = (vector![qd[0], qd[1], qd[2]], vector![qd[3], qd[4], qd[5]]);
+        let turn = inertia.try_inverse().expect("a body has inertia") * (vector![tau[0], tau[1], tau[2]] - w.cross(&(inertia * w)));
+        let push = vector![tau[3], tau[4], tau[5]] / body.mass + DOWN - w.cross(&v);
+        worst = worst.max(gap(&qdd, &[turn.as_slice(), push.as_slice()].concat()));
+    }
+    println!("Euler's equations: {worst:.1e}");
+    assert!(worst < 1e-13, "Euler's equations are off by {worst:.1e}, allowed 1e-13");
+}

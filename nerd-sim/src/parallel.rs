@@ -1,0 +1,71 @@
+//! The batch loop that the analytic solvers share. Environments are independent and each is stepped by one thread, so
+//! the number of threads changes nothing but the time it takes.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::batch::Batch;
+use crate::scene::Scene;
+use crate::solver::{StepError, check_torques, commit};
+use crate::system::System;
+
+/// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
+pub(crate) trait Frame: Send + Sized {
+    /// Settings of the solver.
+    type Config: Sync;
+    /// Environments that one thread steps in a row.
+    const CHUNK: usize;
+
+    /// Memory for a system; `Err` says why it cannot be simulated.
+    fn new(system: &System) -> Result<Self, String>;
+
+    /// Advances `state` under joint torques `tau`; `Err` says why not.
+    fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
+}
+
+/// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
+/// changes), then no more.
+pub(crate) struct Parallel<F> {
+    system: Option<Arc<System>>,
+    frames: Vec<F>,
+    next: Vec<f64>,
+}
+
+impl<F: Frame> Parallel<F> {
+    pub(crate) fn new() -> Self {
+        Self { system: None, frames: Vec::new(), next: Vec::new() }
+    }
+
+    /// One frame of every environment; on an error, that of the first environment that failed, the batch is as before.
+    pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        check_torques(batch, torques)?;
+        if !self.system.as_ref().is_some_and(|s| Arc::ptr_eq(s, &batch.system)) {
+            self.frames.clear();
+            self.system = Some(batch.system.clone());
+        }
+        let system = &*batch.system;
+        let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
+        let chunks = batch.len().div_ceil(F::CHUNK);
+        while self.frames.len() < chunks {
+            self.frames.push(F::new(system).map_err(StepError::Solver)?);
+        }
+        self.next.clone_from(&batch.states);
+        let run = |(chunk, (states, frame)): (usize, (&mut [f64], &mut F))| {
+            for (i, state) in states.chunks_exact_mut(d).enumerate() {
+                let env = chunk * F::CHUNK + i;
+                let tau = &torques[env * joints..(env + 1) * joints];
+                let failed = |reason| StepError::Environment { env, frame: batch.frames[env], reason };
+                frame.step(system, &batch.scenes[env], config, state, tau).map_err(failed)?;
+            }
+            Ok(())
+        };
+        if chunks <= 1 {
+            self.next.chunks_mut(F::CHUNK * d).zip(&mut self.frames).enumerate().try_for_each(run)?;
+        } else {
+            let parts = self.next.par_chunks_mut(F::CHUNK * d).zip(self.frames.par_iter_mut()).enumerate();
+            parts.map(run).reduce(|| Ok(()), Result::and)?;
+        }
+        commit(batch, &mut self.next)
+    }
+}

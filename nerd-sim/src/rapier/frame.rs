@@ -1,0 +1,197 @@
+//! One frame of one environment.
+
+use nalgebra::{Isometry3, Quaternion, Vector3};
+use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local, to_world};
+use nerd_core::robot::{JointKind, Robot};
+use nerd_core::state::{quaternion, vector, write_quaternion};
+use rapier3d_f64::prelude::*;
+
+use super::RapierConfig;
+use super::template::{Template, axis, insert_scene};
+use crate::parallel::Frame;
+use crate::scene::{Scene, from_parry, pose_from_parry, pose_to_parry, to_parry};
+use crate::system::System;
+
+/// A robot's template and a world that is made new every frame.
+pub(super) struct Workspace {
+    template: Template,
+    world: PhysicsWorld,
+    data: Data,
+    factor: Factor,
+    displacement: Vec<f64>,
+}
+
+impl Frame for Workspace {
+    type Config = RapierConfig;
+    const CHUNK: usize = 8;
+
+    fn new(system: &System) -> Result<Self, String> {
+        let robot = &system.robot;
+        let (data, factor) = (Data::new(robot), Factor::new(robot));
+        Ok(Self { template: Template::new(system)?, world: PhysicsWorld::new(), data, factor, displacement: vec![0.0; robot.nv()] })
+    }
+
+    fn step(&mut self, system: &System, scene: &Scene, config: &RapierConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+        let robot = &system.robot;
+        if !state.iter().chain(tau).all(|x| x.is_finite()) {
+            return Err("the state or a torque is not finite before the step".into());
+        }
+        let (q, qd) = state.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        self.check(robot, scene, q, qd)?;
+        self.renew(scene, config, system.frame_time);
+        self.place(robot, q, qd)?;
+        for _ in 0..config.steps {
+            self.drive(robot, tau)?;
+            self.world.step();
+            if !self.world.quarantine().is_empty() {
+                return Err("rapier met a number that is not finite".into());
+            }
+        }
+        self.read(robot, q, qd)?;
+        to_world(robot, q, qd);
+        Ok(())
+    }
+}
+
+impl Workspace {
+    /// rapier divides by zero, and drops accelerations that overflow, without a word; so both are looked for first.
+    fn check(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64]) -> Result<(), String> {
+        kinematics(robot, q, &mut self.data);
+        crba(robot, &mut self.data);
+        if !self.factor.refill(&self.data.mass) {
+            return Err("the mass matrix is not positive definite: a link without inertia, or a state out of bounds".into());
+        }
+        bias(robot, qd, &scene.gravity, &mut self.data);
+        if self.data.tau.iter().all(|x| x.is_finite()) { Ok(()) } else { Err("the forces of the motion are not finite: a state out of bounds".into()) }
+    }
+
+    /// A world that has never been stepped.
+    fn renew(&mut self, scene: &Scene, config: &RapierConfig, frame_time: f64) {
+        let Template { bodies, colliders, joints, .. } = &self.template;
+        self.world = PhysicsWorld {
+            gravity: to_parry(&scene.gravity),
+            integration_parameters: config.parameters(frame_time),
+            bodies: bodies.clone(),
+            colliders: colliders.clone(),
+            multibody_joints: joints.clone(),
+            ..PhysicsWorld::new()
+        };
+        insert_scene(scene, &mut self.world.colliders);
+    }
+
+    /// The multibody with the bodies it moves.
+    fn multibody(&mut self) -> Option<(&mut Multibody, &mut RigidBodySet)> {
+        let multibody = self.world.multibody_joints.get_multibody_mut(self.template.multibody?)?;
+        Some((multibody, &mut self.world.bodies))
+    }
+
+    /// Puts the robot at (q, qd), velocities local.
+    fn place(&mut self, robot: &Robot, q: &[f64], qd: &[f64]) -> Result<(), String> {
+        let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
+        let com = self.template.root_com;
+        let mut spin = Vector3::zeros();
+        let mut speed = Vector3::zeros();
+        if robot.floating() {
+            let pose = Isometry3::from_parts(vector(&q[..3]).into(), quaternion(&q[3..7]));
+            spin = vector(&qd[..3]);
+            speed = vector(&qd[3..6]) + spin.cross(&(pose.rotation * com));
+            let root = self.world.bodies.get_mut(self.template.links[0]).ok_or("no root")?;
+            root.set_position(pose_to_parry(&(pose * Isometry3::translation(com.x, com.y, com.z))), false);
+            if self.template.multibody.is_none() {
+                root.set_linvel(to_parry(&speed), false);
+                root.set_angvel(to_parry(&spin), false);
+            }
+        }
+        let mut displacement = std::mem::take(&mut self.displacement);
+        displacement[dofs..].copy_from_slice(&q[coords..]);
+        if let Some((multibody, bodies)) = self.multibody() {
+            multibody.apply_displacements(&displacement);
+            let mut velocity = multibody.generalized_velocity_mut();
+            if robot.floating() {
+                velocity.rows_mut(0, 3).copy_from(&speed);
+                velocity.rows_mut(3, 3).copy_from(&spin);
+            }
+            velocity.as_mut_slice()[dofs..].copy_from_slice(&qd[dofs..]);
+            multibody.forward_kinematics(bodies, true);
+            multibody.update_rigid_bodies(bodies, true);
+        }
+        self.displacement = displacement;
+        Ok(())
+    }
+
+    /// Joint torques for one outer step, as pairs of opposite torques (or forces along a slide) on the two bodies; limits
+    /// that are violated now, as rapier's implicit spring and damper, which is [`nerd_core::robot::Limit`]'s law.
+    fn drive(&mut self, robot: &Robot, tau: &[f64]) -> Result<(), String> {
+        let first = usize::from(robot.floating());
+        for handle in &self.template.links {
+            let body = self.world.bodies.get_mut(*handle).ok_or("no body")?;
+            body.reset_forces(false);
+            body.reset_torques(false);
+        }
+        for (i, link) in robot.links.iter().enumerate().skip(first) {
+            let (Some(joint), effort) = (&link.joint, tau[i - first]) else { continue };
+            if effort == 0.0 {
+                continue;
+            }
+            let child = self.world.bodies.get_mut(self.template.links[i]).ok_or("no body")?;
+            let pull = *child.rotation() * to_parry(&joint.axis) * effort;
+            let at = child.center_of_mass();
+            match joint.kind {
+                JointKind::Prismatic => child.add_force(pull, false),
+                _ => child.add_torque(pull, false),
+            }
+            let Some(parent) = link.parent.and_then(|p| self.world.bodies.get_mut(self.template.links[p])) else { continue };
+            match joint.kind {
+                JointKind::Prismatic => parent.add_force_at_point(-pull, at, false),
+                _ => parent.add_torque(-pull, false),
+            }
+        }
+        let dofs = robot.root_dofs();
+        let Some((multibody, _)) = self.multibody() else { return Ok(()) };
+        for (i, joint) in robot.joints().enumerate() {
+            let Some(limit) = joint.limit else { continue };
+            let link = multibody.link_mut(i + 1).ok_or("no link")?;
+            let q = link.joint.coords()[axis(joint)];
+            let end = q.clamp(limit.lower, limit.upper);
+            let (stiffness, damping) = if end == q { (0.0, 0.0) } else { (limit.stiffness, limit.damping) };
+            link.joint.set_spring(axis(joint), stiffness, end);
+            multibody.damping_mut()[dofs + i] = joint.damping + damping;
+        }
+        Ok(())
+    }
+
+    /// Takes (q, qd) back, velocities local.
+    fn read(&mut self, robot: &Robot, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
+        let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
+        let com = self.template.root_com;
+        let root = self.template.links[0];
+        if let Some((multibody, _)) = self.multibody() {
+            for (i, joint) in robot.joints().enumerate() {
+                q[coords + i] = multibody.link(i + 1).ok_or("no link")?.joint.coords()[axis(joint)];
+            }
+            qd[dofs..].copy_from_slice(&multibody.generalized_velocity().as_slice()[dofs..]);
+        }
+        if !robot.floating() {
+            return Ok(());
+        }
+        let body = self.world.bodies.get(root).ok_or("no root")?;
+        let (mut pose, mut speed, mut spin) = (pose_from_parry(body.position()), from_parry(&body.linvel()), from_parry(&body.angvel()));
+        if let Some((multibody, _)) = self.multibody() {
+            pose = pose_from_parry(multibody.root().local_to_world());
+            let velocity = multibody.generalized_velocity();
+            (speed, spin) = (vector(&velocity.as_slice()[..3]), vector(&velocity.as_slice()[3..6]));
+        }
+        let arm = pose.rotation * com;
+        q[..3].copy_from_slice((pose.translation.vector - arm).as_slice());
+        // Of the two quaternions of a rotation, the one nearer to the last.
+        let before = Quaternion::new(q[6], q[3], q[4], q[5]);
+        write_quaternion(&mut q[3..7], &pose.rotation);
+        if pose.rotation.quaternion().dot(&before) < 0.0 {
+            q[3..7].iter_mut().for_each(|x| *x = -*x);
+        }
+        qd[..3].copy_from_slice(spin.as_slice());
+        qd[3..6].copy_from_slice((speed - spin.cross(&arm)).as_slice());
+        Ok(())
+    }
+}

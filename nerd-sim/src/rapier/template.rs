@@ -1,0 +1,126 @@
+//! A robot as rapier holds it: built once, never stepped, copied into a fresh world every frame.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nerd_core::robot::{Base, Joint, JointKind, Robot};
+use nerd_core::spatial::BodyInertia;
+use rapier3d_f64::prelude::*;
+
+use crate::scene::{self, Scene, pose_to_parry, to_parry};
+use crate::system::System;
+
+/// Groups that let the robot touch the scene but not itself.
+const ROBOT: InteractionGroups = InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And);
+const SCENE: InteractionGroups = InteractionGroups::new(Group::GROUP_2, Group::GROUP_1, InteractionTestMode::And);
+
+/// Bodies, colliders and joints of a robot at zero coordinates.
+pub(super) struct Template {
+    pub(super) bodies: RigidBodySet,
+    pub(super) colliders: ColliderSet,
+    pub(super) joints: MultibodyJointSet,
+    /// Body of each link.
+    pub(super) links: Vec<RigidBodyHandle>,
+    /// The multibody; none for a single free body. Its link 0 is the base or the floating root, its DoFs are in the
+    /// order of `qd`, but a root's linear ones come first.
+    pub(super) multibody: Option<MultibodyIndex>,
+    /// Centre of mass of a floating root in its link frame: its body stands there, since rapier integrates the origin of
+    /// a free root with the velocity of its centre of mass.
+    pub(super) root_com: Vector3<f64>,
+}
+
+impl Template {
+    pub(super) fn new(system: &System) -> Result<Self, String> {
+        let robot = &system.robot;
+        let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
+        let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
+        let base = match robot.base {
+            Base::Fixed(pose) => Some(bodies.insert(RigidBodyBuilder::fixed().pose(pose_to_parry(&pose)))),
+            Base::Floating => None,
+        };
+        let mut links = Vec::with_capacity(robot.links.len());
+        for (i, link) in robot.links.iter().enumerate() {
+            let shift = shift(robot, i, &root_com);
+            let body = RigidBodyBuilder::dynamic().can_sleep(false).additional_mass_properties(mass_properties(&link.inertia, &shift));
+            let handle = bodies.insert(body);
+            for point in robot.contact_points.iter().filter(|p| p.link == i) {
+                let ball = ColliderBuilder::ball(point.radius).translation(to_parry(&(point.local - shift)));
+                colliders.insert_with_parent(surface(ball.density(0.0), system.spec.material.friction, ROBOT), handle, &mut bodies);
+            }
+            if let Some(joint) = &link.joint {
+                let parent = link.parent.map(|p| links[p]).or(base).ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
+                let frames = frames(joint, &link.parent.map_or(Vector3::zeros(), |p| self::shift(robot, p, &root_com)));
+                joints.insert(parent, handle, frames, false).ok_or_else(|| format!("rapier refuses joint `{}`", joint.name))?;
+            }
+            links.push(handle);
+        }
+        let handles: Vec<_> = bodies.iter().map(|(handle, _)| handle).collect();
+        for handle in handles {
+            if let Some(body) = bodies.get_mut(handle) {
+                // Without this the masses are zero until after the first step.
+                body.recompute_mass_properties_from_colliders(&colliders);
+            }
+        }
+        let multibody = links.last().and_then(|last| joints.rigid_body_link(*last)).map(|l| l.multibody);
+        if let Some(multibody) = multibody.and_then(|index| joints.get_multibody_mut(index)) {
+            // A fixed root counts six DoFs until its kind is read from its body here.
+            multibody.forward_kinematics(&bodies, true);
+            if multibody.ndofs() != robot.nv() {
+                return Err(format!("rapier gives the robot {} degrees of freedom, it has {}", multibody.ndofs(), robot.nv()));
+            }
+            // rapier damps every angular DoF by 0.1, a free root's too.
+            multibody.damping_mut().fill(0.0);
+            for (i, joint) in robot.joints().enumerate() {
+                multibody.damping_mut()[robot.root_dofs() + i] = joint.damping;
+                multibody.armature_mut()[robot.root_dofs() + i] = joint.armature;
+            }
+        }
+        Ok(Self { bodies, colliders, joints, links, multibody, root_com })
+    }
+}
+
+/// Puts a scene's colliders into a world.
+pub(super) fn insert_scene(scene: &Scene, colliders: &mut ColliderSet) {
+    for body in &scene.colliders {
+        let scene::Collider { shape, pose, material, .. } = body;
+        let builder = ColliderBuilder::new(shape.clone()).position(pose_to_parry(pose));
+        colliders.insert(surface(builder, material.friction, SCENE));
+    }
+}
+
+/// Number of the free axis of a joint among rapier's six: linear x or angular x.
+pub(super) fn axis(joint: &Joint) -> usize {
+    if joint.kind == JointKind::Prismatic { 0 } else { 3 }
+}
+
+/// Friction by the mean of the pair, no restitution.
+fn surface(builder: ColliderBuilder, friction: f64, groups: InteractionGroups) -> ColliderBuilder {
+    builder
+        .friction(friction)
+        .friction_combine_rule(CoefficientCombineRule::Average)
+        .restitution(0.0)
+        .restitution_combine_rule(CoefficientCombineRule::Average)
+        .collision_groups(groups)
+}
+
+/// Where the body of a link stands in the link frame.
+fn shift(robot: &Robot, link: usize, root_com: &Vector3<f64>) -> Vector3<f64> {
+    if robot.floating() && link == 0 { *root_com } else { Vector3::zeros() }
+}
+
+fn mass_properties(inertia: &BodyInertia, shift: &Vector3<f64>) -> MassProperties {
+    let i = &inertia.inertia;
+    let column = |k: usize| Vector::new(i[(0, k)], i[(1, k)], i[(2, k)]);
+    MassProperties::with_inertia_matrix(to_parry(&(inertia.com - shift)), inertia.mass, Matrix::from_cols(column(0), column(1), column(2)))
+}
+
+/// A joint about or along the x axis of two frames; `parent` is where the parent's body stands in its link frame.
+fn frames(joint: &Joint, parent: &Vector3<f64>) -> GenericJoint {
+    let turn = UnitQuaternion::rotation_between(&Vector3::x(), &joint.axis);
+    let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI));
+    let align = Isometry3::from_parts(Vector3::zeros().into(), turn);
+    let first = Isometry3::translation(-parent.x, -parent.y, -parent.z) * joint.origin * align;
+    let locked = if joint.kind == JointKind::Prismatic { JointAxesMask::LOCKED_PRISMATIC_AXES } else { JointAxesMask::LOCKED_REVOLUTE_AXES };
+    let builder = GenericJointBuilder::new(locked).contacts_enabled(false);
+    builder.local_frame1(pose_to_parry(&first)).local_frame2(pose_to_parry(&align)).build()
+}

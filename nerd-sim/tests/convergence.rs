@@ -1,0 +1,89 @@
+//! Orders of convergence without contact: both solvers must run to the same solution, each with the order its method has
+//! in the textbook (Hairer, Norsett, Wanner, *Solving ODEs I*, II.1 and II.3): classical Runge-Kutta 4, symplectic Euler
+//! and rapier 1. A wrong term in either dynamics makes an error that no substep removes, so the slope falls to 0.
+//!
+//! Bounds: 3.7..4.5 and 0.8..1.3, since a slope fitted over a decade of substeps carries the next order's terms; the
+//! finest setting must besides be within 1e-7 (RK4) and 1e-2 (first order) of the reference, RK4 at 64 substeps.
+
+use std::sync::Arc;
+
+use nerd_sim::articulated::{Integrator, Refresh};
+use nerd_sim::prelude::*;
+
+const FRAMES: usize = 20;
+const STARTS: usize = 16;
+
+/// States after `FRAMES` frames under constant torques, from starts spread over a box.
+fn run(system: &Arc<System>, mut solver: impl Solver) -> Vec<f64> {
+    let scene = system.scene("free").expect("scene");
+    let mut batch = Batch::new(system, &scene, STARTS);
+    let (nq, joints) = (system.robot.nq(), system.robot.joint_count());
+    for env in 0..STARTS {
+        for (k, x) in batch.state_mut(env).iter_mut().enumerate() {
+            let phase = (1.0 + env as f64) * (1.0 + k as f64) * 0.754_877_666;
+            *x = (2.0 * phase.fract() - 1.0) * if k < nq { 1.5 } else { 2.0 };
+        }
+    }
+    let torques: Vec<f64> = (0..STARTS * joints).map(|i| if i % joints == 0 { 40.0 } else { 5.0 }).collect();
+    for _ in 0..FRAMES {
+        solver.step(&mut batch, &torques).expect("finite");
+    }
+    batch.states
+}
+
+fn articulated(integrator: Integrator, substeps: usize) -> Articulated {
+    let refresh = Refresh::Substep;
+    Articulated::new(ArticulatedConfig { integrator, substeps, contact_substeps: substeps, refresh, friction: Friction::Coulomb })
+}
+
+/// Mean |difference| of q by number of substeps, and the slope of its logarithm.
+fn order(system: &Arc<System>, name: &str, substeps: &[usize], solve: impl Fn(usize) -> Vec<f64>) -> (f64, f64) {
+    let reference = run(system, articulated(Integrator::Rk4, 64));
+    let (d, nq) = (system.robot.state_dim(), system.robot.nq());
+    let wraps: Vec<bool> = system.robot.joints().map(|j| j.wraps()).collect();
+    let error = |states: &[f64]| {
+        let gap = |i: usize| {
+            let gap = states[i] - reference[i];
+            if wraps[i % d] { nerd_core::state::wrap(gap).abs() } else { gap.abs() }
+        };
+        (0..states.len()).filter(|i| i % d < nq).map(gap).sum::<f64>() / (STARTS * nq) as f64
+    };
+    let errors: Vec<f64> = substeps.iter().map(|&n| error(&solve(n))).collect();
+    let (x, y): (Vec<f64>, Vec<f64>) = substeps.iter().zip(&errors).map(|(n, e)| ((*n as f64).ln(), e.ln())).unzip();
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let (mx, my) = (mean(&x), mean(&y));
+    let slope = -x.iter().zip(&y).map(|(a, b)| (a - mx) * (b - my)).sum::<f64>() / x.iter().map(|a| (a - mx).powi(2)).sum::<f64>();
+    println!("{} {name}: order {slope:.3}, mean |dq| {} at {substeps:?} substeps", system.name, errors.iter().map(|e| format!("{e:.2e}")).collect::<Vec<_>>().join(" "));
+    (slope, errors[errors.len() - 1])
+}
+
+#[test]
+fn runge_kutta_has_order_4() {
+    for robot in ["pendulum", "cartpole"] {
+        let system = System::named(robot).expect("built in");
+        let (slope, last) = order(&system, "RK4", &[1, 2, 4, 8], |n| run(&system, articulated(Integrator::Rk4, n)));
+        assert!((3.7..4.5).contains(&slope), "{robot}: order {slope:.2}, textbook 4");
+        assert!(last < 1e-7, "{robot}: {last:.2e} rad at 8 substeps, bound 1e-7");
+    }
+}
+
+#[test]
+fn symplectic_euler_has_order_1() {
+    for robot in ["pendulum", "cartpole"] {
+        let system = System::named(robot).expect("built in");
+        let (slope, last) = order(&system, "Euler", &[16, 32, 64, 128], |n| run(&system, articulated(Integrator::SymplecticEuler, n)));
+        assert!((0.8..1.3).contains(&slope), "{robot}: order {slope:.2}, textbook 1");
+        assert!(last < 1e-2, "{robot}: {last:.2e} rad at 128 substeps, bound 1e-2");
+    }
+}
+
+#[cfg(feature = "rapier")]
+#[test]
+fn rapier_has_order_1() {
+    for robot in ["pendulum", "cartpole"] {
+        let system = System::named(robot).expect("built in");
+        let (slope, last) = order(&system, "rapier", &[16, 32, 64, 128], |n| run(&system, Rapier::new(RapierConfig::substeps(n))));
+        assert!((0.8..1.3).contains(&slope), "{robot}: order {slope:.2}, first order by design");
+        assert!(last < 1e-2, "{robot}: {last:.2e} rad at 128 substeps, bound 1e-2");
+    }
+}

@@ -1,0 +1,105 @@
+//! Muon on the device (see [`crate::learner::muon`]): all matrices of one shape as one batch of products.
+//!
+//! `muon_pack` moves momentum on and packs its look-ahead, `muon_unit` divides by the norm, five times `A = X X^T`,
+//! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. The two shapes run
+//! side by side on the two streams.
+
+use cudarc::driver::CudaEvent;
+
+use super::device::Arg::{Float, Int, Ptr};
+use super::device::{Batch, Buffer, Device, Lane, Op};
+use crate::learner::LearnError;
+use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM};
+
+/// All hidden matrices of one shape.
+struct Group {
+    lane: Lane,
+    rows: usize,
+    columns: usize,
+    count: usize,
+    gain: f32,
+    table: Buffer<[i32; 4]>,
+    x: [Buffer<f32>; 2],
+    gram: Buffer<f32>,
+    polynomial: Buffer<f32>,
+}
+
+/// Memory of both groups.
+pub(super) struct Muon {
+    groups: Vec<Group>,
+    fork: CudaEvent,
+    join: CudaEvent,
+}
+
+/// Vectors an update reads and writes, by address.
+pub(super) struct Vectors {
+    pub weights: u64,
+    pub gradients: u64,
+    pub m: u64,
+    pub average: u64,
+    pub scalars: u64,
+}
+
+impl Muon {
+    /// Memory for the hidden matrices of a network.
+    pub fn new(device: &Device, hidden: &[Vec<Hidden>; 2]) -> Result<Self, LearnError> {
+        let lanes = [Lane::Main, Lane::Side];
+        let group = |(matrices, lane): (&Vec<Hidden>, Lane)| -> Result<Group, LearnError> {
+            let Some(&Hidden { rows, columns, .. }) = matrices.first() else { return Err(LearnError::Mismatch("a network without hidden matrices".into())) };
+            let count = matrices.len();
+            let table: Vec<[i32; 4]> = matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();
+            let zeros = |len: usize| device.zeros::<f32>(count * len);
+            Ok(Group {
+                lane,
+                rows,
+                columns,
+                count,
+                gain: matrices[0].gain(),
+                table: device.upload(&table)?,
+                x: [zeros(rows * columns)?, zeros(rows * columns)?],
+                gram: zeros(rows * rows)?,
+                polynomial: zeros(rows * rows)?,
+            })
+        };
+        let groups = hidden.iter().zip(lanes).map(group).collect::<Result<_, _>>()?;
+        Ok(Self { groups, fork: device.event()?, join: device.event()? })
+    }
+
+    /// The update of all hidden matrices, after the work before it on the main stream.
+    pub fn update(&self, d: &Device, v: &Vectors) -> Result<(), LearnError> {
+        d.mark(Lane::Main, &self.fork)?;
+        d.after(Lane::Side, &self.fork)?;
+        self.groups.iter().try_for_each(|g| g.update(d, v))?;
+        d.mark(Lane::Side, &self.join)?;
+        d.after(Lane::Main, &self.join)
+    }
+}
+
+impl Group {
+    fn update(&self, d: &Device, v: &Vectors) -> Result<(), LearnError> {
+        let (r, c, n) = (self.rows, self.columns, self.count);
+        let grid = |len: usize| (len.div_ceil(256), n);
+        let [a, b, k] = COEFFICIENTS;
+        let shape = [Int(r), Int(c)];
+        let mut x = (&self.x[0], &self.x[1]);
+        let pack = [Ptr(v.gradients), Ptr(v.m), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(v.scalars), Float(MOMENTUM), shape[0], shape[1]];
+        d.launch_on(self.lane, "muon_pack", grid(r * c), (256, 1), 0, &pack)?;
+        d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &[Ptr(x.0.ptr), Int(r * c)])?;
+        let (wide, square) = (r * c, r * r);
+        for _ in 0..ITERATIONS {
+            // Row-major X [r, c] is column-major X^T: X X^T = (X^T)^T X^T.
+            let gram = Batch { ops: (Op::Transposed, Op::Plain), size: (r, r, c), count: n };
+            d.products(self.lane, gram, (x.0.ptr, c, wide), (x.0.ptr, c, wide), (self.gram.ptr, r, square))?;
+            let squared = Batch { ops: (Op::Plain, Op::Plain), size: (r, r, r), count: n };
+            d.products(self.lane, squared, (self.gram.ptr, r, square), (self.gram.ptr, r, square), (self.polynomial.ptr, r, square))?;
+            let blend = [Ptr(self.gram.ptr), Ptr(self.polynomial.ptr), Float(a), Float(b), Float(k), Int(r)];
+            d.launch_on(self.lane, "muon_polynomial", grid(r * r), (256, 1), 0, &blend)?;
+            // P is symmetric: (P X)^T = X^T P.
+            let next = Batch { ops: (Op::Plain, Op::Plain), size: (c, r, r), count: n };
+            d.products(self.lane, next, (x.0.ptr, c, wide), (self.polynomial.ptr, r, square), (x.1.ptr, c, wide))?;
+            x = (x.1, x.0);
+        }
+        let apply = [Ptr(v.weights), Ptr(v.average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(v.scalars), Float(self.gain), shape[0], shape[1]];
+        d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
+    }
+}

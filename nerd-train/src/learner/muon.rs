@@ -1,0 +1,108 @@
+//! Muon for the hidden matrices (K. Jordan and others, 2024): momentum, made orthogonal, as the update.
+//!
+//! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`, so
+//! that an update has the root mean square that Adam's usually has and one learning rate serves both (Liu and others
+//! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm and iterates five times
+//! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything that is no
+//! hidden matrix stays with Adam. Query, key and value count as three matrices.
+
+use nalgebra::DMatrix;
+use nerd_model::transformer::TransformerConfig;
+use rayon::prelude::*;
+
+use super::{LearnerConfig, LearnerState};
+
+/// Momentum.
+pub const MOMENTUM: f32 = 0.95;
+/// Iterations of the orthogonalisation.
+pub const ITERATIONS: usize = 5;
+/// Its coefficients a, b, c.
+pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
+
+/// A hidden matrix inside the flat vector, seen with at least as many columns as rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hidden {
+    /// Offset of its first entry.
+    pub offset: usize,
+    /// Distance between entries that stand under each other in memory's rows.
+    pub stride: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub columns: usize,
+    /// Whether memory holds the transpose: entry (r, c) at `offset + c stride + r` instead of `offset + r stride + c`.
+    pub transposed: bool,
+}
+
+impl Hidden {
+    /// Where entry (r, c) stands in the flat vector.
+    pub fn at(&self, r: usize, c: usize) -> usize {
+        if self.transposed { self.offset + c * self.stride + r } else { self.offset + r * self.stride + c }
+    }
+
+    /// Factor between learning rate and orthogonal update.
+    pub fn gain(&self) -> f32 {
+        0.2 * (self.columns as f32).sqrt()
+    }
+}
+
+/// The hidden matrices of a network: all `E x E` ones (query, key, value, projection), then all `E x 4E` ones.
+pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
+    let (e, mut offset) = (config.embedding, 0);
+    let (mut square, mut wide) = (Vec::new(), Vec::new());
+    for tensor in config.tensors() {
+        let matrix = |shift: usize, stride: usize, columns: usize, transposed| Hidden { offset: offset + shift, stride, rows: e, columns, transposed };
+        match tensor.name.rsplit_once('.').map_or("", |(path, _)| path).splitn(3, '.').nth(2) {
+            Some("attn.qkv") => square.extend((0..3).map(|k| matrix(k * e, 3 * e, e, false))),
+            Some("attn.proj") => square.push(matrix(0, e, e, false)),
+            Some("mlp.up") => wide.push(matrix(0, 4 * e, 4 * e, false)),
+            Some("mlp.down") => wide.push(matrix(0, e, 4 * e, true)),
+            _ => {}
+        }
+        offset += tensor.len();
+    }
+    [square, wide]
+}
+
+/// Makes the Muon part of an update of `state`: hidden matrices, their momentum and average. `gradient` is the clipped
+/// one; the caller counts the update.
+pub fn step(state: &mut LearnerState, gradient: &[f32], lr: f32, config: &LearnerConfig) {
+    let s = state.step as f64;
+    let blend = 1.0 - config.average.min((1.0 + s) / (10.0 + s)) as f32;
+    let all: Vec<Hidden> = hidden(&state.weights.config).concat();
+    let m = &state.m;
+    // Each matrix by itself: the same bits on any number of threads.
+    let updates: Vec<(Vec<f32>, DMatrix<f32>)> = all
+        .par_iter()
+        .map(|h| {
+            let momentum = |r, c| MOMENTUM * m[h.at(r, c)] + (1.0 - MOMENTUM) * gradient[h.at(r, c)];
+            let ahead = DMatrix::from_fn(h.rows, h.columns, |r, c| MOMENTUM * momentum(r, c) + (1.0 - MOMENTUM) * gradient[h.at(r, c)]);
+            let kept = (0..h.rows * h.columns).map(|i| momentum(i / h.columns, i % h.columns)).collect();
+            (kept, orthogonal(ahead))
+        })
+        .collect();
+    for (h, (kept, update)) in all.iter().zip(&updates) {
+        for (i, momentum) in kept.iter().enumerate() {
+            let (r, c) = (i / h.columns, i % h.columns);
+            let at = h.at(r, c);
+            state.m[at] = *momentum;
+            state.weights.flat[at] -= lr * h.gain() * update[(r, c)];
+            state.average[at] += blend * (state.weights.flat[at] - state.average[at]);
+        }
+    }
+}
+
+/// The nearest matrix with orthonormal rows, roughly: singular values come out between about 0.7 and 1.2.
+pub fn orthogonal(mut x: DMatrix<f32>) -> DMatrix<f32> {
+    let [a, b, c] = COEFFICIENTS;
+    x /= x.norm() + 1e-7;
+    for _ in 0..ITERATIONS {
+        let gram = &x * x.transpose();
+        let mut p = &gram * &gram * c + &gram * b;
+        for i in 0..p.nrows() {
+            p[(i, i)] += a;
+        }
+        x = p * x;
+    }
+    x
+}
