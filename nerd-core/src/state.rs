@@ -8,9 +8,12 @@ use crate::robot::Robot;
 #[inline]
 pub fn wrap(x: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
+    if (-PI..PI).contains(&x) {
+        return x;
+    }
+    // Rounding may land on either side of the seam.
     let y = x - TAU * ((x + PI) / TAU).floor();
-    // Rounding may land exactly on +pi.
-    if y >= PI { y - TAU } else { y }
+    if y >= PI { (y - TAU).max(-PI) } else { y.max(-PI) }
 }
 
 /// Wraps every endless joint angle of one state in place.

@@ -49,7 +49,7 @@ fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
         }
     }
     println!("worst relative difference: dense {:.1e}, sparse {:.1e}, inverse {:.1e}", worst[0], worst[1], worst[2]);
-    assert!(worst.iter().all(|w| *w < BOUND), "ABA against dense, sparse and inverse dynamics: {worst:.1e?}, allowed {BOUND:.0e}");
+    assert!(worst.iter().all(|w| *w < BOUND), "ABA against dense, sparse and inverse dynamics: {worst:?}, allowed {BOUND:.0e}");
 }
 
 #[test]

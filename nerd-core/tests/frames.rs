@@ -107,7 +107,10 @@ fn moving_and_turning_the_world_changes_nothing() {
 
 #[test]
 fn points_turn_and_move_directions_only_turn() {
-    let frame = RootFrame { origin: Vector3::new(1.0, 2.0, 3.0), rotation: UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2) };
+    let frame = RootFrame {
+        origin: Vector3::new(1.0, 2.0, 3.0),
+        rotation: UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2),
+    };
     let (point, direction) = (frame.point(&Vector3::new(1.0, 3.0, 3.0)), frame.direction(&Vector3::y()));
     assert!((point - Vector3::x()).norm() < 1e-15 && (direction - Vector3::x()).norm() < 1e-15, "{point} {direction}");
 }

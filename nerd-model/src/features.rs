@@ -122,9 +122,7 @@ impl Features {
         }
         let frame = RootFrame::of(state);
         frame.state_in(robot, state, &mut self.near);
-        for k in 0..state.len() {
-            self.far[k] = self.near[k] + change[k];
-        }
+        self.far.iter_mut().zip(self.near.iter().zip(change)).for_each(|(f, (n, c))| *f = n + c);
         let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
         write_quaternion(&mut self.far[3..7], &turned);
         frame.state_out(robot, &self.far, next);

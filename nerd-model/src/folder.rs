@@ -82,7 +82,8 @@ impl Model {
     /// Loads the model of `system` from a folder; refuses one of another robot, or of another truth if one is named.
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let config: ModelConfig = read_json(&folder.join("config.json"))?;
-        let other = |what, found: &str, wanted: &str| ModelError::Other { path: folder.into(), what, found: found.into(), wanted: wanted.into() };
+        let other =
+            |what, found: &str, wanted: &str| ModelError::Other { path: folder.into(), what, found: found.into(), wanted: wanted.into() };
         if config.robot != system.name {
             return Err(other("robot", &config.robot, &system.name));
         }
@@ -95,9 +96,13 @@ impl Model {
         let (inputs, outputs) = (Features::inputs(system), Features::outputs(system));
         let network = config.network;
         if (network.inputs, network.outputs) != (inputs, outputs) {
-            return Err(wrong(format!("maps {} to {} numbers; robot `{}` needs {inputs} to {outputs}", network.inputs, network.outputs, system.name)));
+            return Err(wrong(format!(
+                "maps {} to {} numbers; robot `{}` needs {inputs} to {outputs}",
+                network.inputs, network.outputs, system.name
+            )));
         }
-        let lengths = [&normalizer.inputs.mean, &normalizer.inputs.variance, &normalizer.outputs.mean, &normalizer.outputs.variance].map(Vec::len);
+        let lengths =
+            [&normalizer.inputs.mean, &normalizer.inputs.variance, &normalizer.outputs.mean, &normalizer.outputs.variance].map(Vec::len);
         if lengths != [inputs, inputs, outputs, outputs] {
             return Err(wrong(format!("normalizer.json has {lengths:?} numbers, expected {:?}", [inputs, inputs, outputs, outputs])));
         }
@@ -110,7 +115,8 @@ impl Model {
     pub fn save(&self, folder: &Path, card: &str) -> Result<(), ModelError> {
         let format = |e: String| ModelError::Format { path: folder.into(), reason: e };
         let json = |x: serde_json::Result<String>| x.map(|s| s + "\n").map_err(|e| format(e.to_string()));
-        let bytes = self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())])).map_err(|e| format(e.to_string()))?;
+        let bytes =
+            self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())])).map_err(|e| format(e.to_string()))?;
         write(&folder.join("config.json"), json(serde_json::to_string_pretty(&self.config))?.as_bytes())?;
         write(&folder.join("normalizer.json"), json(serde_json::to_string_pretty(&self.normalizer))?.as_bytes())?;
         write(&folder.join("README.md"), card.as_bytes())?;

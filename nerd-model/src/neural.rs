@@ -38,7 +38,19 @@ impl Neural {
     pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
         let (features, data) = (Features::new(system), Data::new(&system.robot));
         let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
-        Self { model, forward, features, data, events: Vec::new(), tokens, held, newest, window: Vec::new(), output: Vec::new(), next: Vec::new() }
+        Self {
+            model,
+            forward,
+            features,
+            data,
+            events: Vec::new(),
+            tokens,
+            held,
+            newest,
+            window: Vec::new(),
+            output: Vec::new(),
+            next: Vec::new(),
+        }
     }
 
     /// The same, evaluated by burn on the CPU.

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use burn::tensor::{Device, Tensor, TensorData};
 use nerd_model::transformer::{BurnForward, Forward, Transformer, TransformerConfig, Weights};
 
-const SMALL: TransformerConfig = TransformerConfig { inputs: 5, outputs: 3, embedding: 24, layers: 3, heads: 4, block: 8, history: 6, head: 7 };
+const SMALL: TransformerConfig =
+    TransformerConfig { inputs: 5, outputs: 3, embedding: 24, layers: 3, heads: 4, block: 8, history: 6, head: 7 };
 
 /// Parameters ten times the usual spread, so that attention is far from uniform and every term matters.
 fn lively(seed: u64) -> Weights {
@@ -46,11 +47,14 @@ fn erf(x: f64) -> f64 {
 /// One window, straight from the equations, in f64.
 fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
     let c = w.config;
-    let p: HashMap<String, (Vec<usize>, Vec<f64>)> = w.iter().map(|(n, s, v)| (n, (s, v.iter().map(|&v| f64::from(v)).collect()))).collect();
+    let p: HashMap<String, (Vec<usize>, Vec<f64>)> =
+        w.iter().map(|(n, s, v)| (n, (s, v.iter().map(|&v| f64::from(v)).collect()))).collect();
     let linear = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
         let (shape, m) = &p[&format!("{name}.weight")];
         let bias = p.get(&format!("{name}.bias"));
-        let column = |row: &Vec<f64>, j: usize| row.iter().enumerate().map(|(i, x)| x * m[i * shape[1] + j]).sum::<f64>() + bias.map_or(0.0, |b| b.1[j]);
+        let column = |row: &Vec<f64>, j: usize| {
+            row.iter().enumerate().map(|(i, x)| x * m[i * shape[1] + j]).sum::<f64>() + bias.map_or(0.0, |b| b.1[j])
+        };
         rows.iter().map(|row| (0..shape[1]).map(|j| column(row, j)).collect()).collect()
     };
     let norm = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
@@ -62,7 +66,8 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
         };
         rows.iter().map(one).collect()
     };
-    let add = |a: &mut Vec<Vec<f64>>, b: Vec<Vec<f64>>| a.iter_mut().zip(b).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
+    let add =
+        |a: &mut Vec<Vec<f64>>, b: Vec<Vec<f64>>| a.iter_mut().zip(b).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
     let rows: Vec<Vec<f64>> = x.chunks(c.inputs).map(|r| r.iter().map(|&v| f64::from(v)).collect()).collect();
     let mut h = linear(&rows, "embed");
     let table = p["position.weight"].1.chunks(c.embedding).map(<[f64]>::to_vec).collect();
@@ -73,7 +78,8 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
         let mut mixed = vec![vec![0.0; c.embedding]; tokens];
         for (head, i) in (0..c.heads).flat_map(|head| (0..tokens).map(move |i| (head, i))) {
             let at = |t: usize, part: usize, k: usize| qkv[t][part * c.embedding + head * d + k];
-            let score: Vec<f64> = (0..=i).map(|j| ((0..d).map(|k| at(i, 0, k) * at(j, 1, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
+            let score: Vec<f64> =
+                (0..=i).map(|j| ((0..d).map(|k| at(i, 0, k) * at(j, 1, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
             let total: f64 = score.iter().sum();
             for k in 0..d {
                 mixed[i][head * d + k] = (0..=i).map(|j| score[j] / total * at(j, 2, k)).sum();

@@ -83,7 +83,8 @@ impl System {
     /// From the text of a URDF and of a specification; without one, fixed base, gravity along -z, 1/60 s, no torque.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
-        let given = spec.map(|text| toml::from_str::<Spec>(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))).transpose()?;
+        let given =
+            spec.map(|text| toml::from_str::<Spec>(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))).transpose()?;
         let floating = given.as_ref().is_some_and(|s| s.floating);
         let mut robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = given.unwrap_or_else(|| plain(&robot));
@@ -111,7 +112,9 @@ impl System {
             joint_specs.push(index);
         }
         if !spec.contacts.is_empty() {
-            let link = |wanted: &str| robot.links.iter().position(|l| l.name == wanted).ok_or_else(|| wrong(format!("[[contact]] on unknown link `{wanted}`")));
+            let link = |wanted: &str| {
+                robot.links.iter().position(|l| l.name == wanted).ok_or_else(|| wrong(format!("[[contact]] on unknown link `{wanted}`")))
+            };
             let points = spec.contacts.iter().map(|c| {
                 Ok(ContactPoint { link: link(&c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
             });
@@ -163,7 +166,14 @@ fn plain(robot: &Robot) -> Spec {
     use crate::spec::{JointSpec, StartSpec};
     let start = |q: f64, qd: f64| StartSpec { q: Law { low: -q, high: q }, qd: Law { low: -qd, high: qd }, minus: None };
     let names: Vec<_> = robot.joints().map(|j| j.name.clone()).collect();
-    let joint = |name: &String| JointSpec { name: name.clone(), armature: 0.0, limit: None, torque: 0.0, sample: start(1.0, 1.0), reset: start(0.1, 0.0) };
+    let joint = |name: &String| JointSpec {
+        name: name.clone(),
+        armature: 0.0,
+        limit: None,
+        torque: 0.0,
+        sample: start(1.0, 1.0),
+        reset: start(0.1, 0.0),
+    };
     Spec {
         urdf: String::new(),
         floating: robot.floating(),

@@ -53,7 +53,11 @@ fn order(system: &Arc<System>, name: &str, substeps: &[usize], solve: impl Fn(us
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
     let (mx, my) = (mean(&x), mean(&y));
     let slope = -x.iter().zip(&y).map(|(a, b)| (a - mx) * (b - my)).sum::<f64>() / x.iter().map(|a| (a - mx).powi(2)).sum::<f64>();
-    println!("{} {name}: order {slope:.3}, mean |dq| {} at {substeps:?} substeps", system.name, errors.iter().map(|e| format!("{e:.2e}")).collect::<Vec<_>>().join(" "));
+    println!(
+        "{} {name}: order {slope:.3}, mean |dq| {} at {substeps:?} substeps",
+        system.name,
+        errors.iter().map(|e| format!("{e:.2e}")).collect::<Vec<_>>().join(" ")
+    );
     (slope, errors[errors.len() - 1])
 }
 

@@ -28,25 +28,37 @@ fn bytes(states: &[f64]) -> Vec<u64> {
 }
 
 fn articulated() -> Articulated {
-    let config = ArticulatedConfig { integrator: Integrator::Rk4, substeps: 16, contact_substeps: 256, refresh: Refresh::Substep, friction: Friction::Coulomb };
+    let config = ArticulatedConfig {
+        integrator: Integrator::Rk4,
+        substeps: 16,
+        contact_substeps: 256,
+        refresh: Refresh::Substep,
+        friction: Friction::Coulomb,
+    };
     Articulated::new(config)
 }
 
 /// A floating body whose centre of mass is 0.1 m off its origin, with a second one on a hinge if `jointed`.
 fn floating(jointed: bool, gravity: f64) -> Arc<System> {
-    let body = |name: &str| format!(
-        r#"<link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>
+    let body = |name: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>
         <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.04"/></inertial>
         <collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>"#
-    );
+        )
+    };
     let hinge = r#"<joint name="hinge" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0"/><axis xyz="0 0.6 0.8"/></joint>"#;
     let urdf = format!(r#"<robot name="floater">{}{}</robot>"#, body("a"), if jointed { body("b") + hinge } else { String::new() });
     let q: Vec<_> = "px py pz qx qy qz qw".split(' ').chain(jointed.then_some("q")).map(|c| format!("\"{c}\"")).collect();
     let qd: Vec<_> = "wx wy wz vx vy vz".split(' ').chain(jointed.then_some("qd")).map(|c| format!("\"{c}\"")).collect();
-    let joint = "[[joint]]\nname = \"hinge\"\nsample = { q = \"U(-1, 1)\", qd = \"U(-1, 1)\" }\nreset = { q = \"U(-1, 1)\", qd = \"U(-1, 1)\" }\n";
+    let joint =
+        "[[joint]]\nname = \"hinge\"\nsample = { q = \"U(-1, 1)\", qd = \"U(-1, 1)\" }\nreset = { q = \"U(-1, 1)\", qd = \"U(-1, 1)\" }\n";
     let spec = format!(
         "urdf = \"\"\nfloating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, {gravity:?}]\nsubsteps = 16\nstate_columns = [{}, {}]\ntorque_columns = [{}]\n{}\n[[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n",
-        q.join(", "), qd.join(", "), if jointed { "\"tau\"" } else { "" }, if jointed { joint } else { "" },
+        q.join(", "),
+        qd.join(", "),
+        if jointed { "\"tau\"" } else { "" },
+        if jointed { joint } else { "" },
     );
     Arc::new(System::from_text("floater", &urdf, Some(&spec)).expect("valid"))
 }
@@ -235,7 +247,10 @@ fn limits_are_the_springs_of_the_model() {
     let (x, far) = run(Box::new(articulated()));
     let rapier = |steps: usize| run(Box::new(Rapier::new(RapierConfig { iterations: 4, steps, ..Default::default() })));
     let (coarse, fine) = (rapier(4), rapier(64));
-    println!("cart after 40 frames {x:.4} m, farthest {far:.4} m; rapier 4x4 {:.4}, {:.4}, 4x64 {:.4}, {:.4}", coarse.0, coarse.1, fine.0, fine.1);
+    println!(
+        "cart after 40 frames {x:.4} m, farthest {far:.4} m; rapier 4x4 {:.4}, {:.4}, 4x64 {:.4}, {:.4}",
+        coarse.0, coarse.1, fine.0, fine.1
+    );
     assert!(far > 4.1, "the spring is not met: {far:.3} m");
     assert!((fine.0 - x).abs() < 1e-2, "{:.4} m against {x:.4} m, bound 1e-2 m", fine.0);
 }

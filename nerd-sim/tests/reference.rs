@@ -38,7 +38,11 @@ fn read(path: &Path, system: &System) -> Vec<Trajectory> {
         }
         let last = out.last_mut().expect("step 0 comes first");
         last.states.push(states.iter().map(|&i| number(i)).collect());
-        last.torques.push(if torques.is_empty() { vec![0.0; system.robot.joint_count()] } else { torques.iter().map(|&i| number(i)).collect() });
+        last.torques.push(if torques.is_empty() {
+            vec![0.0; system.robot.joint_count()]
+        } else {
+            torques.iter().map(|&i| number(i)).collect()
+        });
     }
     out
 }
@@ -70,7 +74,12 @@ fn drift(file: &Path, robot: &str, scene: &str, friction: Friction) -> Vec<f64> 
 #[test]
 fn contact_free_trajectories_are_reproduced_to_1e_4_at_step_100() {
     let Some(folder) = folder() else { return };
-    for (name, robot) in [("cartpole_passive", "cartpole"), ("cartpole_random_torque", "cartpole"), ("pendulum_passive_config0", "pendulum"), ("pendulum_random_torque_config0", "pendulum")] {
+    for (name, robot) in [
+        ("cartpole_passive", "cartpole"),
+        ("cartpole_random_torque", "cartpole"),
+        ("pendulum_passive_config0", "pendulum"),
+        ("pendulum_random_torque_config0", "pendulum"),
+    ] {
         for version in ["1.5.1", "1.8.1"] {
             let drifts = drift(&folder.join(format!("{name}_warp{version}.csv")), robot, "free", Friction::Coulomb);
             let (median, max) = (drifts[drifts.len() / 2], drifts[drifts.len() - 1]);
@@ -105,5 +114,10 @@ fn the_friction_laws_are_told_apart() {
     let median = |d: &[f64]| d[d.len() / 2];
     println!("1.8.1 file: Huber {:.2e}, Coulomb {:.2e}", median(&huber), median(&coulomb));
     // Near rest the Huber law's force has a jump that f32 and f64 take at different substeps: 1e-3 is its level.
-    assert!(median(&huber) < 1e-3 && median(&coulomb) > 10.0 * median(&huber), "Huber {:.2e}, Coulomb {:.2e}", median(&huber), median(&coulomb));
+    assert!(
+        median(&huber) < 1e-3 && median(&coulomb) > 10.0 * median(&huber),
+        "Huber {:.2e}, Coulomb {:.2e}",
+        median(&huber),
+        median(&coulomb)
+    );
 }

@@ -86,7 +86,10 @@ fn gradient() -> Outcome {
             let moved = |h: f32| Weights { config, flat: centre.flat.iter().zip(&d).map(|(w, d)| w + h * d).collect() };
             let (above, below) = (at(moved(length))?.0, at(moved(-length))?.0);
             let error = ((above - below) as f64 / (2.0 * length as f64) / slope - 1.0).abs();
-            println!("E {} of {} inputs, {} outputs: slope {slope:.6}, off the central difference by {error:.1e}", config.embedding, config.inputs, config.outputs);
+            println!(
+                "E {} of {} inputs, {} outputs: slope {slope:.6}, off the central difference by {error:.1e}",
+                config.embedding, config.inputs, config.outputs
+            );
             if error > 2e-3 {
                 return Err("the gradient does not fit the loss".into());
             }
@@ -172,7 +175,12 @@ fn timing() -> Outcome {
             learner.progress()?;
             let seconds = start.elapsed().as_secs_f64() / count as f64;
             let flops = 6.0 * (batch * c.history * (matrices + c.layers * 2 * e * c.history)) as f64;
-            println!("{precision:?} batch {batch}: {:.3} ms an update, {:.0} windows/s, {:.1} TFLOP/s", seconds * 1e3, batch as f64 / seconds, flops / seconds / 1e12);
+            println!(
+                "{precision:?} batch {batch}: {:.3} ms an update, {:.0} windows/s, {:.1} TFLOP/s",
+                seconds * 1e3,
+                batch as f64 / seconds,
+                flops / seconds / 1e12
+            );
         }
     }
     Ok(())

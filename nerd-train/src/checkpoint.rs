@@ -49,11 +49,7 @@ pub enum CheckpointError {
 /// # Errors
 /// If the folder cannot be written; then an older file at `path` is untouched.
 pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<(), CheckpointError> {
-    let metadata = [
-        ("step", state.step.to_string()),
-        ("network", json(&state.weights.config)),
-        ("config", config.to_owned()),
-    ];
+    let metadata = [("step", state.step.to_string()), ("network", json(&state.weights.config)), ("config", config.to_owned())];
     let metadata: HashMap<String, String> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
     let vectors = vectors(state).map(|(name, x)| (name, x.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()));
     let format = |e: safetensors::SafeTensorError| CheckpointError::Format { path: path.into(), reason: e.to_string() };
@@ -71,7 +67,8 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
     let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io { path: path.into(), source })?;
     let format = |reason: String| CheckpointError::Format { path: path.into(), reason };
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| format(e.to_string()))?;
-    let metadata = |key: &str| header.metadata().as_ref().and_then(|m| m.get(key)).ok_or_else(|| format(format!("no `{key}` in its metadata")));
+    let metadata =
+        |key: &str| header.metadata().as_ref().and_then(|m| m.get(key)).ok_or_else(|| format(format!("no `{key}` in its metadata")));
     let found: TransformerConfig = serde_json::from_str(metadata("network")?).map_err(|e| format(format!("network: {e}")))?;
     if found != *network {
         return Err(CheckpointError::Network { path: path.into(), found: json(&found), expected: json(network) });

@@ -32,7 +32,15 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize) -> Wi
     Windows { inputs, outputs, frames: f, history, x, y }
 }
 
-fn frame_of(system: &System, recording: &Recording, trajectory: usize, frame: usize, features: &mut Features, x: &mut [f32], y: &mut [f32]) {
+fn frame_of(
+    system: &System,
+    recording: &Recording,
+    trajectory: usize,
+    frame: usize,
+    features: &mut Features,
+    x: &mut [f32],
+    y: &mut [f32],
+) {
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
     let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
     let vector = |x: &[f32]| Vector3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]));

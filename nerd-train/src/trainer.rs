@@ -164,7 +164,8 @@ impl Trainer {
     /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.
     fn save_best(&self, state: LearnerState, criterion: f64) -> Result<(), TrainError> {
         let network = serde_json::to_string(&state.weights.config).unwrap_or_default();
-        let metadata = [("step", state.step.to_string()), ("criterion", criterion.to_string()), ("network", network), ("config", self.run.clone())];
+        let metadata =
+            [("step", state.step.to_string()), ("criterion", criterion.to_string()), ("network", network), ("config", self.run.clone())];
         let metadata: HashMap<_, _> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
         let bytes = Weights { config: state.weights.config, flat: state.average }.to_bytes(metadata)?;
         Ok(checkpoint::replace(&self.folder.join("best.safetensors"), |file| file.write_all(&bytes))?)

@@ -50,7 +50,11 @@ fn a_reopened_record_drops_what_will_be_written_again() {
     drop(metrics);
     std::fs::write(&path, std::fs::read_to_string(&path).unwrap() + "{\"kind\":\"tra").unwrap();
     Metrics::open(&path, 3).unwrap().write(&line(4)).unwrap();
-    let steps: Vec<u64> = std::fs::read_to_string(&path).unwrap().lines().map(|l| serde_json::from_str::<serde_json::Value>(l).unwrap()["step"].as_u64().unwrap()).collect();
+    let steps: Vec<u64> = std::fs::read_to_string(&path)
+        .unwrap()
+        .lines()
+        .map(|l| serde_json::from_str::<serde_json::Value>(l).unwrap()["step"].as_u64().unwrap())
+        .collect();
     assert_eq!(steps, [1, 2, 3, 4]);
 }
 

@@ -12,8 +12,14 @@ use nerd_train::learner::{Learner, LearnerState};
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::{HookError, Outcome, TrainError, Trainer, TrainerConfig};
 
-const CONFIG: TrainerConfig =
-    TrainerConfig { updates: 30, schedule: Schedule { start: 1e-3, end: 1e-4, warmup: 3, tail: 5 }, validate_every: 6, checkpoint_every: 7, validation_windows: 50, log_every: 1 };
+const CONFIG: TrainerConfig = TrainerConfig {
+    updates: 30,
+    schedule: Schedule { start: 1e-3, end: 1e-4, warmup: 3, tail: 5 },
+    validate_every: 6,
+    checkpoint_every: 7,
+    validation_windows: 50,
+    log_every: 1,
+};
 
 fn train(folder: &Path, state: LearnerState, wall: Option<Duration>) -> (Outcome, LearnerState) {
     let mut learner = learner(state);
@@ -64,7 +70,8 @@ fn killed_between_checkpoints() {
     let (_, end) = train(whole.path(), fresh(), None);
     // The hook fails at step 18: the last checkpoint is that of step 14, the record goes on to 18.
     let trainer = Trainer::new(CONFIG, LEARNER.batch, killed.path(), "{\"name\":\"test\"}");
-    let mut hook = |_: &mut dyn Learner, step: u64| -> Result<Option<f64>, HookError> { if step == 18 { Err("power cut".into()) } else { Ok(None) } };
+    let mut hook =
+        |_: &mut dyn Learner, step: u64| -> Result<Option<f64>, HookError> { if step == 18 { Err("power cut".into()) } else { Ok(None) } };
     let error = trainer.run(&mut learner(fresh()), &mut hook).unwrap_err();
     assert!(matches!(&error, TrainError::Hook { step: 18, .. }) && error.to_string().contains("power cut"), "{error}");
     let state = load(killed.path());

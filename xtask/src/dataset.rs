@@ -47,6 +47,11 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     let manifest = generate(&system, &mut *solver, crate::train::TRUTH, &config, &args.out, &mut |done, _| bar.set(done as u64))?;
     bar.finish();
     let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
-    println!("{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}", manifest.shards.len(), n as f64 / seconds, manifest.sha256);
+    println!(
+        "{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}",
+        manifest.shards.len(),
+        n as f64 / seconds,
+        manifest.sha256
+    );
     Ok(())
 }

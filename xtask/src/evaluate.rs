@@ -86,13 +86,25 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
         let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed };
         let mut solver = build(&args.solver, &system, args.starts)?;
         let report = measure(&system, scene, &mut *solver, protocol, &mut |step| bar.set((k * steps + step) as u64))?;
-        rows.push(Row { robot: system.name.clone(), scene: scene.name.clone(), protocol, report, paper: paper::passive_error(&system.name, &scene.name) });
+        rows.push(Row {
+            robot: system.name.clone(),
+            scene: scene.name.clone(),
+            protocol,
+            report,
+            paper: paper::passive_error(&system.name, &scene.name),
+        });
     }
     bar.finish();
     Ok(rows)
 }
 
-fn measure(system: &Arc<System>, scene: &Arc<Scene>, solver: &mut dyn Solver, protocol: PassiveConfig, progress: &mut dyn FnMut(usize)) -> Result<PassiveReport> {
+fn measure(
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    solver: &mut dyn Solver,
+    protocol: PassiveConfig,
+    progress: &mut dyn FnMut(usize),
+) -> Result<PassiveReport> {
     Ok(passive(system, scene, &mut *crate::train::truth(system), solver, protocol, progress)?)
 }
 
@@ -112,5 +124,8 @@ pub fn table(rows: &[Row]) -> String {
             p.diverged.to_string(),
         ]
     });
-    markdown(&["robot", "scene", "starts x steps", "error (rad or m)", "standard error", "paper", "hold last", "constant velocity", "diverged"], &cells.collect::<Vec<_>>())
+    markdown(
+        &["robot", "scene", "starts x steps", "error (rad or m)", "standard error", "paper", "hold last", "constant velocity", "diverged"],
+        &cells.collect::<Vec<_>>(),
+    )
 }

@@ -66,7 +66,9 @@ pub fn run(args: RolloutArgs) -> Result<()> {
         if driven {
             for (env, (id, t)) in trajectories.iter().enumerate() {
                 let given = t.torques.get(&step);
-                let given = given.with_context(|| format!("{}: trajectory {id} has no torques at step {step}, {steps} steps were asked for", args.states.display()))?;
+                let given = given.with_context(|| {
+                    format!("{}: trajectory {id} has no torques at step {step}, {steps} steps were asked for", args.states.display())
+                })?;
                 torques[env * joints..(env + 1) * joints].copy_from_slice(given);
             }
         }
@@ -109,11 +111,16 @@ fn read(path: &Path, system: &System) -> Result<(BTreeMap<u64, Trajectory>, bool
         let record = record.with_context(|| format!("{name}: line {line}"))?;
         let number = |column: usize| {
             let text = record.get(column).unwrap_or_default().trim();
-            text.parse::<f64>().ok().filter(|x| x.is_finite()).with_context(|| format!("{name}: line {line}, column `{}`: `{text}` is no finite number", &header[column]))
+            text.parse::<f64>()
+                .ok()
+                .filter(|x| x.is_finite())
+                .with_context(|| format!("{name}: line {line}, column `{}`: `{text}` is no finite number", &header[column]))
         };
         let whole = |column: usize| {
             let text = record.get(column).unwrap_or_default().trim();
-            text.parse::<u64>().ok().with_context(|| format!("{name}: line {line}, column `{}`: `{text}` is no whole number", &header[column]))
+            text.parse::<u64>()
+                .ok()
+                .with_context(|| format!("{name}: line {line}, column `{}`: `{text}` is no whole number", &header[column]))
         };
         let step = whole(step)? as usize;
         let t = found.entry(whole(traj)?).or_default();

@@ -82,7 +82,7 @@ pub fn build(args: &SolverArgs, system: &Arc<System>, n: usize) -> Result<Box<dy
             }
             Box::new(Articulated::new(config))
         }
-        SolverName::Rapier => bail!("coming"),
+        SolverName::Rapier => Box::new(Rapier::new(args.substeps.map_or_else(RapierConfig::default, RapierConfig::substeps))),
         SolverName::Neural => {
             let preset = if args.preset == Preset::Paper { "paper" } else { "converged" };
             let law = if args.friction == FrictionName::Coulomb { "coulomb" } else { "huber" };

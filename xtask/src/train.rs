@@ -140,7 +140,9 @@ pub fn forward(weights: &Weights, device: Device, windows: usize) -> Result<Box<
     match device {
         Device::Flex => Ok(Box::new(nerd_model::transformer::BurnForward::new(weights, &burn_device()))),
         #[cfg(feature = "cuda")]
-        Device::Cuda => Ok(Box::new(nerd_train::learner::cuda::CudaForward::new(weights, nerd_train::learner::cuda::Precision::F32, windows)?)),
+        Device::Cuda => {
+            Ok(Box::new(nerd_train::learner::cuda::CudaForward::new(weights, nerd_train::learner::cuda::Precision::F32, windows)?))
+        }
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => {
             let _ = windows;
@@ -173,7 +175,13 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         OptimizerName::Adam => Optimizer::Adam,
         OptimizerName::Muon => Optimizer::Muon,
     };
-    let learner = LearnerConfig { batch: args.batch.unwrap_or(if small { 128 } else { 512 }), clip: 1.0, average: args.average, seed: args.seed, optimizer };
+    let learner = LearnerConfig {
+        batch: args.batch.unwrap_or(if small { 128 } else { 512 }),
+        clip: 1.0,
+        average: args.average,
+        seed: args.seed,
+        optimizer,
+    };
     let tail = (args.tail.clamp(0.0, 1.0) * updates as f64) as u64;
     let every = args.validate_every.unwrap_or(updates.div_ceil(50));
     let trainer = TrainerConfig {
@@ -260,12 +268,22 @@ fn resume(out: &Path, network: &TransformerConfig, run: &str) -> Result<Option<L
     }
     let (state, found) = nerd_train::checkpoint::load(&path, network)?;
     if found != run {
-        bail!("{}: belongs to a run with other settings; use another --out, or the settings in {}", path.display(), out.join("run.json").display());
+        bail!(
+            "{}: belongs to a run with other settings; use another --out, or the settings in {}",
+            path.display(),
+            out.join("run.json").display()
+        );
     }
     Ok(Some(state))
 }
 
-fn engine(args: &TrainArgs, config: LearnerConfig, state: LearnerState, data: Prepared, validation: nerd_train::windows::Windows) -> Result<Box<dyn Learner>> {
+fn engine(
+    args: &TrainArgs,
+    config: LearnerConfig,
+    state: LearnerState,
+    data: Prepared,
+    validation: nerd_train::windows::Windows,
+) -> Result<Box<dyn Learner>> {
     match args.device {
         Device::Flex => Ok(Box::new(BurnLearner::new(config, state, Arc::new(data.windows), Arc::new(validation), &burn_device())?)),
         #[cfg(feature = "cuda")]
@@ -317,7 +335,15 @@ fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
 }
 
 /// Writes the model folder with a card made of what the run recorded.
-fn export(folder: &Path, out: &Path, run: &Run, normalizer: Normalizer, weights: Weights, best: Option<(u64, f64)>, args: &TrainArgs) -> Result<()> {
+fn export(
+    folder: &Path,
+    out: &Path,
+    run: &Run,
+    normalizer: Normalizer,
+    weights: Weights,
+    best: Option<(u64, f64)>,
+    args: &TrainArgs,
+) -> Result<()> {
     let sessions: Vec<serde_json::Value> =
         std::fs::read_to_string(out.join("sessions.jsonl"))?.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
     let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
@@ -342,8 +368,16 @@ fn export(folder: &Path, out: &Path, run: &Run, normalizer: Normalizer, weights:
     let mut card = format!(
         "# NeRD of `{}`\n\nA causal Transformer ({} parameters, E {}, {} layers, window {}) that learned one frame of `{}`.\n\
          {} updates of {} windows on {} random transitions (SHA-256 `{}`).\n\n| | |\n|---|---|\n",
-        run.robot, run.network.parameters(), run.network.embedding, run.network.layers, run.network.history, run.truth,
-        run.trainer.updates, run.learner.batch, run.transitions, run.data_sha256,
+        run.robot,
+        run.network.parameters(),
+        run.network.embedding,
+        run.network.layers,
+        run.network.history,
+        run.truth,
+        run.trainer.updates,
+        run.learner.batch,
+        run.transitions,
+        run.data_sha256,
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
     card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");

@@ -7,6 +7,9 @@ use urdf_rs::{Geometry, JointType};
 use super::{Joint, JointKind, Limit, Robot, Shape, ShapeKind, UrdfError};
 use crate::spatial::BodyInertia;
 
+/// Products of a few numbers below this are still finite; no robot comes near it.
+const LARGEST: f64 = 1e60;
+
 /// Welds a link of the file, at `pose` in moving link `host`, to it.
 pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, robot: &mut Robot) -> Result<(), UrdfError> {
     let wrong = |reason: String| UrdfError::link(&source.name, reason);
@@ -27,7 +30,8 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     let body = BodyInertia { mass, com: Vector3::zeros(), inertia };
     let target = &mut robot.links[host];
     target.inertia = target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
-    if !(target.inertia.com.iter().chain(target.inertia.inertia.iter()).all(|x| x.is_finite()) && target.inertia.mass.is_finite()) {
+    let sum = &target.inertia;
+    if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < LARGEST) {
         return Err(wrong("mass, inertia or place is too large to reckon with".into()));
     }
     for collision in &source.collision {

@@ -6,8 +6,8 @@ use nerd_core::dynamics::{Data, inertias, kinematics, point_position, velocities
 use nerd_core::robot::{Base, Joint, JointKind, Link, Robot};
 use nerd_core::spatial::{BodyInertia, Wrench};
 use nerd_core::state::{quaternion, vector, write_quaternion};
-pub use rand::SeedableRng;
 use rand::RngExt;
+pub use rand::SeedableRng;
 pub use rand_chacha::ChaCha8Rng as Rng;
 
 /// Gravity of the tests (m/s^2), along no axis.

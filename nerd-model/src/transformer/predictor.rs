@@ -45,7 +45,12 @@ impl BurnForward {
         let message = if tokens == 0 || tokens > self.config.block {
             format!("{tokens} tokens in a window, the position table has {}", self.config.block)
         } else if inputs.len() != expected {
-            format!("{} input values, expected {} windows x {tokens} tokens x {} = {expected}", inputs.len(), last.len(), self.config.inputs)
+            format!(
+                "{} input values, expected {} windows x {tokens} tokens x {} = {expected}",
+                inputs.len(),
+                last.len(),
+                self.config.inputs
+            )
         } else if let Some(w) = last.iter().position(|&l| l as usize >= tokens) {
             format!("window {w}: newest token {} of {tokens}", last[w])
         } else {
@@ -71,7 +76,8 @@ impl Forward for BurnForward {
         // Even chunks, so that no thread is left with a small one; at least 8 windows, or threads cost more than they give.
         let pieces = last.len().div_ceil(self.chunk).max(self.threads.min(last.len() / 8)).max(1);
         let chunk = last.len().div_ceil(pieces).max(1);
-        let jobs = inputs.chunks(chunk * tokens * self.config.inputs).zip(last.chunks(chunk)).zip(out.chunks_mut(chunk * self.config.outputs));
+        let jobs =
+            inputs.chunks(chunk * tokens * self.config.inputs).zip(last.chunks(chunk)).zip(out.chunks_mut(chunk * self.config.outputs));
         let threads = self.threads.min(pieces);
         if threads == 1 {
             return jobs.into_iter().try_for_each(|((x, l), o)| self.chunk(x, tokens, l, o));

@@ -69,7 +69,8 @@ impl Weights {
 
     /// The bytes of a safetensors file with `metadata` in its header.
     pub fn to_bytes(&self, metadata: HashMap<String, String>) -> Result<Vec<u8>, WeightsError> {
-        let raw: Vec<_> = self.iter().map(|(name, shape, x)| (name, shape, x.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())).collect();
+        let raw: Vec<_> =
+            self.iter().map(|(name, shape, x)| (name, shape, x.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())).collect();
         let views = raw.iter().map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, WeightsError>>()?;
         Ok(safetensors::serialize(views, Some(metadata))?)

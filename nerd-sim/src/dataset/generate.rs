@@ -62,7 +62,13 @@ pub struct Manifest {
 }
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
-pub fn record(system: &Arc<System>, solver: &mut dyn Solver, config: &GenerateConfig, first: u64, count: usize) -> Result<Recording, DatasetError> {
+pub fn record(
+    system: &Arc<System>,
+    solver: &mut dyn Solver,
+    config: &GenerateConfig,
+    first: u64,
+    count: usize,
+) -> Result<Recording, DatasetError> {
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
     let amplitudes = system.torque_amplitudes();
     let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();

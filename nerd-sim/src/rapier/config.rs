@@ -56,9 +56,11 @@ impl RapierConfig {
         if self.iterations == 0 || self.steps == 0 {
             return Err(format!("rapier: {} iterations and {} steps, at least 1 of each is needed", self.iterations, self.steps));
         }
-        for (what, value) in
-            [("contact_frequency_hz", self.contact_frequency_hz), ("contact_damping_ratio", self.contact_damping_ratio), ("length_unit", self.length_unit)]
-        {
+        for (what, value) in [
+            ("contact_frequency_hz", self.contact_frequency_hz),
+            ("contact_damping_ratio", self.contact_damping_ratio),
+            ("length_unit", self.length_unit),
+        ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(format!("rapier: {what} is {value}, a positive number is needed"));
             }

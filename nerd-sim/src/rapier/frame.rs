@@ -63,7 +63,11 @@ impl Workspace {
             return Err("the mass matrix is not positive definite: a link without inertia, or a state out of bounds".into());
         }
         bias(robot, qd, &scene.gravity, &mut self.data);
-        if self.data.tau.iter().all(|x| x.is_finite()) { Ok(()) } else { Err("the forces of the motion are not finite: a state out of bounds".into()) }
+        if self.data.tau.iter().all(|x| x.is_finite()) {
+            Ok(())
+        } else {
+            Err("the forces of the motion are not finite: a state out of bounds".into())
+        }
     }
 
     /// A world that has never been stepped.

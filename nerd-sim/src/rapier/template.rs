@@ -120,7 +120,8 @@ fn frames(joint: &Joint, parent: &Vector3<f64>) -> GenericJoint {
     let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI));
     let align = Isometry3::from_parts(Vector3::zeros().into(), turn);
     let first = Isometry3::translation(-parent.x, -parent.y, -parent.z) * joint.origin * align;
-    let locked = if joint.kind == JointKind::Prismatic { JointAxesMask::LOCKED_PRISMATIC_AXES } else { JointAxesMask::LOCKED_REVOLUTE_AXES };
+    let locked =
+        if joint.kind == JointKind::Prismatic { JointAxesMask::LOCKED_PRISMATIC_AXES } else { JointAxesMask::LOCKED_REVOLUTE_AXES };
     let builder = GenericJointBuilder::new(locked).contacts_enabled(false);
     builder.local_frame1(pose_to_parry(&first)).local_frame2(pose_to_parry(&align)).build()
 }

@@ -5,8 +5,8 @@
 //! runs its element-wise work on one thread, and a small shard's activations stay in the cache. Their gradients are
 //! added in shard order, so the result does not depend on the number of threads.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use nerd_model::transformer::{Transformer, Weights};
@@ -37,7 +37,13 @@ impl BurnLearner {
     ///
     /// # Errors
     /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
-    pub fn new(config: LearnerConfig, state: LearnerState, train: Arc<Windows>, validation: Arc<Windows>, device: &Device) -> Result<Self, LearnError> {
+    pub fn new(
+        config: LearnerConfig,
+        state: LearnerState,
+        train: Arc<Windows>,
+        validation: Arc<Windows>,
+        device: &Device,
+    ) -> Result<Self, LearnError> {
         let (network, n) = (state.weights.config, state.weights.config.parameters());
         for (name, set) in [("training", &train), ("validation", &validation)] {
             let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.history));
@@ -46,7 +52,11 @@ impl BurnLearner {
                 return Err(LearnError::Mismatch(message));
             }
             if set.is_empty() || set.y.len() * set.inputs != set.x.len() * set.outputs {
-                return Err(LearnError::Mismatch(format!("{name} windows: {} inputs and {} targets make no window", set.x.len(), set.y.len())));
+                return Err(LearnError::Mismatch(format!(
+                    "{name} windows: {} inputs and {} targets make no window",
+                    set.x.len(),
+                    set.y.len()
+                )));
             }
         }
         if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) || config.batch == 0 {
@@ -153,7 +163,8 @@ impl Learner for BurnLearner {
         let rows: Vec<u64> = (0..windows.clamp(1, self.validation.len()) as u64).collect();
         let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
         let device = self.device.clone().inner();
-        let parts = self.sharded(&weights, &device, &rows, |network, rows| scalar(squared_error(network, &self.validation, rows, &device)))?;
+        let parts =
+            self.sharded(&weights, &device, &rows, |network, rows| scalar(squared_error(network, &self.validation, rows, &device)))?;
         Ok((parts.iter().sum::<f64>() / self.values(&self.validation, rows.len())) as f32)
     }
 

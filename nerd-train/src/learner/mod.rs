@@ -5,8 +5,8 @@
 //! `a += (1 - d) (w - a)` after each update with `d = min(average, (1 + s) / (10 + s))` at update s counted from 0.
 
 pub mod adam;
-pub mod muon;
 mod burn;
+pub mod muon;
 
 pub use burn::BurnLearner;
 #[cfg(feature = "cuda")]

@@ -51,7 +51,13 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     let (e, mut offset) = (config.embedding, 0);
     let (mut square, mut wide) = (Vec::new(), Vec::new());
     for tensor in config.tensors() {
-        let matrix = |shift: usize, stride: usize, columns: usize, transposed| Hidden { offset: offset + shift, stride, rows: e, columns, transposed };
+        let matrix = |shift: usize, stride: usize, columns: usize, transposed| Hidden {
+            offset: offset + shift,
+            stride,
+            rows: e,
+            columns,
+            transposed,
+        };
         match tensor.name.rsplit_once('.').map_or("", |(path, _)| path).splitn(3, '.').nth(2) {
             Some("attn.qkv") => square.extend((0..3).map(|k| matrix(k * e, 3 * e, e, false))),
             Some("attn.proj") => square.push(matrix(0, e, e, false)),

@@ -11,15 +11,18 @@ use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
 use nerd_train::windows::Windows;
 
 /// About three thousand parameters.
-pub const NETWORK: TransformerConfig = TransformerConfig { inputs: 3, outputs: 2, embedding: 16, layers: 1, heads: 2, block: 4, history: 4, head: 8 };
+pub const NETWORK: TransformerConfig =
+    TransformerConfig { inputs: 3, outputs: 2, embedding: 16, layers: 1, heads: 2, block: 4, history: 4, head: 8 };
 
 /// 24 windows an update, clip 1, moving average 0.99.
-pub const LEARNER: LearnerConfig = LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, optimizer: nerd_train::learner::Optimizer::Adam };
+pub const LEARNER: LearnerConfig =
+    LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, optimizer: nerd_train::learner::Optimizer::Adam };
 
 /// 30 trajectories of 12 frames: `y0 = x0 - x1 / 2`, `y1 = x2`.
 pub fn windows(phase: f32) -> Arc<Windows> {
     let (trajectories, frames) = (30, 12);
-    let x: Vec<f32> = (0..trajectories * frames * 3).map(|i| (i as f32 * 1.618 + phase + (i as f32 * 0.31).sin() * 3.0).sin() * 1.4).collect();
+    let x: Vec<f32> =
+        (0..trajectories * frames * 3).map(|i| (i as f32 * 1.618 + phase + (i as f32 * 0.31).sin() * 3.0).sin() * 1.4).collect();
     let y = x.chunks(3).flat_map(|x| [x[0] - 0.5 * x[1], x[2]]).collect();
     Arc::new(Windows { inputs: 3, outputs: 2, frames, history: 4, x, y })
 }

@@ -94,10 +94,16 @@ impl Device {
     pub fn open(source: &str, kernels: &[&'static str], precision: Precision) -> Result<Self, LearnError> {
         // cudarc panics when a library is absent, so look first.
         let present = unsafe {
-            [("driver (libcuda)", sys::is_culib_present()), ("cuBLAS (libcublas)", blas::is_culib_present()), ("NVRTC (libnvrtc)", nvrtc::sys::is_culib_present())]
+            [
+                ("driver (libcuda)", sys::is_culib_present()),
+                ("cuBLAS (libcublas)", blas::is_culib_present()),
+                ("NVRTC (libnvrtc)", nvrtc::sys::is_culib_present()),
+            ]
         };
         if let Some((name, _)) = present.iter().find(|(_, found)| !found) {
-            return Err(LearnError::Device(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?")));
+            return Err(LearnError::Device(format!(
+                "the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"
+            )));
         }
         let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
         let (major, minor) = context.compute_capability().map_err(failed("compute capability"))?;
@@ -110,7 +116,9 @@ impl Device {
             let stream = context.new_stream().map_err(failed("stream"))?;
             let blas = CudaBlas::new(stream.clone()).map_err(failed("cuBLAS"))?;
             let workspace = allocate::<u8>(&context, WORKSPACE)?;
-            unsafe { blas::cublasSetWorkspace_v2(*blas.handle(), workspace.ptr as *mut _, WORKSPACE) }.result().map_err(failed("cuBLAS workspace"))?;
+            unsafe { blas::cublasSetWorkspace_v2(*blas.handle(), workspace.ptr as *mut _, WORKSPACE) }
+                .result()
+                .map_err(failed("cuBLAS workspace"))?;
             Ok(Queue { stream, blas, _workspace: workspace })
         };
         let queues = [queue()?, queue()?];
@@ -188,20 +196,39 @@ impl Device {
     }
 
     /// Launches a kernel on `lane`.
-    pub fn launch_on(&self, lane: Lane, kernel: &str, grid: (usize, usize), block: (usize, usize), shared: usize, args: &[Arg]) -> Result<(), LearnError> {
+    pub fn launch_on(
+        &self,
+        lane: Lane,
+        kernel: &str,
+        grid: (usize, usize),
+        block: (usize, usize),
+        shared: usize,
+        args: &[Arg],
+    ) -> Result<(), LearnError> {
         let function = self.kernels.get(kernel).ok_or_else(|| LearnError::Device(format!("no kernel `{kernel}`")))?;
         // Little endian: a 32-bit argument is the low half of its slot.
         let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();
         let mut pointers: Vec<_> = slots.iter_mut().map(|s| (s as *mut u64).cast()).collect();
         let (grid, block) = ((grid.0 as u32, grid.1 as u32, 1), (block.0 as u32, block.1 as u32, 1));
         self.context.bind_to_thread().map_err(failed("context"))?;
-        unsafe { driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers) }
-            .map_err(|e| LearnError::Device(format!("kernel `{kernel}`: {e:?}")))
+        unsafe {
+            driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers)
+        }
+        .map_err(|e| LearnError::Device(format!("kernel `{kernel}`: {e:?}")))
     }
 
     /// Column-major `c = op(a) op(b) + beta c` with `c` of `m x n` and inner size `k`; leading dimensions `ld`.
     #[allow(clippy::too_many_arguments)]
-    pub fn product(&self, lane: Lane, ops: (Op, Op), (m, n, k): (usize, usize, usize), a: (u64, usize), b: (u64, usize), beta: f32, c: (u64, usize)) -> Result<(), LearnError> {
+    pub fn product(
+        &self,
+        lane: Lane,
+        ops: (Op, Op),
+        (m, n, k): (usize, usize, usize),
+        a: (u64, usize),
+        b: (u64, usize),
+        beta: f32,
+        c: (u64, usize),
+    ) -> Result<(), LearnError> {
         let compute = self.compute();
         let (alpha, f32_type) = (1.0f32, blas::cudaDataType::CUDA_R_32F);
         let size = |x: usize| x as i32;
@@ -232,7 +259,14 @@ impl Device {
     }
 
     /// Column-major products of a batch; each operand is (address, leading dimension, distance to the next).
-    pub fn products(&self, lane: Lane, batch: Batch, a: (u64, usize, usize), b: (u64, usize, usize), c: (u64, usize, usize)) -> Result<(), LearnError> {
+    pub fn products(
+        &self,
+        lane: Lane,
+        batch: Batch,
+        a: (u64, usize, usize),
+        b: (u64, usize, usize),
+        c: (u64, usize, usize),
+    ) -> Result<(), LearnError> {
         let (alpha, beta, f32_type) = (1.0f32, 0.0f32, blas::cudaDataType::CUDA_R_32F);
         let (m, n, k) = batch.size;
         unsafe {
@@ -301,7 +335,8 @@ impl Arg {
 fn allocate<T>(context: &Arc<CudaContext>, len: usize) -> Result<Buffer<T>, LearnError> {
     let bytes = (len * size_of::<T>()).max(1);
     context.bind_to_thread().map_err(failed("context"))?;
-    let ptr = unsafe { driver::result::malloc_sync(bytes) }.map_err(|e| LearnError::Device(format!("allocating {} MiB: {e:?}", bytes >> 20)))?;
+    let ptr =
+        unsafe { driver::result::malloc_sync(bytes) }.map_err(|e| LearnError::Device(format!("allocating {} MiB: {e:?}", bytes >> 20)))?;
     let buffer = Buffer { ptr, len, context: context.clone(), kind: PhantomData };
     unsafe { driver::result::memset_d8_sync(ptr, 0, bytes) }.map_err(failed("memset"))?;
     context.synchronize().map_err(failed("memset"))?;

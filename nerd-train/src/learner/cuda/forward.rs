@@ -54,9 +54,16 @@ impl CudaForward {
         if windows == 0 {
             return Ok(Vec::new());
         }
-        if tokens > c.history || windows > self.network.rows || inputs.len() != windows * tokens * c.inputs || last.iter().any(|&l| l as usize >= tokens) {
+        if tokens > c.history
+            || windows > self.network.rows
+            || inputs.len() != windows * tokens * c.inputs
+            || last.iter().any(|&l| l as usize >= tokens)
+        {
             let have = inputs.len();
-            return Err(LearnError::Mismatch(format!("{have} inputs for {windows} windows of {tokens} tokens of {} (at most {} windows of {})", c.inputs, self.network.rows, c.history)));
+            return Err(LearnError::Mismatch(format!(
+                "{have} inputs for {windows} windows of {tokens} tokens of {} (at most {} windows of {})",
+                c.inputs, self.network.rows, c.history
+            )));
         }
         self.staging.clear();
         self.staging.resize(windows * c.history * padded, 0.0);

@@ -56,8 +56,18 @@ impl Layout {
     /// Fails with a line if the kernels do not cover the shape.
     pub fn new(config: TransformerConfig) -> Result<Self, LearnError> {
         let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head } = config;
-        if heads == 0 || !e.is_multiple_of(4 * heads) || history == 0 || history > block || history > 32 || outputs == 0 || inputs == 0 || layers == 0 {
-            return Err(LearnError::Mismatch(format!("the CUDA engine wants 1..=32 tokens within the position table and a head width that is a multiple of 4: {config:?}")));
+        if heads == 0
+            || !e.is_multiple_of(4 * heads)
+            || history == 0
+            || history > block
+            || history > 32
+            || outputs == 0
+            || inputs == 0
+            || layers == 0
+        {
+            return Err(LearnError::Mismatch(format!(
+                "the CUDA engine wants 1..=32 tokens within the position table and a head width that is a multiple of 4: {config:?}"
+            )));
         }
         let mut starts = config.tensors().into_iter().scan(0, |at, t| {
             let start = *at;
@@ -81,12 +91,30 @@ impl Layout {
         let (norm, out) = (next(), next());
         let out = fold(norm, out, e);
         let (hidden, hidden_bias, head_out, head_bias) = (next(), next(), next(), next());
-        let group = (1..=heads).rev().find(|&g| heads.is_multiple_of(g) && g * history <= 128 && backward_shared(history, g, e / heads) <= SHARED / 2);
+        let group = (1..=heads)
+            .rev()
+            .find(|&g| heads.is_multiple_of(g) && g * history <= 128 && backward_shared(history, g, e / heads) <= SHARED / 2);
         let group = group.unwrap_or(1);
         if backward_shared(history, group, e / heads) > SHARED || head * (outputs + 1) + outputs + 1 > SHARED / 4 {
             return Err(LearnError::Mismatch(format!("attention or head too large for the CUDA engine: {config:?}")));
         }
-        Ok(Self { config, parameters: config.parameters(), embed, embed_bias, position, blocks, out, hidden, hidden_bias, head_out, head_bias, table, folded, padded: inputs.next_multiple_of(4), group })
+        Ok(Self {
+            config,
+            parameters: config.parameters(),
+            embed,
+            embed_bias,
+            position,
+            blocks,
+            out,
+            hidden,
+            hidden_bias,
+            head_out,
+            head_bias,
+            table,
+            folded,
+            padded: inputs.next_multiple_of(4),
+            group,
+        })
     }
 
     /// The kernels' source with the shape in front of it.

@@ -45,7 +45,9 @@ impl Muon {
     pub fn new(device: &Device, hidden: &[Vec<Hidden>; 2]) -> Result<Self, LearnError> {
         let lanes = [Lane::Main, Lane::Side];
         let group = |(matrices, lane): (&Vec<Hidden>, Lane)| -> Result<Group, LearnError> {
-            let Some(&Hidden { rows, columns, .. }) = matrices.first() else { return Err(LearnError::Mismatch("a network without hidden matrices".into())) };
+            let Some(&Hidden { rows, columns, .. }) = matrices.first() else {
+                return Err(LearnError::Mismatch("a network without hidden matrices".into()));
+            };
             let count = matrices.len();
             let table: Vec<[i32; 4]> = matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();
             let zeros = |len: usize| device.zeros::<f32>(count * len);
@@ -99,7 +101,8 @@ impl Group {
             d.products(self.lane, next, (x.0.ptr, c, wide), (self.polynomial.ptr, r, square), (x.1.ptr, c, wide))?;
             x = (x.1, x.0);
         }
-        let apply = [Ptr(v.weights), Ptr(v.average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(v.scalars), Float(self.gain), shape[0], shape[1]];
+        let apply =
+            [Ptr(v.weights), Ptr(v.average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(v.scalars), Float(self.gain), shape[0], shape[1]];
         d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
     }
 }

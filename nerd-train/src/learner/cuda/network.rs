@@ -15,9 +15,28 @@ use crate::learner::LearnError;
 
 /// Every kernel of `kernels.cu`.
 const KERNELS: [&str; 22] = [
-    "gather", "select_rows", "fold", "unfold", "norm_forward", "norm_backward", "attention_forward", "attention_backward", "gelu_forward", "gelu_backward", "head_predict", "head_loss",
-    "column_sum", "position_partial", "add_loss", "square_partial", "finish", "adam",
-    "muon_pack", "muon_unit", "muon_polynomial", "muon_apply",
+    "gather",
+    "select_rows",
+    "fold",
+    "unfold",
+    "norm_forward",
+    "norm_backward",
+    "attention_forward",
+    "attention_backward",
+    "gelu_forward",
+    "gelu_backward",
+    "head_predict",
+    "head_loss",
+    "column_sum",
+    "position_partial",
+    "add_loss",
+    "square_partial",
+    "finish",
+    "adam",
+    "muon_pack",
+    "muon_unit",
+    "muon_polynomial",
+    "muon_apply",
 ];
 
 /// Rows of partial sums of the head and of the position table.
@@ -77,7 +96,15 @@ impl Network {
         let (n, e) = (rows * c.history, c.embedding);
         let zeros = |len| device.zeros::<f32>(len);
         let kept = |_| -> Result<Kept, LearnError> {
-            Ok(Kept { norm_attn: zeros(n * e)?, qkv: zeros(3 * n * e)?, attended: zeros(n * e)?, norm_mlp: zeros(n * e)?, up: zeros(4 * n * e)?, active: zeros(4 * n * e)?, rstd: [zeros(n)?, zeros(n)?] })
+            Ok(Kept {
+                norm_attn: zeros(n * e)?,
+                qkv: zeros(3 * n * e)?,
+                attended: zeros(n * e)?,
+                norm_mlp: zeros(n * e)?,
+                up: zeros(4 * n * e)?,
+                active: zeros(4 * n * e)?,
+                rstd: [zeros(n)?, zeros(n)?],
+            })
         };
         // Without a backward pass all blocks use the same memory.
         let kept = (0..if train { c.layers } else { 1 }).map(kept).collect::<Result<_, _>>()?;
@@ -130,7 +157,13 @@ impl Network {
             let (bias, position) = if i == 0 { (l.at(w, l.embed_bias), l.at(w, l.position)) } else { (0, 0) };
             self.normalise(self.x.ptr, bias, position, &k.norm_attn, &k.rstd[0], n)?;
             self.linear((k.norm_attn.ptr, e), self.folded.at(b.qkv.folded), k.qkv.ptr, (n, e, 3 * e), 0.0)?;
-            self.device.launch("attention_forward", (rows, l.config.heads / l.group), (threads, 1), shared, &[Ptr(k.qkv.ptr), Ptr(k.attended.ptr)])?;
+            self.device.launch(
+                "attention_forward",
+                (rows, l.config.heads / l.group),
+                (threads, 1),
+                shared,
+                &[Ptr(k.qkv.ptr), Ptr(k.attended.ptr)],
+            )?;
             self.linear((k.attended.ptr, e), l.at(w, b.proj), self.x.ptr, (n, e, e), 1.0)?;
             self.normalise(self.x.ptr, 0, 0, &k.norm_mlp, &k.rstd[1], n)?;
             self.linear((k.norm_mlp.ptr, e), self.folded.at(b.up.folded), k.up.ptr, (n, e, 4 * e), 0.0)?;
@@ -217,7 +250,13 @@ impl Network {
         self.linear_dw((self.inputs.ptr, l.padded), m.dx[0].ptr, l.at(g, l.embed), (n, l.config.inputs, e))?;
         d.mark(Lane::Side, &m.attention)?;
         let (chunks, width) = (self.rows.min(POSITION_ROWS), l.config.history * e);
-        d.launch("position_partial", (width.div_ceil(128), chunks), (128, 1), 0, &[Ptr(m.dx[0].ptr), Int(self.rows), Ptr(m.positions.ptr)])?;
+        d.launch(
+            "position_partial",
+            (width.div_ceil(128), chunks),
+            (128, 1),
+            0,
+            &[Ptr(m.dx[0].ptr), Int(self.rows), Ptr(m.positions.ptr)],
+        )?;
         self.column_sum(m.positions.ptr, chunks, width, l.at(g, l.position))?;
         self.column_sum(l.at(g, l.position), l.config.history, e, l.at(g, l.embed_bias))?;
         d.after(Lane::Main, &m.attention)?;
@@ -231,11 +270,25 @@ impl Network {
     }
 
     fn normalise(&self, x: u64, bias: u64, position: u64, out: &Buffer<f32>, rstd: &Buffer<f32>, n: usize) -> Result<(), LearnError> {
-        self.device.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &[Ptr(x), Ptr(bias), Ptr(position), Ptr(out.ptr), Ptr(rstd.ptr), Int(n)])
+        self.device.launch(
+            "norm_forward",
+            (n.div_ceil(8), 1),
+            (256, 1),
+            0,
+            &[Ptr(x), Ptr(bias), Ptr(position), Ptr(out.ptr), Ptr(rstd.ptr), Int(n)],
+        )
     }
 
     /// `to = from + dLN(narrow)`.
-    fn normalise_back(&self, m: &Backward, norm: &Buffer<f32>, rstd: &Buffer<f32>, from: Option<&Buffer<f32>>, to: &Buffer<f32>, n: usize) -> Result<(), LearnError> {
+    fn normalise_back(
+        &self,
+        m: &Backward,
+        norm: &Buffer<f32>,
+        rstd: &Buffer<f32>,
+        from: Option<&Buffer<f32>>,
+        to: &Buffer<f32>,
+        n: usize,
+    ) -> Result<(), LearnError> {
         let args = [Ptr(m.narrow.ptr), Ptr(norm.ptr), Ptr(rstd.ptr), Ptr(from.map_or(0, |b| b.ptr)), Ptr(to.ptr), Int(n)];
         self.device.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)
     }

@@ -73,7 +73,13 @@ impl CudaLearner {
     /// # Errors
     /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
     /// is no GPU, a library is missing or memory runs out.
-    pub fn new(config: LearnerConfig, precision: Precision, state: LearnerState, train: &Windows, validation: &Windows) -> Result<Self, LearnError> {
+    pub fn new(
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        train: &Windows,
+        validation: &Windows,
+    ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
         let layout = Layout::new(shape)?;
         let p = layout.parameters;
@@ -94,9 +100,27 @@ impl CudaLearner {
         let d = &network.device;
         let data = |w: &Windows| -> Result<Data, LearnError> {
             let windows = if w.x.is_empty() { 0 } else { w.len() };
-            Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, windows, per: if windows > 0 { w.per_trajectory() } else { 1 }, frames: w.frames })
+            Ok(Data {
+                x: d.upload(&w.x)?,
+                y: d.upload(&w.y)?,
+                windows,
+                per: if windows > 0 { w.per_trajectory() } else { 1 },
+                frames: w.frames,
+            })
         };
-        let scalars = Scalars { step: state.step, bad_step: u64::MAX, count: 0, loss_sum: 0.0, norm_sum: 0.0, lr: 0.0, bad_loss: 0.0, scale: 0.0, rate: 0.0, root: 0.0, blend: 0.0 };
+        let scalars = Scalars {
+            step: state.step,
+            bad_step: u64::MAX,
+            count: 0,
+            loss_sum: 0.0,
+            norm_sum: 0.0,
+            lr: 0.0,
+            bad_loss: 0.0,
+            scale: 0.0,
+            rate: 0.0,
+            root: 0.0,
+            blend: 0.0,
+        };
         let (train, validation) = (data(train)?, data(validation)?);
         let (weights, average) = (d.upload(&state.weights.flat)?, d.upload(&state.average)?);
         let (m, v) = (d.upload(&state.m)?, d.upload(&state.v)?);
@@ -106,9 +130,38 @@ impl CudaLearner {
             Optimizer::Adam => None,
             Optimizer::Muon => Some(Muon::new(d, &hidden(&shape))?),
         };
-        let step = Step { network: &network, config, train: &train, weights: &weights, average: &average, m: &m, v: &v, gradients: &gradients, norms: &norms, scalars: &scalars, muon: muon.as_ref() };
+        let step = Step {
+            network: &network,
+            config,
+            train: &train,
+            weights: &weights,
+            average: &average,
+            m: &m,
+            v: &v,
+            gradients: &gradients,
+            norms: &norms,
+            scalars: &scalars,
+            muon: muon.as_ref(),
+        };
         let graph = step.capture()?;
-        Ok(Self { muon, graph, network, config, lr: 0.0, train, validation, weights, average, m, v, gradients, norms, head_sums, total, scalars })
+        Ok(Self {
+            muon,
+            graph,
+            network,
+            config,
+            lr: 0.0,
+            train,
+            validation,
+            weights,
+            average,
+            m,
+            v,
+            gradients,
+            norms,
+            head_sums,
+            total,
+            scalars,
+        })
     }
 
     /// Goes on with another arithmetic of the matrix products.
@@ -171,7 +224,19 @@ impl CudaLearner {
     }
 
     fn scalars(&self) -> Result<Scalars, LearnError> {
-        let mut s = [Scalars { step: 0, bad_step: 0, count: 0, loss_sum: 0.0, norm_sum: 0.0, lr: 0.0, bad_loss: 0.0, scale: 0.0, rate: 0.0, root: 0.0, blend: 0.0 }];
+        let mut s = [Scalars {
+            step: 0,
+            bad_step: 0,
+            count: 0,
+            loss_sum: 0.0,
+            norm_sum: 0.0,
+            lr: 0.0,
+            bad_loss: 0.0,
+            scale: 0.0,
+            rate: 0.0,
+            root: 0.0,
+            blend: 0.0,
+        }];
         self.network.device.read(&self.scalars, &mut s)?;
         Ok(s[0])
     }
@@ -266,13 +331,27 @@ impl Step<'_> {
         let (d, p, s) = (&self.network.device, self.network.layout.parameters, Ptr(self.scalars.ptr));
         let [w, g, m, v, a] = [self.weights, self.gradients, self.m, self.v, self.average].map(|b| Ptr(b.ptr));
         d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
-        let args = [Ptr(self.norms.ptr), Int(NORM_BLOCKS), Ptr(self.gradients.at(p)), Float(self.mean()), Float(self.config.clip), Double(self.config.average), s];
+        let args = [
+            Ptr(self.norms.ptr),
+            Int(NORM_BLOCKS),
+            Ptr(self.gradients.at(p)),
+            Float(self.mean()),
+            Float(self.config.clip),
+            Double(self.config.average),
+            s,
+        ];
         d.launch("finish", (1, 1), (256, 1), 0, &args)?;
         let blocks = if self.muon.is_some() { self.network.layout.config.layers } else { 0 };
         let first = self.network.layout.first_block() as u64;
         d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), Long(first), Int(blocks)])?;
         let address = |b: &Buffer<f32>| b.ptr;
-        let vectors = Vectors { weights: address(self.weights), gradients: address(self.gradients), m: address(self.m), average: address(self.average), scalars: self.scalars.ptr };
+        let vectors = Vectors {
+            weights: address(self.weights),
+            gradients: address(self.gradients),
+            m: address(self.m),
+            average: address(self.average),
+            scalars: self.scalars.ptr,
+        };
         self.muon.map_or(Ok(()), |muon| muon.update(d, &vectors))
     }
 
@@ -288,6 +367,18 @@ impl Step<'_> {
 /// `(first, stride)`, stride above 0, every stride-th window from number `first stride`.
 fn gather(net: &Network, data: &Data, rows: usize, scalars: u64, seed: u64, (first, stride): (usize, usize)) -> Result<(), LearnError> {
     let [windows, per, frames, first, stride] = [data.windows, data.per, data.frames, first, stride].map(|x| Long(x as u64));
-    let args = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.inputs.ptr), Ptr(net.targets.ptr), Ptr(scalars), Long(seed), windows, per, frames, first, stride];
+    let args = [
+        Ptr(data.x.ptr),
+        Ptr(data.y.ptr),
+        Ptr(net.inputs.ptr),
+        Ptr(net.targets.ptr),
+        Ptr(scalars),
+        Long(seed),
+        windows,
+        per,
+        frames,
+        first,
+        stride,
+    ];
     net.device.launch("gather", (rows, 1), (128, 1), 0, &args)
 }

@@ -1,0 +1,170 @@
+//! Fixed joints vanish without a trace: the robot read from a URDF with them is the robot worked out by hand.
+//! Also the order of links, joints and contact points, and what the two built-in pendulums come out as.
+//!
+//! Bounds: the same sums in another order, so rounding only: 1e-13 of the largest entry.
+
+mod common;
+
+use common::*;
+use nalgebra::{Matrix3, Vector3};
+use nerd_core::dynamics::{Data, aba, kinematics, link_pose};
+use nerd_core::prelude::*;
+use nerd_core::robot::ShapeKind;
+
+const BOUND: f64 = 1e-13;
+
+fn triple(v: &[f64]) -> String {
+    format!("{:?} {:?} {:?}", v[0], v[1], v[2])
+}
+
+/// `<origin>` of a random pose, and the pose.
+fn origin(rng: &mut Rng) -> (String, Matrix3<f64>, Vector3<f64>) {
+    let (x, angles) = (vector3(rng, 0.5), vector3(rng, 1.5));
+    (format!(r#"<origin xyz="{}" rpy="{}"/>"#, triple(x.as_slice()), triple(angles.as_slice())), rpy(angles.into()), x)
+}
+
+fn link(name: &str, origin: &str, b: &BodyInertia) -> String {
+    let i = b.inertia;
+    format!(
+        r#"<link name="{name}"><inertial>{origin}<mass value="{:?}"/><inertia ixx="{:?}" ixy="{:?}" ixz="{:?}" iyy="{:?}" iyz="{:?}" izz="{:?}"/></inertial></link>"#,
+        b.mass, i.m11, i.m12, i.m13, i.m22, i.m23, i.m33
+    )
+}
+
+fn joint(name: &str, kind: &str, parent: &str, child: &str, inner: &str) -> String {
+    format!(r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inner}</joint>"#)
+}
+
+/// First principles: sum of masses, of first moments, and of second moments about `about`.
+fn total(parts: &[(BodyInertia, Matrix3<f64>, Vector3<f64>)], about: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
+    parts.iter().fold((0.0, Vector3::zeros(), Matrix3::zeros()), |(mass, moment, inertia), (b, r, x)| {
+        let c = r * b.com + x;
+        let d = c - about;
+        let steiner = Matrix3::from_fn(|i, j| b.mass * (if i == j { d.norm_squared() } else { 0.0 } - d[i] * d[j]));
+        (mass + b.mass, moment + b.mass * c, inertia + r * b.inertia * r.transpose() + steiner)
+    })
+}
+
+#[test]
+fn fixed_links_are_welded_on_exactly() {
+    let mut worst = [0.0f64; 2];
+    for seed in 0..50 {
+        let mut rng = Rng::seed_from_u64(seed);
+        // base =fixed= arm =fixed= tool, and a moving wheel on the tool, its inertia turned in its link.
+        let bodies: [BodyInertia; 4] = std::array::from_fn(|_| BodyInertia { com: Vector3::zeros(), ..body(&mut rng) });
+        let centres: [_; 4] = std::array::from_fn(|_| origin(&mut rng));
+        let joints: [_; 3] = std::array::from_fn(|_| origin(&mut rng));
+        let names = ["base", "arm", "tool", "wheel"];
+        let mut text = String::from(r#"<robot name="r">"#);
+        for k in 0..4 {
+            text += &link(names[k], &centres[k].0, &bodies[k]);
+        }
+        for k in 0..3 {
+            let kind = if k == 2 { "continuous" } else { "fixed" };
+            text += &joint(&format!("j{k}"), kind, names[k], names[k + 1], &format!("{}<axis xyz=\"1 2 3\"/>", joints[k].0));
+        }
+        text += "</robot>";
+        let robot = Robot::from_urdf(&text, true).expect("valid");
+        assert_eq!(robot.links.iter().map(|l| &l.name).collect::<Vec<_>>(), ["base", "wheel"]);
+
+        let (mut r, mut x, mut parts) = (Matrix3::identity(), Vector3::zeros(), Vec::new());
+        for k in 0..3 {
+            parts.push((bodies[k], r * centres[k].1, r * centres[k].2 + x));
+            (x, r) = (r * joints[k].2 + x, r * joints[k].1);
+        }
+        let com = total(&parts, &Vector3::zeros()).1 / parts.iter().map(|p| p.0.mass).sum::<f64>();
+        let (mass, _, inertia) = total(&parts, &com);
+        let read = robot.links[0].inertia;
+        worst[0] = worst[0].max((read.mass - mass).abs()).max(gap(read.com.as_slice(), com.as_slice()));
+        worst[0] = worst[0].max(gap(read.inertia.as_slice(), inertia.as_slice()));
+        let place = robot.links[1].joint.as_ref().expect("moves").origin;
+        worst[0] = worst[0].max(gap(place.rotation.to_rotation_matrix().matrix().as_slice(), r.as_slice()));
+        worst[0] = worst[0].max(gap(place.translation.vector.as_slice(), x.as_slice()));
+        // The wheel alone: its inertia turned by rpy about its own centre.
+        let turned = centres[3].1 * bodies[3].inertia * centres[3].1.transpose();
+        worst[0] = worst[0].max(gap(robot.links[1].inertia.inertia.as_slice(), turned.as_slice()));
+
+        // The same robot without fixed joints moves the same.
+        let at = |v: &Vector3<f64>| format!(r#"<origin xyz="{}"/>"#, triple(v.as_slice()));
+        let mut hand = robot.clone();
+        let lone = format!(r#"<robot name="h">{}</robot>"#, link("base", &at(&com), &BodyInertia { mass, com, inertia }));
+        hand.links[0].inertia = Robot::from_urdf(&lone, true).expect("valid").links[0].inertia;
+        let ((q, qd), tau) = (state(&mut rng, &robot), values(&mut rng, 7, 5.0));
+        let [a, b] = [&robot, &hand].map(|robot| {
+            let mut data = Data::new(robot);
+            kinematics(robot, &q, &mut data);
+            assert!(aba(robot, &qd, &tau, &GRAVITY.into(), &mut data));
+            data.qdd
+        });
+        worst[1] = worst[1].max(gap(a.as_slice(), b.as_slice()));
+    }
+    println!("lumped: inertia and poses {:.1e}, accelerations {:.1e}", worst[0], worst[1]);
+    assert!(worst[0] < BOUND && worst[1] < 1e-11, "lumped robot is off by {worst:?}, allowed {BOUND:.0e}, 1e-11");
+}
+
+#[test]
+fn links_come_depth_first_in_the_order_of_the_joints() {
+    let links: String = ["z", "a", "b", "c", "d", "e"].iter().map(|n| format!(r#"<link name="{n}"/>"#)).collect();
+    let joints: String = [("z", "b"), ("c", "d"), ("z", "a"), ("b", "c"), ("b", "e")]
+        .iter()
+        .map(|(p, c)| joint(&format!("to_{c}"), "continuous", p, c, ""))
+        .collect();
+    let text = format!(r#"<robot name="r">{links}{joints}</robot>"#);
+    let fixed = Robot::from_urdf(&text, false).expect("valid");
+    assert_eq!(fixed.joints().map(|j| j.name.as_str()).collect::<Vec<_>>(), ["to_b", "to_c", "to_d", "to_e", "to_a"]);
+    assert_eq!(fixed.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(1), Some(0), None]);
+    let floating = Robot::from_urdf(&text, true).expect("valid");
+    assert_eq!(floating.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(1), Some(2), Some(1), Some(0)]);
+}
+
+#[test]
+fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
+    let shape = |inner: &str| format!(r#"<collision><origin xyz="0 0 1"/><geometry>{inner}</geometry></collision>"#);
+    let text = format!(
+        r#"<robot name="r"><link name="base">{}</link><link name="tip">{}{}{}{}</link>{}</robot>"#,
+        shape(r#"<mesh filename="m.stl"/>"#),
+        shape(r#"<sphere radius="0.3"/>"#),
+        shape(r#"<box size="2 4 6"/>"#),
+        shape(r#"<cylinder radius="0.1" length="2"/>"#),
+        shape(r#"<mesh filename="m.stl"/>"#),
+        joint("weld", "fixed", "base", "tip", r#"<origin xyz="10 0 0" rpy="0 0 1.5707963267948966"/>"#),
+    );
+    let robot = Robot::from_urdf(&text, true).expect("valid");
+    assert_eq!(robot.skipped_meshes, ["base", "tip"]);
+    assert_eq!(robot.links[0].shapes[1].kind, ShapeKind::Box { half: Vector3::new(1.0, 2.0, 3.0) });
+    let points: Vec<_> = robot.contact_points.iter().map(|p| (p.local, p.radius, p.thickness)).collect();
+    let mut expected = vec![(Vector3::new(10.0, 0.0, 1.0), 0.3)];
+    for c in [[-1, -2, -3], [1, -2, -3], [-1, 2, -3], [1, 2, -3], [-1, -2, 3], [1, -2, 3], [-1, 2, 3], [1, 2, 3]] {
+        // Turned by 90 degrees about z: (x, y) to (-y, x).
+        expected.push((Vector3::new(10.0 - f64::from(c[1]), f64::from(c[0]), 1.0 + f64::from(c[2])), 1e-5));
+    }
+    expected.extend([(Vector3::new(10.0, 0.0, 2.0), 0.1), (Vector3::new(10.0, 0.0, 0.0), 0.1)]);
+    assert_eq!(points.len(), expected.len());
+    for ((at, radius, thickness), (place, r)) in points.into_iter().zip(expected) {
+        assert!((at - place).norm() < 1e-14 && radius == r && thickness == r, "{at} radius {radius}, expected {place} radius {r}");
+    }
+}
+
+#[test]
+fn built_in_assets_stand_where_they_should() {
+    let cartpole = Robot::from_urdf(include_str!("../../nerd-sim/assets/cartpole.urdf"), false).expect("valid");
+    assert_eq!(cartpole.joints().map(|j| j.name.as_str()).collect::<Vec<_>>(), ["slider", "hinge"]);
+    assert_eq!(cartpole.joints().map(|j| j.wraps()).collect::<Vec<_>>(), [false, true]);
+    let (q, mut data) = ([0.7, 0.3f64], Data::new(&cartpole));
+    kinematics(&cartpole, &q, &mut data);
+    let tip = link_pose(&cartpole, &q, &data, 1).transform_point(&Vector3::z().into()).coords;
+    let expected = Vector3::new(0.7 + 0.3f64.sin(), 0.3f64.cos(), 0.0);
+    assert!((tip - expected).norm() < 1e-15, "pole tip at {tip}, expected {expected}");
+
+    let pendulum = Robot::from_urdf(include_str!("../../nerd-sim/assets/pendulum.urdf"), false).expect("valid");
+    let ends: Vec<_> = pendulum.contact_points.iter().map(|p| (p.link, p.local)).collect();
+    let (far, near) = (Vector3::x() * 1.5, Vector3::zeros());
+    for ((link, at), (body, place)) in ends.iter().zip([(0, far), (0, near), (1, far), (1, near)]) {
+        assert!(*link == body && (at - place).norm() < 1e-15, "contact point at {at} of link {link}, expected {place} of {body}");
+    }
+    let (q, mut data) = ([0.2, 0.3], Data::new(&pendulum));
+    kinematics(&pendulum, &q, &mut data);
+    let tip = link_pose(&pendulum, &q, &data, 1).transform_point(&far.into()).coords;
+    let expected = Vector3::new(1.5 * (0.2f64.cos() + 0.5f64.cos()), 2.0 + 1.5 * (0.2f64.sin() + 0.5f64.sin()), 1.0);
+    assert!(ends.len() == 4 && (tip - expected).norm() < 1e-15, "tip at {tip}, expected {expected}");
+}
