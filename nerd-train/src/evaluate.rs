@@ -75,6 +75,8 @@ pub fn passive(
     let mut curve = Vec::with_capacity(config.steps);
     let (mut fastest, mut speeds) = (0.0f64, vec![0.0f64; n]);
     let mut gone: Vec<Option<usize>> = vec![None; n];
+    // |difference| of a rollout that is gone, as it was when it went: it stays in the mean at that.
+    let mut frozen = vec![0.0; n * joints];
     let rates = robot.nq() + robot.root_dofs();
     for step in 1..=config.steps {
         truth.step(&mut real, &torques)?;
@@ -85,7 +87,8 @@ pub fn passive(
             let (a, b, s) = (real.state(env), learned.state(env), first.state(env));
             for k in 0..joints {
                 let (q, q0) = (a[coords + k], s[coords + k]);
-                let e = gap(k, q, b[coords + k]);
+                let e = if gone[env].is_some() { frozen[env * joints + k] } else { gap(k, q, b[coords + k]) };
+                frozen[env * joints + k] = e;
                 total += e;
                 sums[0][env * joints + k] += e;
                 sums[1][env * joints + k] += gap(k, q, q0);
@@ -97,7 +100,7 @@ pub fn passive(
                 gone[env] = Some(step);
             }
             if gone[env].is_some() {
-                // Kept in the mean at its last distance or worse, and out of the way of overflow.
+                // Out of the way of overflow.
                 let held = first.state(env).to_vec();
                 learned.reset(env, &held);
                 solver.reset(env);

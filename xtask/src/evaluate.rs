@@ -4,7 +4,7 @@
 //! without torques; beside it the floors `hold` and `glide`, the paper's figure and the count of diverged rollouts.
 //! The paper-size network takes about a millisecond an environment-frame on two cores.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -64,11 +64,13 @@ pub fn run(mut args: EvaluateArgs) -> Result<()> {
     }
     let rows = rows(&args)?;
     println!("{}", table(&rows));
-    if let Some(path) = &args.out {
-        let json = serde_json::json!({ "provenance": Provenance::now(args.seed), "truth": crate::train::TRUTH, "rows": rows });
-        crate::files::write(path, (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
-    }
-    Ok(())
+    args.out.as_ref().map_or(Ok(()), |path| write(path, &rows, args.seed))
+}
+
+/// Writes rows with their provenance.
+pub fn write(path: &Path, rows: &[Row], seed: u64) -> Result<()> {
+    let json = serde_json::json!({ "provenance": Provenance::now(seed), "truth": crate::train::TRUTH, "rows": rows });
+    crate::files::write(path, (serde_json::to_string_pretty(&json)? + "\n").as_bytes())
 }
 
 /// Measures every scene asked for.

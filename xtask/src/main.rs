@@ -4,13 +4,16 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
+mod chart;
 mod check;
 mod common;
 mod dataset;
 mod evaluate;
 mod files;
 mod paper;
+mod plot;
 mod provenance;
+mod reproduce;
 mod rollout;
 mod solvers;
 mod table;
@@ -28,16 +31,33 @@ enum Verb {
     Rollout(rollout::RolloutArgs),
     /// Measure how far a solver drifts from the truth
     Evaluate(evaluate::EvaluateArgs),
+    /// Draw speed against accuracy of every solver of a scene
+    Chart(chart::ChartArgs),
+    /// The main job: tables and charts of the shipped models
+    Reproduce(reproduce::ReproduceArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
 
 fn main() -> ExitCode {
-    let done = match Verb::parse() {
+    let verb = match Verb::try_parse() {
+        Ok(verb) => verb,
+        Err(error) if !error.use_stderr() => error.exit(),
+        Err(error) => {
+            // clap's message without its usage, on one line.
+            let text = error.to_string();
+            let words = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).flat_map(str::split_whitespace);
+            eprintln!("{}", words.collect::<Vec<_>>().join(" "));
+            return ExitCode::from(2);
+        }
+    };
+    let done = match verb {
         Verb::Dataset(args) => dataset::run(args),
         Verb::Train(args) => train::run(*args),
         Verb::Rollout(args) => rollout::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Chart(args) => chart::run(args),
+        Verb::Reproduce(args) => reproduce::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

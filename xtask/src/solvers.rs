@@ -62,6 +62,20 @@ pub enum FrictionName {
     Huber,
 }
 
+impl Default for SolverArgs {
+    /// What the command line has without options.
+    fn default() -> Self {
+        Self {
+            solver: SolverName::Articulated,
+            preset: Preset::Paper,
+            friction: FrictionName::Coulomb,
+            substeps: None,
+            model: None,
+            device: Device::Flex,
+        }
+    }
+}
+
 /// Makes the solver for `n` environments of `system`.
 pub fn build(args: &SolverArgs, system: &Arc<System>, n: usize) -> Result<Box<dyn Solver>> {
     if args.substeps == Some(0) {

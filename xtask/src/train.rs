@@ -96,6 +96,34 @@ pub struct TrainArgs {
     pub seed: u64,
 }
 
+impl TrainArgs {
+    /// What `reproduce --train` trains: minutes on two cores.
+    pub fn small(robot: &str, out: PathBuf, device: Device) -> Self {
+        Self {
+            robot: robot.into(),
+            out,
+            preset: Preset::Small,
+            data: None,
+            transitions: None,
+            torque_scale: 0.0,
+            updates: None,
+            batch: None,
+            rate: 1e-3,
+            last_rate: 1e-4,
+            tail: 0.3,
+            warmup: 0,
+            optimizer: OptimizerName::Muon,
+            average: 0.9995,
+            validate_every: None,
+            rollouts: 64,
+            minutes: None,
+            f32: false,
+            device,
+            seed: 0,
+        }
+    }
+}
+
 /// Size of network and run.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {

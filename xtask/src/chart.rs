@@ -1,0 +1,286 @@
+//! `cargo xtask chart --robot pendulum --scene ground1`: every solver of a scene on one picture.
+//!
+//! x: microseconds a frame of one environment takes on one core. y: mean |difference| of q over the horizon from a
+//! converged reference, passive motion from the robot's reset law. Time and error come from the same steps, so a broken
+//! simulation cannot be fast. The reference's own error (its distance from half its substeps) is a dashed line, as are
+//! the two floors that know no dynamics.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use nerd_sim::prelude::*;
+use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
+use serde::{Deserialize, Serialize};
+
+use crate::common::{Device, bar};
+use crate::plot::{Figure, Series};
+use crate::provenance::Provenance;
+use crate::solvers::{neural, shipped};
+use crate::table::{digits, markdown, pair};
+
+/// Draw speed against accuracy.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ChartArgs {
+    /// Robot: cartpole, pendulum, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Scene: free, or ground1 .. ground6 for the pendulum
+    #[arg(long, default_value = "free")]
+    pub scene: String,
+    /// Model folders, comma-separated [default: models/<robot> if it is there]
+    #[arg(long, value_delimiter = ',')]
+    pub model: Vec<PathBuf>,
+    /// Trajectories
+    #[arg(long, default_value_t = 64)]
+    pub starts: usize,
+    /// Frames over which the error is the mean [default: 100]
+    #[arg(long, default_value_t = 100)]
+    pub horizon: usize,
+    /// Largest number of substeps
+    #[arg(long, default_value_t = 256)]
+    pub substeps: usize,
+    /// Seed of the starts
+    #[arg(long, default_value_t = 500)]
+    pub seed: u64,
+    /// Folder for chart-<robot>-<scene>.svg, .png and .json
+    #[arg(long, default_value = "results")]
+    pub out: PathBuf,
+}
+
+impl ChartArgs {
+    /// A chart as the README shows it.
+    pub fn new(robot: &str, scene: &str) -> Self {
+        let (robot, scene) = (robot.into(), scene.into());
+        Self { robot, scene, model: Vec::new(), starts: 64, horizon: 100, substeps: 256, seed: 500, out: "results".into() }
+    }
+}
+
+/// A solver at one setting.
+#[derive(Clone, Debug)]
+enum Method {
+    Rk4(usize),
+    Euler(usize),
+    Paper,
+    /// rapier with substeps inside one outer step.
+    Rapier(usize),
+    /// rapier with as many outer steps, collisions found again in each, at its default of 4 iterations.
+    RapierSteps(usize),
+    Neural(PathBuf),
+}
+
+/// One mark on the chart.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Point {
+    series: String,
+    substeps: Option<usize>,
+    /// Frame of one environment on one core: the fastest of a few runs.
+    microseconds: f64,
+    /// Mean over coordinates.
+    error: f64,
+    by_coordinate: Vec<f64>,
+    diverged: usize,
+    front: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: ChartArgs) -> Result<()> {
+    if args.starts == 0 || args.horizon == 0 || args.substeps == 0 {
+        bail!("--starts, --horizon and --substeps are at least 1");
+    }
+    let system = System::named(&args.robot)?;
+    let scene = system.scene(&args.scene)?;
+    let mut models = args.model.clone();
+    if models.is_empty() && shipped(&system.name).join("config.json").exists() {
+        models.push(shipped(&system.name));
+    }
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+    let (points, base, reference) = one.install(|| measure(&args, &system, &scene, models))?;
+    let rows = points.iter().map(|p| {
+        let setting = p.substeps.map_or_else(|| "-".into(), |n| n.to_string());
+        vec![p.series.clone(), setting, digits(p.microseconds), pair(&p.by_coordinate), p.diverged.to_string(), if p.front { "*" } else { "" }.into()]
+    });
+    let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front"];
+    println!("{} {}, mean |dq| over {} frames, reference: {reference}\n", system.name, scene.name, args.horizon);
+    println!("{}", markdown(&header, &rows.collect::<Vec<_>>()));
+    let stem = args.out.join(format!("chart-{}-{}", system.name, scene.name));
+    let json = serde_json::json!({
+        "provenance": Provenance::now(args.seed),
+        "robot": system.name,
+        "scene": scene.name,
+        "protocol": PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed },
+        "reference": reference,
+        "reference_error": mean(&base.error),
+        "hold": mean(&base.hold),
+        "glide": mean(&base.glide),
+        "points": points,
+    });
+    crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
+    figure(&args, &system, &points, &base).save(&stem)
+}
+
+/// All points, the reference's report (its error is that of half its substeps), and its name.
+fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: Vec<PathBuf>) -> Result<(Vec<Point>, PassiveReport, String)> {
+    let contact = !scene.colliders.is_empty();
+    let powers = || std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= args.substeps);
+    let mut methods: Vec<Method> = powers().map(Method::Euler).collect();
+    if contact {
+        methods.extend(powers().take_while(|n| 4 * n <= args.substeps).map(Method::RapierSteps));
+    } else {
+        methods.extend(powers().take_while(|n| *n <= 32).map(Method::Rk4));
+    }
+    methods.extend(powers().map(Method::Rapier));
+    methods.push(Method::Paper);
+    methods.extend(models.into_iter().map(Method::Neural));
+
+    let (finest, reference) = if contact { (16 * args.substeps, "articulated, symplectic Euler") } else { (128, "articulated, RK4") };
+    let exact = |n: usize| if contact { Method::Euler(n) } else { Method::Rk4(n) };
+    let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed };
+    let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
+    let bar = bar("solvers", built.len() as u64 + 1);
+    let mut truth = Recorder { solver: exact(finest).build(system, 1)?.1, frames: Vec::new() };
+    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).build(system, 1)?.1, config, &mut |_| ())?;
+    let mut points = Vec::new();
+    for (k, (substeps, (series, solver))) in built.into_iter().enumerate() {
+        bar.set(k as u64 + 1);
+        let mut timed = Timed { solver, spent: Duration::ZERO };
+        let (mut runs, mut total, mut best, mut report) = (0, Duration::ZERO, Duration::MAX, None);
+        while runs == 0 || (total < Duration::from_millis(300) && runs < 20) || (runs < 3 && total < Duration::from_secs(10)) {
+            timed.spent = Duration::ZERO;
+            let mut replay = Replay { frames: &truth.frames, next: 0 };
+            match passive(system, scene, &mut replay, &mut timed, config, &mut |_| ()) {
+                Ok(found) => report = Some(found),
+                Err(error) => {
+                    eprintln!("{series} {substeps:?}: left out, {error}");
+                    break;
+                }
+            }
+            (runs, total, best) = (runs + 1, total + timed.spent, best.min(timed.spent));
+        }
+        let Some(report) = report else { continue };
+        points.push(Point {
+            series,
+            substeps,
+            microseconds: best.as_secs_f64() * 1e6 / (args.starts * args.horizon) as f64,
+            error: mean(&report.error),
+            by_coordinate: report.error,
+            diverged: report.diverged,
+            front: false,
+        });
+    }
+    bar.finish();
+    for i in 0..points.len() {
+        let (t, e) = (points[i].microseconds, points[i].error);
+        points[i].front = !points.iter().any(|p| p.microseconds <= t && p.error <= e && (p.microseconds < t || p.error < e));
+    }
+    Ok((points, base, format!("{reference}, {finest} substeps")))
+}
+
+fn figure(args: &ChartArgs, system: &System, points: &[Point], base: &PassiveReport) -> Figure {
+    let mut series: Vec<Series> = Vec::new();
+    for p in points {
+        let mark = (p.microseconds, p.error, p.substeps.map_or_else(String::new, |n| n.to_string()));
+        match series.last_mut().filter(|s| s.name == p.series) {
+            Some(s) => s.points.push(mark),
+            None => series.push(Series { name: p.series.clone(), points: vec![mark] }),
+        }
+    }
+    let mut front: Vec<(f64, f64)> = points.iter().filter(|p| p.front).map(|p| (p.microseconds, p.error)).collect();
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // A reference far below every solver would only stretch the picture.
+    let least = points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
+    let mut levels = vec![(mean(&base.hold), "hold last".to_string())];
+    if mean(&base.error) > 0.1 * least {
+        levels.push((mean(&base.error), "error of the reference".into()));
+    }
+    Figure {
+        title: format!("{}, {}: speed against accuracy", system.name, args.scene),
+        x: "microseconds a frame, one environment, one core".into(),
+        y: format!("mean |dq| over {} frames (rad or m)", args.horizon),
+        series,
+        front,
+        levels,
+    }
+}
+
+impl Method {
+    fn substeps(&self) -> Option<usize> {
+        match self {
+            Self::Rk4(n) | Self::Euler(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
+            Self::Paper | Self::Neural(_) => None,
+        }
+    }
+
+    /// Name in the legend, and the solver for `n` environments.
+    fn build(&self, system: &Arc<System>, n: usize) -> Result<(String, Box<dyn Solver>)> {
+        let articulated = |integrator: Integrator, n: usize| -> Box<dyn Solver> {
+            let config = ArticulatedConfig { integrator, substeps: n, contact_substeps: n, ..ArticulatedConfig::converged(Friction::Coulomb) };
+            Box::new(Articulated::new(config))
+        };
+        Ok(match self {
+            Self::Rk4(n) => ("articulated RK4".into(), articulated(Integrator::Rk4, *n)),
+            Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(Integrator::SymplecticEuler, *n)),
+            Self::Paper => ("articulated, preset paper (NeRD's truth)".into(), crate::train::truth(system)),
+            Self::Rapier(n) => ("rapier, iterations of 1 step".into(), Box::new(Rapier::new(RapierConfig::substeps(*n)))),
+            Self::RapierSteps(n) => {
+                ("rapier, steps of 4 iterations".into(), Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() })))
+            }
+            Self::Neural(folder) => {
+                let solver = neural(folder, system, None, Device::Flex, n)?;
+                (format!("NeRD, {:.2} M parameters", solver.model().config.network.parameters() as f64 / 1e6), Box::new(solver))
+            }
+        })
+    }
+}
+
+fn mean(x: &[f64]) -> f64 {
+    x.iter().sum::<f64>() / x.len() as f64
+}
+
+/// Adds up the time its solver takes.
+struct Timed {
+    solver: Box<dyn Solver>,
+    spent: Duration,
+}
+
+impl Solver for Timed {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        let start = Instant::now();
+        let done = self.solver.step(batch, torques);
+        self.spent += start.elapsed();
+        done
+    }
+
+    fn reset(&mut self, env: usize) {
+        self.solver.reset(env);
+    }
+}
+
+/// Keeps every state its solver comes to.
+struct Recorder {
+    solver: Box<dyn Solver>,
+    frames: Vec<Vec<f64>>,
+}
+
+impl Solver for Recorder {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        self.solver.step(batch, torques)?;
+        self.frames.push(batch.states.clone());
+        Ok(())
+    }
+}
+
+/// Plays recorded states back.
+struct Replay<'a> {
+    frames: &'a [Vec<f64>],
+    next: usize,
+}
+
+impl Solver for Replay<'_> {
+    fn step(&mut self, batch: &mut Batch, _torques: &[f64]) -> Result<(), StepError> {
+        batch.states.copy_from_slice(&self.frames[self.next]);
+        self.next += 1;
+        Ok(())
+    }
+}

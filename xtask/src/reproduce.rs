@@ -1,0 +1,87 @@
+//! `cargo xtask reproduce`: the main job. Rolls the shipped models out against the truth they learned (Cartpole 1000
+//! frames, double pendulum 100 frames on its seven grounds), prints the table beside the paper's, draws speed against
+//! accuracy, writes `results/`. Minutes on two cores. `--train` first trains small models from nothing on the CPU.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+
+use crate::chart::{self, ChartArgs};
+use crate::common::Device;
+use crate::evaluate::{self, EvaluateArgs};
+use crate::provenance::Provenance;
+use crate::solvers::{SolverArgs, SolverName, shipped};
+use crate::train::{self, TrainArgs};
+
+/// Robots with a model, and the scenes whose charts are drawn.
+const ROBOTS: [(&str, &[&str]); 2] = [("cartpole", &["free"]), ("pendulum", &["free", "ground1"])];
+
+/// Reproduce the tables and charts of the README.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ReproduceArgs {
+    /// Train small models from nothing instead of taking the shipped ones
+    #[arg(long)]
+    pub train: bool,
+    /// Trajectories by scene (the paper: 2048)
+    #[arg(long, default_value_t = 256)]
+    pub starts: usize,
+    /// Leave the charts out
+    #[arg(long)]
+    pub tables_only: bool,
+    /// Where the networks of the table are computed; those of the charts are on one CPU core
+    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    pub device: Device,
+    /// Seed of the starts
+    #[arg(long, default_value_t = 500)]
+    pub seed: u64,
+    /// Folder to write
+    #[arg(long, default_value = "results")]
+    pub out: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: ReproduceArgs) -> Result<()> {
+    if args.starts == 0 {
+        bail!("--starts 0: at least one is needed");
+    }
+    let mut rows = Vec::new();
+    let mut models = Vec::new();
+    for (robot, _) in ROBOTS {
+        let model = if args.train { trained(robot, &args)? } else { shipped(robot) };
+        rows.extend(evaluate::rows(&EvaluateArgs {
+            robot: robot.into(),
+            scene: Vec::new(),
+            solver: SolverArgs { solver: SolverName::Neural, model: Some(model.clone()), device: args.device, ..SolverArgs::default() },
+            starts: args.starts,
+            steps: None,
+            seed: args.seed,
+            out: None,
+        })?);
+        models.push(model);
+    }
+    let table = evaluate::table(&rows);
+    println!("\nNeRD against its truth ({}), mean |dq| by joint:\n\n{table}", train::TRUTH);
+    evaluate::write(&args.out.join("passive.json"), &rows, args.seed)?;
+    let stamp = Provenance::now(args.seed);
+    let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
+    crate::files::write(&args.out.join("passive.md"), (table + &from).as_bytes())?;
+    if !args.tables_only {
+        for ((robot, scenes), model) in ROBOTS.iter().zip(models) {
+            for scene in *scenes {
+                chart::run(ChartArgs { model: vec![model.clone()], seed: args.seed, out: args.out.clone(), ..ChartArgs::new(robot, scene) })?;
+            }
+        }
+    }
+    eprintln!("written to {}", args.out.display());
+    Ok(())
+}
+
+/// A small model trained here and now, unless an earlier call has; its folder.
+fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
+    let out = Path::new("out/reproduce").join(robot);
+    eprintln!("training a small model of {robot} in {}", out.display());
+    match train::train(&TrainArgs::small(robot, out, args.device))? {
+        Some(folder) => Ok(folder),
+        None => bail!("training of {robot} did not finish"),
+    }
+}
