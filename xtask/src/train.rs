@@ -46,6 +46,9 @@ pub struct TrainArgs {
     /// Folder of shards made by `dataset`; recorded in memory if absent
     #[arg(long)]
     pub data: Option<PathBuf>,
+    /// Model folder to start from, normaliser and all [default: random weights]
+    #[arg(long)]
+    pub from: Option<PathBuf>,
     /// Transitions to record
     #[arg(long)]
     pub transitions: Option<usize>,
@@ -104,6 +107,7 @@ impl TrainArgs {
             out,
             preset: Preset::Small,
             data: None,
+            from: None,
             transitions: None,
             torque_scale: 0.0,
             updates: None,
@@ -153,6 +157,8 @@ struct Run {
     torque_scale: f64,
     data_sha256: String,
     transitions: usize,
+    /// What the weights it started from had been through.
+    from: Option<String>,
 }
 
 /// The truth every model of this program learns: the reference simulator's preset with Coulomb friction.
@@ -231,7 +237,11 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         None => recorded(&system, args, transitions, args.seed, network.history)?,
     };
     let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.history)?.windows;
-    let normalizer = moments(&data.windows);
+    let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(TRUTH))).transpose()?;
+    if let Some(parent) = parent.as_ref().filter(|p| p.config.network != network) {
+        bail!("--from: its network is {:?}, this run's {network:?}", parent.config.network);
+    }
+    let normalizer = parent.as_ref().map_or_else(|| moments(&data.windows), |p| p.normalizer.clone());
     normalize(&mut data.windows, &normalizer);
     normalize(&mut validation, &normalizer);
     let transitions = data.windows.trajectories() * data.windows.frames;
@@ -244,9 +254,11 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         torque_scale: args.torque_scale,
         data_sha256: data.sha256.clone(),
         transitions,
+        from: parent.as_ref().map(|p| history(&p.config)),
     };
+    let first_weights = || parent.map_or_else(|| Weights::init(network, args.seed), |p| p.weights);
     let text = serde_json::to_string(&run)?;
-    let state = resume(&args.out, &network, &text)?.unwrap_or_else(|| LearnerState::new(Weights::init(network, args.seed)));
+    let state = resume(&args.out, &network, &text)?.unwrap_or_else(|| LearnerState::new(first_weights()));
     crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
     eprintln!("{} parameters, {} windows, update {} of {updates}", network.parameters(), data.windows.len(), state.step);
 
@@ -354,6 +366,14 @@ fn model_config(run: &Run, provenance: &std::collections::HashMap<String, String
     }
 }
 
+/// What a model has been through, in one line.
+fn history(config: &ModelConfig) -> String {
+    let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
+    let run = format!("{} of a run of {} updates of {} windows on {} transitions", row("weights"), config.updates, config.batch, config.transitions);
+    let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
+    config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
+}
+
 /// One line a session: which updates took how long where.
 fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
     use std::io::Write;
@@ -391,6 +411,7 @@ fn export(
         ("schedule", format!("{:?}", run.trainer.schedule)),
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),
     ];
+    let rows: Vec<_> = rows.into_iter().chain(run.from.clone().map(|from| ("started from", from))).collect();
     let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
     let config = model_config(run, &provenance);
     let mut card = format!(

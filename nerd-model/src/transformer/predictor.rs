@@ -27,9 +27,9 @@ pub struct BurnForward {
 }
 
 impl BurnForward {
-    /// The network on `device`, in chunks of 64 windows on as many threads as there are cores.
+    /// The network on `device`, in chunks of 64 windows on as many threads as rayon has here.
     pub fn new(weights: &Weights, device: &Device) -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = rayon::current_num_threads();
         let device = device.clone().inner();
         Self { network: Transformer::new(weights, &device), config: weights.config, device, chunk: CHUNK, threads }
     }
