@@ -99,7 +99,14 @@ pub fn run(args: ChartArgs) -> Result<()> {
     let (points, base, reference) = one.install(|| measure(&args, &system, &scene, models))?;
     let rows = points.iter().map(|p| {
         let setting = p.substeps.map_or_else(|| "-".into(), |n| n.to_string());
-        vec![p.series.clone(), setting, digits(p.microseconds), pair(&p.by_coordinate), p.diverged.to_string(), if p.front { "*" } else { "" }.into()]
+        vec![
+            p.series.clone(),
+            setting,
+            digits(p.microseconds),
+            pair(&p.by_coordinate),
+            p.diverged.to_string(),
+            if p.front { "*" } else { "" }.into(),
+        ]
     });
     let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front"];
     println!("{} {}, mean |dq| over {} frames, reference: {reference}\n", system.name, scene.name, args.horizon);
@@ -121,7 +128,12 @@ pub fn run(args: ChartArgs) -> Result<()> {
 }
 
 /// All points, the reference's report (its error is that of half its substeps), and its name.
-fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: Vec<PathBuf>) -> Result<(Vec<Point>, PassiveReport, String)> {
+fn measure(
+    args: &ChartArgs,
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    models: Vec<PathBuf>,
+) -> Result<(Vec<Point>, PassiveReport, String)> {
     let contact = !scene.colliders.is_empty();
     let powers = || std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= args.substeps);
     let mut methods: Vec<Method> = powers().map(Method::Euler).collect();
@@ -215,7 +227,8 @@ impl Method {
     /// Name in the legend, and the solver for `n` environments.
     fn build(&self, system: &Arc<System>, n: usize) -> Result<(String, Box<dyn Solver>)> {
         let articulated = |integrator: Integrator, n: usize| -> Box<dyn Solver> {
-            let config = ArticulatedConfig { integrator, substeps: n, contact_substeps: n, ..ArticulatedConfig::converged(Friction::Coulomb) };
+            let config =
+                ArticulatedConfig { integrator, substeps: n, contact_substeps: n, ..ArticulatedConfig::converged(Friction::Coulomb) };
             Box::new(Articulated::new(config))
         };
         Ok(match self {

@@ -68,7 +68,12 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     if !args.tables_only {
         for ((robot, scenes), model) in ROBOTS.iter().zip(models) {
             for scene in *scenes {
-                chart::run(ChartArgs { model: vec![model.clone()], seed: args.seed, out: args.out.clone(), ..ChartArgs::new(robot, scene) })?;
+                chart::run(ChartArgs {
+                    model: vec![model.clone()],
+                    seed: args.seed,
+                    out: args.out.clone(),
+                    ..ChartArgs::new(robot, scene)
+                })?;
             }
         }
     }

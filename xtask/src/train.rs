@@ -283,8 +283,18 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     }
     let folder = args.out.join("model");
     let best = std::fs::read(args.out.join("best.safetensors")).context("best.safetensors of the run")?;
-    let weights = Weights::from_bytes(network, &best)?;
-    export(&folder, &args.out, &run, normalizer, weights, outcome.best, args)?;
+    let mut weights = Weights::from_bytes(network, &best)?;
+    let (step, criterion) = outcome.best.unwrap_or((updates, f64::NAN));
+    let mut chosen = format!("moving average {} at update {step}, chosen by criterion {criterion:.5}", learner.average);
+    if args.rollouts > 0 {
+        // Where the rate has fallen to zero the last weights need no average, and may be better than it.
+        let last = engine.state()?.weights;
+        let found = rollout_error(&system, &run, &normalizer, last.clone(), args)?;
+        if found < criterion {
+            (weights, chosen) = (last, format!("last, not averaged, at update {updates}, chosen by criterion {found:.5}"));
+        }
+    }
+    export(&folder, &args.out, &run, normalizer, weights, chosen, args)?;
     eprintln!("model written to {}", folder.display());
     Ok(Some(folder))
 }
@@ -369,7 +379,13 @@ fn model_config(run: &Run, provenance: &std::collections::HashMap<String, String
 /// What a model has been through, in one line.
 fn history(config: &ModelConfig) -> String {
     let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
-    let run = format!("{} of a run of {} updates of {} windows on {} transitions", row("weights"), config.updates, config.batch, config.transitions);
+    let run = format!(
+        "{} of a run of {} updates of {} windows on {} transitions",
+        row("weights"),
+        config.updates,
+        config.batch,
+        config.transitions
+    );
     let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
@@ -383,21 +399,12 @@ fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
 }
 
 /// Writes the model folder with a card made of what the run recorded.
-fn export(
-    folder: &Path,
-    out: &Path,
-    run: &Run,
-    normalizer: Normalizer,
-    weights: Weights,
-    best: Option<(u64, f64)>,
-    args: &TrainArgs,
-) -> Result<()> {
+fn export(folder: &Path, out: &Path, run: &Run, normalizer: Normalizer, weights: Weights, chosen: String, args: &TrainArgs) -> Result<()> {
     let sessions: Vec<serde_json::Value> =
         std::fs::read_to_string(out.join("sessions.jsonl"))?.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
     let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
     let machine = sessions.last().map_or_else(String::new, |s| s["machine"].as_str().unwrap_or_default().to_string());
     let stamp = Provenance::now(args.seed);
-    let (step, criterion) = best.unwrap_or((run.trainer.updates, f64::NAN));
     let minutes = format!("{:.1}", seconds / 60.0);
     let rows = [
         ("commit", stamp.commit.clone()),
@@ -406,7 +413,7 @@ fn export(
         ("machine", machine),
         ("minutes", minutes),
         ("date", stamp.date.clone()),
-        ("weights", format!("moving average {} at update {step}, chosen by rollout error {criterion:.5}", run.learner.average)),
+        ("weights", chosen),
         ("optimizer", format!("{:?}", run.learner.optimizer)),
         ("schedule", format!("{:?}", run.trainer.schedule)),
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),

@@ -48,7 +48,17 @@ fn a_reference_file_given_as_it_is_comes_out_again() {
     for (file, robot, scene) in files {
         let Some(path) = reference(&file) else { continue };
         let out = folder.path().join("out.csv");
-        let run = xtask(&["rollout", "--robot", robot, "--scene", &scene, "--states", path.to_str().expect("utf-8"), "--out", out.to_str().expect("utf-8")]);
+        let run = xtask(&[
+            "rollout",
+            "--robot",
+            robot,
+            "--scene",
+            &scene,
+            "--states",
+            path.to_str().expect("utf-8"),
+            "--out",
+            out.to_str().expect("utf-8"),
+        ]);
         assert!(run.status.success(), "{file}: {}", String::from_utf8_lossy(&run.stderr));
         let columns = if robot == "cartpole" { ["x", "theta"] } else { ["q1", "q2"] };
         let (ours, theirs) = (table(&out, &columns), table(&path, &columns));
@@ -114,7 +124,10 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         let run = xtask(&args);
         let error = String::from_utf8_lossy(&run.stderr);
         assert_eq!(run.status.code(), Some(2), "{args:?}: {error}");
-        assert!(error.trim_end().lines().count() == 1 && error.contains(culprit), "{args:?}: `{error}` is not one line that names {culprit}");
+        assert!(
+            error.trim_end().lines().count() == 1 && error.contains(culprit),
+            "{args:?}: `{error}` is not one line that names {culprit}"
+        );
         assert!(!Path::new(&out).exists(), "{args:?} left a file");
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).expect("folder").filter_map(|f| f.ok()?.file_name().into_string().ok()).collect();
@@ -128,8 +141,25 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let (out, model) = (out.to_str().expect("utf-8").to_string(), out.join("model").to_str().expect("utf-8").to_string());
     let train = |robot: &str| {
         xtask(&[
-            "train", "--robot", robot, "--preset", "small", "--transitions", "20000", "--updates", "8", "--batch", "16", "--rollouts", "2",
-            "--validate-every", "4", "--optimizer", "muon", "--out", &out,
+            "train",
+            "--robot",
+            robot,
+            "--preset",
+            "small",
+            "--transitions",
+            "20000",
+            "--updates",
+            "8",
+            "--batch",
+            "16",
+            "--rollouts",
+            "2",
+            "--validate-every",
+            "4",
+            "--optimizer",
+            "muon",
+            "--out",
+            &out,
         ])
     };
     let run = train("cartpole");
@@ -142,7 +172,9 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
 
     let table = folder.path().join("table.json");
     let table = table.to_str().expect("utf-8");
-    let run = xtask(&["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "5", "--out", table]);
+    let run = xtask(&[
+        "evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "5", "--out", table,
+    ]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(table).expect("table")).expect("JSON");
     for field in ["commit", "command", "machine", "seed", "date"] {
@@ -156,7 +188,8 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
         (["--robot", "cartpole", "--preset", "converged"].as_slice(), "articulated converged coulomb"),
         (["--robot", "cartpole", "--friction", "huber"].as_slice(), "huber"),
     ] {
-        let run = xtask(&[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "2"].as_slice(), args].concat());
+        let run =
+            xtask(&[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "2"].as_slice(), args].concat());
         let error = String::from_utf8_lossy(&run.stderr);
         assert!(run.status.code() == Some(2) && error.contains(culprit), "{args:?}: {error}");
     }

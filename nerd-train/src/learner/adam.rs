@@ -2,7 +2,7 @@
 //!
 //! With t = s + 1 the update counted from 1 and g the clipped gradient,
 //! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `w -= lr (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`,
-//! then `a = w + d (a - w)` with `d = min(average, (1 + s) / (10 + s))`. Entries are independent, so the result does
+//! then `a += blend (w - a)`. Entries are independent, so the result does
 //! not depend on the number of threads.
 
 use rayon::prelude::*;
@@ -30,8 +30,7 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
     let t = (state.step + 1) as f64;
     let corrections = (1.0 - f64::from(BETA.0).powf(t), 1.0 - f64::from(BETA.1).powf(t));
     let (rate, inverse_root) = ((f64::from(lr) / corrections.0) as f32, corrections.1.powf(-0.5) as f32);
-    let s = state.step as f64;
-    let decay = config.average.min((1.0 + s) / (10.0 + s)) as f32;
+    let blend = super::blend(config.average, state.step);
     assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
     let mut hidden = None;
     if config.optimizer == Optimizer::Muon {
@@ -54,7 +53,7 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
                 *m = BETA.0 * *m + (1.0 - BETA.0) * g;
                 *v = BETA.1 * *v + (1.0 - BETA.1) * g * g;
                 *w -= rate * *m / (v.sqrt() * inverse_root + EPSILON);
-                *a = *w + decay * (*a - *w);
+                *a += blend * (*w - *a);
             }
         });
     if let Some((w, a, m, v)) = hidden {

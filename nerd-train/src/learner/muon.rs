@@ -73,8 +73,7 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
 /// Makes the Muon part of an update of `state`: hidden matrices, their momentum and average. `gradient` is the clipped
 /// one; the caller counts the update.
 pub fn step(state: &mut LearnerState, gradient: &[f32], lr: f32, config: &LearnerConfig) {
-    let s = state.step as f64;
-    let blend = 1.0 - config.average.min((1.0 + s) / (10.0 + s)) as f32;
+    let blend = super::blend(config.average, state.step);
     let all: Vec<Hidden> = hidden(&state.weights.config).concat();
     let m = &state.m;
     // Each matrix by itself: the same bits on any number of threads.

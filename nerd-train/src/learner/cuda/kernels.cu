@@ -511,7 +511,9 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->scale = (float)fmin(1.0, clip / (norm + 1e-6));
     s->rate = (float)(s->lr / (1.0 - pow(0.9, t)));
     s->root = (float)(1.0 / sqrt(1.0 - pow(0.999, t)));
-    s->blend = (float)(1.0 - fmin(average, (1.0 + k) / (10.0 + k)));
+    // See `blend` in learner/mod.rs for the sixteen.
+    const double growing = (1.0 + k) / (10.0 + k);
+    s->blend = (float)(growing < average ? 1.0 - growing : (s->step + 1) % 16 == 0 ? 1.0 - pow(average, 16.0) : 0.0);
     s->loss_sum += loss;
     s->norm_sum += norm;
     s->count += 1;
