@@ -1,6 +1,6 @@
 //! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -142,7 +142,7 @@ pub fn generate(
         let count = config.shard_trajectories.min(total - first);
         let name = format!("shard-{:05}.safetensors", shards.len());
         let path = folder.join(&name);
-        let header: HashMap<String, String> = [
+        let header: BTreeMap<String, String> = [
             ("robot", system.name.clone()),
             ("truth", truth.to_string()),
             ("seed", config.seed.to_string()),
@@ -158,7 +158,7 @@ pub fn generate(
             Some(recording) => recording,
             None => {
                 let recording = record(system, solver, config, first as u64, count)?;
-                write_shard(&path, &recording, header)?;
+                write_shard(&path, &recording, &header)?;
                 recording
             }
         };

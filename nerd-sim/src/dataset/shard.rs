@@ -1,6 +1,6 @@
 //! One recording in one safetensors file, written whole or not at all.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -42,8 +42,14 @@ fn file_error(path: &Path) -> impl Fn(std::io::Error) -> DatasetError + '_ {
     move |source| DatasetError::File { path: path.into(), source }
 }
 
-/// Writes `recording` with `metadata` in the header: to a temporary name first, then renamed.
-pub fn write_shard(path: &Path, recording: &Recording, metadata: HashMap<String, String>) -> Result<(), DatasetError> {
+/// The one entry of a shard's safetensors metadata: safetensors writes several in random order, and the same data are to
+/// be the same bytes.
+const ENTRY: &str = "recording";
+
+/// Writes `recording` with `metadata` in the header (as JSON): to a temporary name first, then renamed.
+pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), DatasetError> {
+    let text = serde_json::to_string(metadata).map_err(|e| DatasetError::Format { path: path.into(), reason: e.to_string() })?;
+    let metadata = HashMap::from([(ENTRY.to_string(), text)]);
     let wrong = |e: safetensors::SafeTensorError| DatasetError::Format { path: path.into(), reason: e.to_string() };
     let raw = recording.arrays().map(|(name, shape, x)| {
         let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -66,7 +72,7 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
 }
 
 /// Reads a shard and its metadata.
-pub fn read_shard(path: &Path) -> Result<(Recording, HashMap<String, String>), DatasetError> {
+pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), DatasetError> {
     let bytes = std::fs::read(path).map_err(file_error(path))?;
     let wrong = |reason: String| DatasetError::Format { path: path.into(), reason };
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
@@ -92,5 +98,6 @@ pub fn read_shard(path: &Path) -> Result<(Recording, HashMap<String, String>), D
         depths: depths?.1,
         gravity: gravity?.1,
     };
-    Ok((recording, header.metadata().clone().unwrap_or_default()))
+    let text = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).ok_or_else(|| wrong(format!("no `{ENTRY}` in its metadata")))?;
+    Ok((recording, serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?))
 }

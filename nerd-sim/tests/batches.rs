@@ -1,0 +1,94 @@
+//! What a batch promises for every solver: an environment is alone in its batch, a number of threads changes nothing, an
+//! error names its place and leaves the states as they were.
+
+#![cfg(feature = "rapier")]
+
+use std::sync::Arc;
+
+use nerd_sim::dataset::{GenerateConfig, record};
+use nerd_sim::prelude::*;
+
+const SOLVERS: [&str; 3] = ["paper", "converged", "rapier"];
+
+fn solver(name: &str, system: &System) -> Box<dyn Solver> {
+    match name {
+        "paper" => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
+        "converged" => {
+            Box::new(Articulated::new(ArticulatedConfig { contact_substeps: 32, ..ArticulatedConfig::converged(Friction::Huber) }))
+        }
+        _ => Box::new(Rapier::new(RapierConfig::default())),
+    }
+}
+
+fn start(system: &Arc<System>, scene: &str, n: usize) -> Batch {
+    let mut batch = Batch::new(system, &system.scene(scene).expect("scene"), n);
+    batch.states.iter_mut().enumerate().for_each(|(i, x)| *x = 1.3 * (0.7 * i as f64).sin());
+    batch
+}
+
+fn run(batch: &mut Batch, solver: &mut dyn Solver, frames: usize) {
+    let torques: Vec<f64> = (0..batch.len() * batch.system.robot.joint_count()).map(|i| 20.0 * (i as f64).cos()).collect();
+    (0..frames).for_each(|_| solver.step(batch, &torques).expect("finite"));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+    let system = System::named("pendulum").expect("built in");
+    let config = GenerateConfig { frames: 30, ..GenerateConfig::default() };
+    for name in SOLVERS {
+        let hashes = [1, 2, 5].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+            pool.install(|| record(&system, &mut *solver(name, &system), &config, 7, 200).expect("recorded").sha256())
+        });
+        assert!(hashes.windows(2).all(|w| w[0] == w[1]), "{name}: bytes differ between 1, 2 and 5 threads");
+    }
+}
+
+#[test]
+fn a_trajectory_does_not_depend_on_the_shard_it_stands_in() {
+    let system = System::named("pendulum").expect("built in");
+    let config = GenerateConfig { frames: 30, ..GenerateConfig::default() };
+    let take = |first, count| record(&system, &mut *solver("paper", &system), &config, first, count).expect("recorded").states;
+    let (whole, part) = (take(0, 100), take(60, 40));
+    assert_eq!(whole[60 * 31 * 4..], part[..], "trajectories 60..100 of one shard and of two");
+}
+
+#[test]
+fn an_environment_that_is_reset_is_a_fresh_one_and_its_neighbours_do_not_notice() {
+    for scene in ["free", "ground2"] {
+        let system = System::named("pendulum").expect("built in");
+        for name in SOLVERS {
+            let (mut batch, mut one) = (start(&system, scene, 3), solver(name, &system));
+            let mut undisturbed = batch.clone();
+            run(&mut batch, &mut *one, 10);
+            let state = [0.4, 0.1, -1.0, 2.0];
+            let mut simulation = Simulation { batch, solver: one };
+            simulation.reset(1, &state);
+            assert_eq!((simulation.batch.frames[0], simulation.batch.frames[1]), (10, 0));
+            let mut fresh = simulation.batch.clone();
+            run(&mut simulation.batch, &mut *simulation.solver, 10);
+            run(&mut fresh, &mut *solver(name, &system), 10);
+            assert_eq!(simulation.batch.state(1), fresh.state(1), "{name}, {scene}: reset against fresh");
+            run(&mut undisturbed, &mut *solver(name, &system), 20);
+            assert_eq!(simulation.batch.state(2), undisturbed.state(2), "{name}, {scene}: neighbour");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_stepped_is_an_error_with_an_address_and_changes_nothing() {
+    let system = System::named("pendulum").expect("built in");
+    for name in SOLVERS {
+        let (mut batch, mut solver) = (start(&system, "ground1", 4), solver(name, &system));
+        run(&mut batch, &mut *solver, 3);
+        let before = batch.clone();
+        let error = solver.step(&mut batch, &[0.0; 7]).expect_err("seven torques").to_string();
+        assert!(error.contains('7') && error.contains('4'), "{name}: {error}");
+        let mut torques = [0.0; 8];
+        torques[5] = f64::NAN;
+        let error = solver.step(&mut batch, &torques).expect_err("NaN").to_string();
+        assert!(error.contains("environment 2") && error.contains("frame 3") && !error.contains('\n'), "{name}: {error}");
+        assert_eq!((&batch.states, &batch.frames), (&before.states, &before.frames), "{name}: changed by a failed step");
+        run(&mut batch, &mut *solver, 1);
+    }
+}

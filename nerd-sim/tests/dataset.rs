@@ -1,0 +1,73 @@
+//! Shards on disk: whole or not there, the same bytes again after an interruption, never those of other settings.
+
+use std::path::Path;
+
+use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard};
+use nerd_sim::law::Law;
+use nerd_sim::prelude::*;
+
+fn make(folder: &Path, seed: u64, frames: usize) -> Manifest {
+    let system = System::named("pendulum").expect("built in");
+    let config =
+        GenerateConfig { transitions: 100 * frames, frames, seed, shard_trajectories: 40, torque_scale: Law { low: 0.0, high: 1.0 } };
+    let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+    generate(&system, &mut truth, "articulated paper coulomb", &config, folder, &mut |_, _| ()).expect("generated")
+}
+
+fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<_> = std::fs::read_dir(folder)
+        .expect("folder")
+        .map(|f| f.expect("file"))
+        .map(|f| (f.file_name().into_string().expect("utf-8"), std::fs::read(f.path()).expect("read")))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn an_interrupted_generation_ends_with_the_bytes_of_an_unbroken_one() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let first = make(folder.path(), 3, 20);
+    let whole = bytes(folder.path());
+    assert_eq!(
+        whole.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(),
+        ["manifest.json", "shard-00000.safetensors", "shard-00001.safetensors", "shard-00002.safetensors"]
+    );
+    // As a crash of another program, or of the disk, may leave them: one gone, one cut short, the manifest lost.
+    std::fs::remove_file(folder.path().join("shard-00000.safetensors")).expect("removed");
+    std::fs::write(folder.path().join("shard-00001.safetensors"), &whole[2].1[..whole[2].1.len() / 2]).expect("cut");
+    std::fs::remove_file(folder.path().join("manifest.json")).expect("removed");
+    assert_eq!(make(folder.path(), 3, 20), first);
+    assert!(bytes(folder.path()) == whole, "the files differ after the repair");
+}
+
+#[test]
+fn shards_of_other_settings_are_replaced_not_mixed_in() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let first = make(folder.path(), 3, 20);
+    let other = make(folder.path(), 4, 20);
+    assert_ne!(first.sha256, other.sha256, "another seed, the same data");
+    let fresh = tempfile::tempdir().expect("temporary folder");
+    make(fresh.path(), 4, 20);
+    assert!(bytes(folder.path()) == bytes(fresh.path()), "shards of seed 3 among those of seed 4");
+}
+
+#[test]
+fn a_recording_holds_what_the_sampling_laws_say() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    make(folder.path(), 3, 20);
+    let (mut touching, mut strongest) = (0, 0.0f32);
+    for k in 0..3 {
+        let (r, header) = read_shard(&folder.path().join(format!("shard-{k:05}.safetensors"))).expect("read");
+        assert_eq!((header["robot"].as_str(), header["truth"].as_str()), ("pendulum", "articulated paper coulomb"));
+        for t in 0..r.trajectories {
+            let s = &r.states[t * 21 * 4..];
+            assert!(s[0].abs() <= 3.1416 && s[1].abs() <= 3.1416 && s[2].abs() <= 6.2832 && s[3].abs() <= 12.5664, "start {:?}", &s[..4]);
+        }
+        strongest = r.torques.iter().fold(strongest, |a, b| a.max(b.abs()));
+        touching += r.depths.iter().filter(|d| **d < 0.1).count();
+        assert!(r.states.chunks_exact(4).all(|s| s[0].abs() <= 3.1416 && s[1].abs() <= 3.1416), "angles are wrapped");
+    }
+    assert!((1000.0..=1500.0).contains(&strongest), "largest torque {strongest}, drawn from +-1500");
+    assert!(touching > 50, "{touching} of 8000 points touch: the random planes are out of reach");
+}
