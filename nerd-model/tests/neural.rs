@@ -84,7 +84,7 @@ fn frames_of_another_solver_in_between_empty_the_window() {
     run(&mut swapped, 3);
     std::mem::swap(&mut truth, &mut swapped.solver);
     let mut fresh = simulation("ground1", 2);
-    (0..2).for_each(|env| fresh.reset(env, &swapped.batch.state(env).to_vec()));
+    (0..2).for_each(|env| fresh.reset(env, swapped.batch.state(env)));
     run(&mut swapped, 5);
     run(&mut fresh, 5);
     let difference = gap(&swapped.batch.states, &fresh.batch.states);

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use nerd_model::features::Features;
-use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Forward, TransformerConfig, Weights};
@@ -25,141 +25,16 @@ use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState, Opt
 use nerd_train::prepare::{Prepared, generate, moments, normalize, read};
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::{Trainer, TrainerConfig};
-use serde::{Deserialize, Serialize};
+
+mod args;
+mod card;
+
+pub use args::TrainArgs;
+use args::{OptimizerName, Preset};
+use card::{Run, export, history, log_time, model_config};
 
 use crate::common::Device;
 use crate::paper;
-use crate::provenance::Provenance;
-
-/// Train a NeRD model.
-#[derive(clap::Args, Clone, Debug)]
-pub struct TrainArgs {
-    /// Robot: cartpole, pendulum, or the path of a .urdf
-    #[arg(long)]
-    pub robot: String,
-    /// Folder of the run; the same command continues it
-    #[arg(long)]
-    pub out: PathBuf,
-    /// Size of the network and of the run: `paper` (E 192, 6 layers, batch 512) or `small` (E 48, 2 layers, batch 128)
-    #[arg(long, value_enum, default_value_t = Preset::Paper)]
-    pub preset: Preset,
-    /// Folder of shards made by `dataset`; recorded in memory if absent
-    #[arg(long)]
-    pub data: Option<PathBuf>,
-    /// Model folder to start from, normaliser and all [default: random weights]
-    #[arg(long)]
-    pub from: Option<PathBuf>,
-    /// Transitions to record
-    #[arg(long)]
-    pub transitions: Option<usize>,
-    /// Least factor on the random torques, drawn once a trajectory from U(this, 1); the paper's data has 1
-    #[arg(long, default_value_t = 1.0)]
-    pub torque_scale: f64,
-    /// Optimiser updates in the whole run
-    #[arg(long)]
-    pub updates: Option<u64>,
-    /// Windows in an update
-    #[arg(long)]
-    pub batch: Option<usize>,
-    /// Learning rate of the first update
-    #[arg(long, default_value_t = 1e-3)]
-    pub rate: f64,
-    /// Learning rate the linear decay ends at
-    #[arg(long, default_value_t = 1e-4)]
-    pub last_rate: f64,
-    /// Share of the run, at its end, over which the rate falls on to zero (paper: 0)
-    #[arg(long, default_value_t = 0.0)]
-    pub tail: f64,
-    /// Updates over which the rate rises from zero (paper: 0)
-    #[arg(long, default_value_t = 0)]
-    pub warmup: u64,
-    /// What updates the hidden matrices: adam (the paper) or muon
-    #[arg(long, value_enum, default_value_t = OptimizerName::Adam)]
-    pub optimizer: OptimizerName,
-    /// Decay of the moving average of the weights, per update
-    #[arg(long, default_value_t = 0.9995)]
-    pub average: f64,
-    /// Updates between validations (default: a fiftieth of the run)
-    #[arg(long)]
-    pub validate_every: Option<u64>,
-    /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
-    #[arg(long, default_value_t = 64)]
-    pub rollouts: usize,
-    /// Stop, with a checkpoint, after so many minutes; the same command continues
-    #[arg(long)]
-    pub minutes: Option<f64>,
-    /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
-    #[arg(long)]
-    pub f32: bool,
-    /// Where to compute: flex (CPU) or cuda (needs a build with `--features cuda`)
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
-    pub device: Device,
-    /// Seed of data, weights and windows
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
-}
-
-impl TrainArgs {
-    /// What `reproduce --train` trains: minutes on two cores.
-    pub fn small(robot: &str, out: PathBuf, device: Device) -> Self {
-        Self {
-            robot: robot.into(),
-            out,
-            preset: Preset::Small,
-            data: None,
-            from: None,
-            transitions: None,
-            torque_scale: 0.0,
-            updates: None,
-            batch: None,
-            rate: 1e-3,
-            last_rate: 1e-4,
-            tail: 0.3,
-            warmup: 0,
-            optimizer: OptimizerName::Muon,
-            average: 0.9995,
-            validate_every: None,
-            rollouts: 64,
-            minutes: None,
-            f32: false,
-            device,
-            seed: 0,
-        }
-    }
-}
-
-/// Size of network and run.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
-    /// E 192, 6 layers, 12 heads, block 32, 10 million transitions, batch 512.
-    Paper,
-    /// E 48, 2 layers, 4 heads, block 16, 400 000 transitions, batch 128, 6000 updates.
-    Small,
-}
-
-/// Optimisers of the hidden matrices.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OptimizerName {
-    /// Adam, as in the paper.
-    Adam,
-    /// Orthogonalised momentum.
-    Muon,
-}
-
-/// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Run {
-    robot: String,
-    truth: String,
-    network: TransformerConfig,
-    learner: LearnerConfig,
-    trainer: TrainerConfig,
-    torque_scale: f64,
-    data_sha256: String,
-    transitions: usize,
-    /// What the weights it started from had been through.
-    from: Option<String>,
-}
 
 /// The truth every model of this program learns: the reference simulator's preset with Coulomb friction.
 pub const TRUTH: &str = "articulated paper coulomb";
@@ -361,81 +236,4 @@ fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weigh
         total += report.error.iter().sum::<f64>() / report.error.len() as f64;
     }
     Ok(total / scenes.len() as f64)
-}
-
-fn model_config(run: &Run, provenance: &std::collections::HashMap<String, String>) -> ModelConfig {
-    ModelConfig {
-        robot: run.robot.clone(),
-        truth: run.truth.clone(),
-        network: run.network,
-        data_sha256: run.data_sha256.clone(),
-        transitions: run.transitions,
-        updates: run.trainer.updates,
-        batch: run.learner.batch,
-        provenance: provenance.clone(),
-    }
-}
-
-/// What a model has been through, in one line.
-fn history(config: &ModelConfig) -> String {
-    let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
-    let run = format!(
-        "{} of a run of {} updates of {} windows on {} transitions",
-        row("weights"),
-        config.updates,
-        config.batch,
-        config.transitions
-    );
-    let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
-    config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
-}
-
-/// One line a session: which updates took how long where.
-fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
-    use std::io::Write;
-    let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine() });
-    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(out.join("sessions.jsonl"))?;
-    Ok(writeln!(file, "{line}")?)
-}
-
-/// Writes the model folder with a card made of what the run recorded.
-fn export(folder: &Path, out: &Path, run: &Run, normalizer: Normalizer, weights: Weights, chosen: String, args: &TrainArgs) -> Result<()> {
-    let sessions: Vec<serde_json::Value> =
-        std::fs::read_to_string(out.join("sessions.jsonl"))?.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
-    let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
-    let machine = sessions.last().map_or_else(String::new, |s| s["machine"].as_str().unwrap_or_default().to_string());
-    let stamp = Provenance::now(args.seed);
-    let minutes = format!("{:.1}", seconds / 60.0);
-    let rows = [
-        ("commit", stamp.commit.clone()),
-        ("command", stamp.command.clone()),
-        ("seed", args.seed.to_string()),
-        ("machine", machine),
-        ("minutes", minutes),
-        ("date", stamp.date.clone()),
-        ("weights", chosen),
-        ("optimizer", format!("{:?}", run.learner.optimizer)),
-        ("schedule", format!("{:?}", run.trainer.schedule)),
-        ("torque_scale", format!("U({}, 1)", run.torque_scale)),
-    ];
-    let rows: Vec<_> = rows.into_iter().chain(run.from.clone().map(|from| ("started from", from))).collect();
-    let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
-    let config = model_config(run, &provenance);
-    let mut card = format!(
-        "# NeRD of `{}`\n\nA causal Transformer ({} parameters, E {}, {} layers, window {}) that learned one frame of `{}`.\n\
-         {} updates of {} windows on {} random transitions (SHA-256 `{}`).\n\n| | |\n|---|---|\n",
-        run.robot,
-        run.network.parameters(),
-        run.network.embedding,
-        run.network.layers,
-        run.network.history,
-        run.truth,
-        run.trainer.updates,
-        run.learner.batch,
-        run.transitions,
-        run.data_sha256,
-    );
-    rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
-    card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
-    Ok(Model { config, normalizer, weights }.save(folder, &card)?)
 }

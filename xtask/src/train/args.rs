@@ -1,0 +1,120 @@
+//! Options of `train`.
+
+use std::path::PathBuf;
+
+use crate::common::Device;
+
+/// Train a NeRD model.
+#[derive(clap::Args, Clone, Debug)]
+pub struct TrainArgs {
+    /// Robot: cartpole, pendulum, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Folder of the run; the same command continues it
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Size of the network and of the run: `paper` (E 192, 6 layers, batch 512) or `small` (E 48, 2 layers, batch 128)
+    #[arg(long, value_enum, default_value_t = Preset::Paper)]
+    pub preset: Preset,
+    /// Folder of shards made by `dataset`; recorded in memory if absent
+    #[arg(long)]
+    pub data: Option<PathBuf>,
+    /// Model folder to start from, normaliser and all [default: random weights]
+    #[arg(long)]
+    pub from: Option<PathBuf>,
+    /// Transitions to record
+    #[arg(long)]
+    pub transitions: Option<usize>,
+    /// Least factor on the random torques, drawn once a trajectory from U(this, 1); the paper's data has 1
+    #[arg(long, default_value_t = 1.0)]
+    pub torque_scale: f64,
+    /// Optimiser updates in the whole run
+    #[arg(long)]
+    pub updates: Option<u64>,
+    /// Windows in an update
+    #[arg(long)]
+    pub batch: Option<usize>,
+    /// Learning rate of the first update
+    #[arg(long, default_value_t = 1e-3)]
+    pub rate: f64,
+    /// Learning rate the linear decay ends at
+    #[arg(long, default_value_t = 1e-4)]
+    pub last_rate: f64,
+    /// Share of the run, at its end, over which the rate falls on to zero (paper: 0)
+    #[arg(long, default_value_t = 0.0)]
+    pub tail: f64,
+    /// Updates over which the rate rises from zero (paper: 0)
+    #[arg(long, default_value_t = 0)]
+    pub warmup: u64,
+    /// What updates the hidden matrices: adam (the paper) or muon
+    #[arg(long, value_enum, default_value_t = OptimizerName::Adam)]
+    pub optimizer: OptimizerName,
+    /// Decay of the moving average of the weights, per update
+    #[arg(long, default_value_t = 0.9995)]
+    pub average: f64,
+    /// Updates between validations (default: a fiftieth of the run)
+    #[arg(long)]
+    pub validate_every: Option<u64>,
+    /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
+    #[arg(long, default_value_t = 64)]
+    pub rollouts: usize,
+    /// Stop, with a checkpoint, after so many minutes; the same command continues
+    #[arg(long)]
+    pub minutes: Option<f64>,
+    /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
+    #[arg(long)]
+    pub f32: bool,
+    /// Where to compute: flex (CPU) or cuda (needs a build with `--features cuda`)
+    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    pub device: Device,
+    /// Seed of data, weights and windows
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+impl TrainArgs {
+    /// What `reproduce --train` trains: minutes on two cores.
+    pub fn small(robot: &str, out: PathBuf, device: Device) -> Self {
+        Self {
+            robot: robot.into(),
+            out,
+            preset: Preset::Small,
+            data: None,
+            from: None,
+            transitions: None,
+            torque_scale: 0.0,
+            updates: None,
+            batch: None,
+            rate: 1e-3,
+            last_rate: 1e-4,
+            tail: 0.3,
+            warmup: 0,
+            optimizer: OptimizerName::Muon,
+            average: 0.9995,
+            validate_every: None,
+            rollouts: 64,
+            minutes: None,
+            f32: false,
+            device,
+            seed: 0,
+        }
+    }
+}
+
+/// Size of network and run.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// E 192, 6 layers, 12 heads, block 32, 10 million transitions, batch 512.
+    Paper,
+    /// E 48, 2 layers, 4 heads, block 16, 400 000 transitions, batch 128, 6000 updates.
+    Small,
+}
+
+/// Optimisers of the hidden matrices.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OptimizerName {
+    /// Adam, as in the paper.
+    Adam,
+    /// Orthogonalised momentum.
+    Muon,
+}

@@ -1,0 +1,116 @@
+//! What a run is, and what its model folder says of it.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use anyhow::Result;
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::normalizer::Normalizer;
+use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_train::learner::LearnerConfig;
+use nerd_train::trainer::TrainerConfig;
+use serde::{Deserialize, Serialize};
+
+use super::TrainArgs;
+use crate::provenance::Provenance;
+
+/// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    pub robot: String,
+    pub truth: String,
+    pub network: TransformerConfig,
+    pub learner: LearnerConfig,
+    pub trainer: TrainerConfig,
+    pub torque_scale: f64,
+    pub data_sha256: String,
+    pub transitions: usize,
+    /// What the weights it started from had been through.
+    pub from: Option<String>,
+}
+
+/// What `config.json` will hold.
+pub fn model_config(run: &Run, provenance: &HashMap<String, String>) -> ModelConfig {
+    ModelConfig {
+        robot: run.robot.clone(),
+        truth: run.truth.clone(),
+        network: run.network,
+        data_sha256: run.data_sha256.clone(),
+        transitions: run.transitions,
+        updates: run.trainer.updates,
+        batch: run.learner.batch,
+        provenance: provenance.clone(),
+    }
+}
+
+/// What a model has been through, in one line.
+pub fn history(config: &ModelConfig) -> String {
+    let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
+    let run = format!(
+        "{} of a run of {} updates of {} windows on {} transitions",
+        row("weights"),
+        config.updates,
+        config.batch,
+        config.transitions
+    );
+    let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
+    config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
+}
+
+/// One line a session: which updates took how long where.
+pub fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
+    use std::io::Write;
+    let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine() });
+    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(out.join("sessions.jsonl"))?;
+    Ok(writeln!(file, "{line}")?)
+}
+
+/// Writes the model folder with a card made of what the run recorded.
+pub fn export(
+    folder: &Path,
+    out: &Path,
+    run: &Run,
+    normalizer: Normalizer,
+    weights: Weights,
+    chosen: String,
+    args: &TrainArgs,
+) -> Result<()> {
+    let sessions: Vec<serde_json::Value> =
+        std::fs::read_to_string(out.join("sessions.jsonl"))?.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
+    let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
+    let machine = sessions.last().map_or_else(String::new, |s| s["machine"].as_str().unwrap_or_default().to_string());
+    let stamp = Provenance::now(args.seed);
+    let minutes = format!("{:.1}", seconds / 60.0);
+    let rows = [
+        ("commit", stamp.commit.clone()),
+        ("command", stamp.command.clone()),
+        ("seed", args.seed.to_string()),
+        ("machine", machine),
+        ("minutes", minutes),
+        ("date", stamp.date.clone()),
+        ("weights", chosen),
+        ("optimizer", format!("{:?}", run.learner.optimizer)),
+        ("schedule", format!("{:?}", run.trainer.schedule)),
+        ("torque_scale", format!("U({}, 1)", run.torque_scale)),
+    ];
+    let rows: Vec<_> = rows.into_iter().chain(run.from.clone().map(|from| ("started from", from))).collect();
+    let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
+    let config = model_config(run, &provenance);
+    let mut card = format!(
+        "# NeRD of `{}`\n\nA causal Transformer ({} parameters, E {}, {} layers, window {}) that learned one frame of `{}`.\n\
+         {} updates of {} windows on {} random transitions (SHA-256 `{}`).\n\n| | |\n|---|---|\n",
+        run.robot,
+        run.network.parameters(),
+        run.network.embedding,
+        run.network.layers,
+        run.network.history,
+        run.truth,
+        run.trainer.updates,
+        run.learner.batch,
+        run.transitions,
+        run.data_sha256,
+    );
+    rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
+    card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
+    Ok(Model { config, normalizer, weights }.save(folder, &card)?)
+}
