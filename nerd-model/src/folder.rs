@@ -1,7 +1,6 @@
 //! A model is a folder: `config.json`, `normalizer.json`, `model.safetensors` and a card, `README.md`.
 
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use nerd_sim::system::System;
@@ -130,13 +129,5 @@ fn read_json<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<T, ModelError> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), ModelError> {
-    let whole = || {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder)?;
-        let mut file = tempfile::Builder::new().suffix(".tmp").tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.persist(path)?;
-        std::io::Result::Ok(())
-    };
-    whole().map_err(|source| ModelError::File { path: path.into(), source })
+    nerd_sim::files::write(path, bytes).map_err(|source| ModelError::File { path: path.into(), source })
 }

@@ -16,6 +16,7 @@
 pub mod articulated;
 pub mod batch;
 pub mod dataset;
+pub mod files;
 pub mod law;
 mod parallel;
 #[cfg(feature = "rapier")]

@@ -5,7 +5,7 @@
 //! name in the same folder and renamed, so whoever reads the final name sees an old or a new file, never half of one.
 
 use std::collections::HashMap;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use nerd_model::transformer::{TransformerConfig, Weights};
@@ -56,7 +56,7 @@ pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<(), Check
     let views = vectors.iter().map(|(name, bytes)| Ok((*name, TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?)));
     let views = views.collect::<Result<Vec<_>, _>>().map_err(format)?;
     let bytes = safetensors::serialize(views, Some(metadata)).map_err(format)?;
-    replace(path, |file| file.write_all(&bytes))
+    nerd_sim::files::write(path, &bytes).map_err(|source| CheckpointError::Io { path: path.into(), source })
 }
 
 /// Reads the state of a run with this network, and the configuration saved beside it.
@@ -85,21 +85,6 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
     let weights = Weights { config: found, flat: vector("weights")? };
     let state = LearnerState { step, weights, average: vector("average")?, m: vector("m")?, v: vector("v")? };
     Ok((state, metadata("config")?.clone()))
-}
-
-/// Replaces the file at `path` by what `write` writes, or leaves it as it is if `write` fails.
-///
-/// # Errors
-/// What `write` returns, or what the file system says.
-pub fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), CheckpointError> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let written = tempfile::Builder::new().suffix(".tmp").tempfile_in(folder).and_then(|mut file| {
-        write(&mut file)?;
-        // On the disk before the rename is: otherwise a power cut may leave the new name with no content.
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|e| e.error)
-    });
-    written.map(drop).map_err(|source| CheckpointError::Io { path: path.into(), source })
 }
 
 fn vectors(state: &LearnerState) -> [(&'static str, &[f32]); 4] {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::checkpoint::{CheckpointError, replace};
+use crate::checkpoint::CheckpointError;
 
 /// One line of the record.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -61,7 +61,9 @@ impl Metrics {
         if path.exists() {
             let lines = BufReader::new(File::open(path).map_err(io)?).lines().collect::<Result<Vec<_>, _>>().map_err(io)?;
             let of = |line: &str| serde_json::from_str::<serde_json::Value>(line).ok()?.get("step")?.as_u64();
-            replace(path, |file| lines.iter().filter(|l| of(l).is_some_and(|s| s <= step)).try_for_each(|l| writeln!(file, "{l}")))?;
+            let kept = lines.iter().filter(|l| of(l).is_some_and(|s| s <= step));
+            let text: String = kept.flat_map(|l| [l, "\n"]).collect();
+            nerd_sim::files::write(path, text.as_bytes()).map_err(io)?;
         }
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(io)?;
         Ok(Self { path: path.into(), file })

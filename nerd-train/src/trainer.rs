@@ -168,7 +168,8 @@ impl Trainer {
             [("step", state.step.to_string()), ("criterion", criterion.to_string()), ("network", network), ("config", self.run.clone())];
         let metadata: HashMap<_, _> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
         let bytes = Weights { config: state.weights.config, flat: state.average }.to_bytes(metadata)?;
-        Ok(checkpoint::replace(&self.folder.join("best.safetensors"), |file| file.write_all(&bytes))?)
+        let path = self.folder.join("best.safetensors");
+        Ok(nerd_sim::files::write(&path, &bytes).map_err(|source| CheckpointError::Io { path, source })?)
     }
 
     /// Step and criterion of the best weights so far, if there are any.

@@ -6,7 +6,8 @@ use std::io::Error;
 
 use common::{NETWORK, fresh};
 use nerd_model::transformer::TransformerConfig;
-use nerd_train::checkpoint::{load, replace, save};
+use nerd_sim::files::write_with;
+use nerd_train::checkpoint::{load, save};
 use nerd_train::metrics::{Line, Metrics};
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::TrainerConfig;
@@ -17,11 +18,11 @@ fn an_interrupted_write_leaves_the_old_file_and_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("last.safetensors");
     save(&path, &fresh(), "{}").unwrap();
-    let error = replace(&path, |file| file.write_all(b"half").and(Err(Error::other("disk full")))).unwrap_err();
+    let error = write_with(&path, |file| file.write_all(b"half").and(Err(Error::other("disk full")))).unwrap_err();
     assert!(error.to_string().contains("disk full"), "{error}");
     assert_eq!(load(&path, &NETWORK).unwrap().0, fresh());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-    assert!(save(&folder.path().join("absent/last.safetensors"), &fresh(), "{}").is_err());
+    assert!(save(&path.join("below-a-file.safetensors"), &fresh(), "{}").is_err());
 }
 
 #[test]

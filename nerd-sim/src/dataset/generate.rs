@@ -8,7 +8,6 @@ use nerd_core::dynamics::Data;
 use serde::{Deserialize, Serialize};
 
 use super::recording::sha256_of;
-use super::shard::write_whole;
 use super::{DatasetError, Recording, read_shard, write_shard};
 use crate::batch::{Batch, contacts};
 use crate::law::Law;
@@ -171,6 +170,6 @@ pub fn generate(
     let manifest = Manifest { robot: system.name.clone(), trajectories: total, frames: config.frames, seed: config.seed, shards, sha256 };
     let path = folder.join("manifest.json");
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;
-    write_whole(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;
+    crate::files::write(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;
     Ok(manifest)
 }

@@ -1,7 +1,6 @@
 //! One recording in one safetensors file, written whole or not at all.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -57,18 +56,7 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
     });
     let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F32, shape.clone(), bytes).map_err(wrong)?)));
     let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, DatasetError>>()?, Some(metadata)).map_err(wrong)?;
-    write_whole(path, &bytes).map_err(file_error(path))
-}
-
-/// Writes a file so that it is there whole or not at all.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder)?;
-    let mut file = tempfile::Builder::new().suffix(".tmp").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    Ok(())
+    crate::files::write(path, &bytes).map_err(file_error(path))
 }
 
 /// Reads a shard and its metadata.

@@ -2,8 +2,7 @@
 //!
 //! With t = s + 1 the update counted from 1 and g the clipped gradient,
 //! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `w -= lr (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`,
-//! then `a += blend (w - a)`. Entries are independent, so the result does
-//! not depend on the number of threads.
+//! then `a += blend (w - a)`. Entries are independent, so the result does not depend on the number of threads.
 
 use rayon::prelude::*;
 
@@ -21,7 +20,8 @@ pub fn norm(gradient: &[f32]) -> f32 {
     parts.iter().sum::<f64>().sqrt() as f32
 }
 
-/// Clips `gradient` (of norm `norm`) to `config.clip`, makes one Adam update of `state` and counts it.
+/// Clips `gradient` (of norm `norm`) to `config.clip`, makes one update of `state` and counts it: Adam for all
+/// entries, or for those that Muon leaves.
 ///
 /// # Panics
 /// If `gradient` is shorter than the weights.
@@ -32,37 +32,29 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
     let (rate, inverse_root) = ((f64::from(lr) / corrections.0) as f32, corrections.1.powf(-0.5) as f32);
     let blend = super::blend(config.average, state.step);
     assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
-    let mut hidden = None;
-    if config.optimizer == Optimizer::Muon {
-        // Muon first, on the same clipped gradient; Adam's pass below would touch its entries, so they are put back.
-        let clipped: Vec<f32> = gradient.iter().map(|g| g * scale).collect();
-        muon::step(state, &clipped, lr, config);
-        hidden = Some((state.weights.flat.clone(), state.average.clone(), state.m.clone(), state.v.clone()));
-    }
-    state
-        .weights
-        .flat
-        .par_chunks_mut(CHUNK)
-        .zip(state.m.par_chunks_mut(CHUNK))
-        .zip(state.v.par_chunks_mut(CHUNK))
-        .zip(state.average.par_chunks_mut(CHUNK))
-        .zip(gradient.par_chunks(CHUNK))
-        .for_each(|((((w, m), v), a), g)| {
-            for ((((w, m), v), a), g) in w.iter_mut().zip(m).zip(v).zip(a).zip(g) {
-                let g = g * scale;
-                *m = BETA.0 * *m + (1.0 - BETA.0) * g;
-                *v = BETA.1 * *v + (1.0 - BETA.1) * g * g;
-                *w -= rate * *m / (v.sqrt() * inverse_root + EPSILON);
-                *a += blend * (*w - *a);
-            }
-        });
-    if let Some((w, a, m, v)) = hidden {
-        for h in muon::hidden(&state.weights.config).concat() {
-            for i in 0..h.rows * h.columns {
-                let at = h.at(i / h.columns, i % h.columns);
-                (state.weights.flat[at], state.average[at], state.m[at], state.v[at]) = (w[at], a[at], m[at], v[at]);
-            }
+    let clipped: Vec<f32> = gradient.par_iter().map(|g| g * scale).collect();
+    let mine = match config.optimizer {
+        Optimizer::Adam => vec![0..state.weights.flat.len()],
+        Optimizer::Muon => {
+            muon::step(state, &clipped, lr, config);
+            muon::others(&state.weights.config)
         }
+    };
+    for range in mine {
+        state.weights.flat[range.clone()]
+            .par_chunks_mut(CHUNK)
+            .zip(state.m[range.clone()].par_chunks_mut(CHUNK))
+            .zip(state.v[range.clone()].par_chunks_mut(CHUNK))
+            .zip(state.average[range.clone()].par_chunks_mut(CHUNK))
+            .zip(clipped[range].par_chunks(CHUNK))
+            .for_each(|((((w, m), v), a), g)| {
+                for ((((w, m), v), a), g) in w.iter_mut().zip(m).zip(v).zip(a).zip(g) {
+                    *m = BETA.0 * *m + (1.0 - BETA.0) * g;
+                    *v = BETA.1 * *v + (1.0 - BETA.1) * g * g;
+                    *w -= rate * *m / (v.sqrt() * inverse_root + EPSILON);
+                    *a += blend * (*w - *a);
+                }
+            });
     }
     state.step += 1;
 }

@@ -6,6 +6,8 @@
 //! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything that is no
 //! hidden matrix stays with Adam. Query, key and value count as three matrices.
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
 use nerd_model::transformer::TransformerConfig;
 use rayon::prelude::*;
@@ -68,6 +70,22 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
         offset += tensor.len();
     }
     [square, wide]
+}
+
+/// The entries of the flat vector that belong to no hidden matrix, in runs.
+pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
+    let mut hidden: Vec<Hidden> = hidden(config).concat();
+    hidden.sort_by_key(|h| h.offset);
+    // A matrix's entries end where its last one stands; the three that share `qkv` overlap.
+    let (mut runs, mut end) = (Vec::new(), 0);
+    for h in hidden {
+        if h.offset > end {
+            runs.push(end..h.offset);
+        }
+        end = end.max(h.at(h.rows - 1, h.columns - 1) + 1);
+    }
+    runs.push(end..config.parameters());
+    runs
 }
 
 /// Makes the Muon part of an update of `state`: hidden matrices, their momentum and average. `gradient` is the clipped

@@ -22,7 +22,7 @@ const NORM_BLOCKS: usize = 528;
 
 /// Mirror of the struct in `kernels.cu`.
 #[repr(C)]
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Scalars {
     step: u64,
     bad_step: u64,
@@ -108,19 +108,7 @@ impl CudaLearner {
                 frames: w.frames,
             })
         };
-        let scalars = Scalars {
-            step: state.step,
-            bad_step: u64::MAX,
-            count: 0,
-            loss_sum: 0.0,
-            norm_sum: 0.0,
-            lr: 0.0,
-            bad_loss: 0.0,
-            scale: 0.0,
-            rate: 0.0,
-            root: 0.0,
-            blend: 0.0,
-        };
+        let scalars = Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() };
         let (train, validation) = (data(train)?, data(validation)?);
         let (weights, average) = (d.upload(&state.weights.flat)?, d.upload(&state.average)?);
         let (m, v) = (d.upload(&state.m)?, d.upload(&state.v)?);
@@ -224,19 +212,7 @@ impl CudaLearner {
     }
 
     fn scalars(&self) -> Result<Scalars, LearnError> {
-        let mut s = [Scalars {
-            step: 0,
-            bad_step: 0,
-            count: 0,
-            loss_sum: 0.0,
-            norm_sum: 0.0,
-            lr: 0.0,
-            bad_loss: 0.0,
-            scale: 0.0,
-            rate: 0.0,
-            root: 0.0,
-            blend: 0.0,
-        }];
+        let mut s = [Scalars::default()];
         self.network.device.read(&self.scalars, &mut s)?;
         Ok(s[0])
     }
