@@ -23,7 +23,8 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// let full = |file: &mut dyn std::io::Write| file.write_all(b"ha").and(Err(std::io::Error::other("disk full")));
 /// assert!(nerd_sim::files::write_with(&path, full).is_err());
 /// assert_eq!(std::fs::read(&path)?, b"whole");
-/// # std::fs::remove_file(&path)
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), std::io::Error>(())
 /// ```
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
