@@ -44,7 +44,7 @@ pub struct ChartArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500)]
     pub seed: u64,
-    /// Folder for chart-<robot>-<scene>.svg, .png and .json
+    /// Folder for chart-ROBOT-SCENE.svg, .png and .json
     #[arg(long, default_value = "results")]
     pub out: PathBuf,
 }

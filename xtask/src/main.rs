@@ -51,6 +51,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    provenance::Provenance::begin();
     let done = match verb {
         Verb::Dataset(args) => dataset::run(args),
         Verb::Train(args) => train::run(*args),

@@ -1,6 +1,7 @@
 //! Where a figure comes from: stamped on every result.
 
 use std::process::Command;
+use std::sync::LazyLock;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
@@ -24,7 +25,12 @@ impl Provenance {
     /// This very run.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
-        Self { commit: commit(), command: format!("cargo xtask {args}"), seed, machine: Self::machine(), date: date() }
+        Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: Self::machine(), date: date() }
+    }
+
+    /// Looks at the checkout now, so that what is edited while a long command runs is not taken for what it ran.
+    pub fn begin() {
+        LazyLock::force(&COMMIT);
     }
 
     /// The machine, in words.
@@ -39,6 +45,8 @@ impl Provenance {
         }
     }
 }
+
+static COMMIT: LazyLock<String> = LazyLock::new(commit);
 
 /// `NERD_COMMIT` stands in for git where a program runs away from its checkout.
 fn commit() -> String {

@@ -16,6 +16,9 @@ use crate::train::{self, TrainArgs};
 /// Robots with a model, and the scenes whose charts are drawn.
 const ROBOTS: [(&str, &[&str]); 2] = [("cartpole", &["free"]), ("pendulum", &["free", "ground1"])];
 
+/// Where models trained here and now, and what is said of them, go.
+const OWN: &str = "out/reproduce";
+
 /// Reproduce the tables and charts of the README.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReproduceArgs {
@@ -34,9 +37,9 @@ pub struct ReproduceArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500)]
     pub seed: u64,
-    /// Folder to write
-    #[arg(long, default_value = "results")]
-    pub out: PathBuf,
+    /// Folder to write [default: results, with --train out/reproduce]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
@@ -44,6 +47,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     if args.starts == 0 {
         bail!("--starts 0: at least one is needed");
     }
+    let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });
     let mut rows = Vec::new();
     let mut models = Vec::new();
     for (robot, _) in ROBOTS {
@@ -61,29 +65,24 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     }
     let table = evaluate::table(&rows);
     println!("\nNeRD against its truth ({}), mean |dq| by joint:\n\n{table}", train::TRUTH);
-    evaluate::write(&args.out.join("passive.json"), &rows, args.seed)?;
+    evaluate::write(&out.join("passive.json"), &rows, args.seed)?;
     let stamp = Provenance::now(args.seed);
     let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
-    crate::files::write(&args.out.join("passive.md"), (table + &from).as_bytes())?;
+    crate::files::write(&out.join("passive.md"), (table + &from).as_bytes())?;
     if !args.tables_only {
         for ((robot, scenes), model) in ROBOTS.iter().zip(models) {
             for scene in *scenes {
-                chart::run(ChartArgs {
-                    model: vec![model.clone()],
-                    seed: args.seed,
-                    out: args.out.clone(),
-                    ..ChartArgs::new(robot, scene)
-                })?;
+                chart::run(ChartArgs { model: vec![model.clone()], seed: args.seed, out: out.clone(), ..ChartArgs::new(robot, scene) })?;
             }
         }
     }
-    eprintln!("written to {}", args.out.display());
+    eprintln!("written to {}", out.display());
     Ok(())
 }
 
 /// A small model trained here and now, unless an earlier call has; its folder.
 fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
-    let out = Path::new("out/reproduce").join(robot);
+    let out = Path::new(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
     match train::train(&TrainArgs::small(robot, out, args.device))? {
         Some(folder) => Ok(folder),

@@ -25,7 +25,7 @@ pub struct SolverArgs {
     /// Substeps a frame, in place of the preset's
     #[arg(long)]
     pub substeps: Option<usize>,
-    /// Folder of the model of `neural` [default: models/<robot>]
+    /// Folder of the model of `neural` [default: models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Where `neural` is computed

@@ -34,7 +34,7 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
     assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
     let clipped: Vec<f32> = gradient.par_iter().map(|g| g * scale).collect();
     let mine = match config.optimizer {
-        Optimizer::Adam => vec![0..state.weights.flat.len()],
+        Optimizer::Adam => Vec::from([std::ops::Range { start: 0, end: state.weights.flat.len() }]),
         Optimizer::Muon => {
             muon::step(state, &clipped, lr, config);
             muon::others(&state.weights.config)
