@@ -29,7 +29,7 @@ pub struct ChartArgs {
     /// Scene: free, or ground1 .. ground6 for the pendulum
     #[arg(long, default_value = "free")]
     pub scene: String,
-    /// Model folders, comma-separated [default: models/<robot> if it is there]
+    /// Model folders, comma-separated [default: models/ROBOT if it is there]
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
     /// Trajectories
