@@ -20,7 +20,7 @@ fn link_points_move_as_their_twists_say() {
         let [ahead, behind] = [H, -H].map(|h| {
             let at = moved(&robot, &q, &qd, h);
             kinematics(&robot, &at, &mut data);
-            (0..robot.links.len()).map(|i| point_position(&robot, &at, &data, i, &local)).collect::<Vec<_>>()
+            (0..robot.links.len()).map(|i| point_position(&data, i, &local)).collect::<Vec<_>>()
         });
         kinematics(&robot, &q, &mut data);
         velocities(&robot, &qd, &mut data);

@@ -152,7 +152,7 @@ fn built_in_assets_stand_where_they_should() {
     assert_eq!(cartpole.joints().map(|j| j.wraps()).collect::<Vec<_>>(), [false, true]);
     let (q, mut data) = ([0.7, 0.3f64], Data::new(&cartpole));
     kinematics(&cartpole, &q, &mut data);
-    let tip = link_pose(&cartpole, &q, &data, 1).transform_point(&Vector3::z().into()).coords;
+    let tip = link_pose(&data, 1).transform_point(&Vector3::z().into()).coords;
     let expected = Vector3::new(0.7 + 0.3f64.sin(), 0.3f64.cos(), 0.0);
     assert!((tip - expected).norm() < 1e-15, "pole tip at {tip}, expected {expected}");
 
@@ -164,7 +164,7 @@ fn built_in_assets_stand_where_they_should() {
     }
     let (q, mut data) = ([0.2, 0.3], Data::new(&pendulum));
     kinematics(&pendulum, &q, &mut data);
-    let tip = link_pose(&pendulum, &q, &data, 1).transform_point(&far.into()).coords;
+    let tip = link_pose(&data, 1).transform_point(&far.into()).coords;
     let expected = Vector3::new(1.5 * (0.2f64.cos() + 0.5f64.cos()), 2.0 + 1.5 * (0.2f64.sin() + 0.5f64.sin()), 1.0);
     assert!(ends.len() == 4 && (tip - expected).norm() < 1e-15, "tip at {tip}, expected {expected}");
 }

@@ -54,7 +54,7 @@ impl Features {
             return RootFrame::of(state);
         }
         kinematics(robot, state, &mut self.data);
-        RootFrame::at(&link_pose(robot, state, &self.data, 0))
+        RootFrame::at(&link_pose(&self.data, 0))
     }
 
     /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector.

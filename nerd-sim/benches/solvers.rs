@@ -5,6 +5,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nerd_sim::articulated::Integrator;
 use nerd_sim::prelude::*;
+use nerd_sim::sampling::{self, Start};
 
 const ENVIRONMENTS: usize = 64;
 /// After so many frames a batch starts anew, so that every sample sees the same mix of flight and contact.
@@ -13,8 +14,8 @@ const EPISODE: usize = 100;
 fn bench(c: &mut Criterion, name: &str, robot: &str, scene: &str, mut solver: impl Solver) {
     let system = System::named(robot).expect("built in");
     let mut start = Batch::new(&system, &system.scene(scene).expect("scene"), ENVIRONMENTS);
-    for (i, x) in start.states.iter_mut().enumerate() {
-        *x = (0.7 * i as f64).sin() * 1.5;
+    for env in 0..ENVIRONMENTS {
+        start.reset(env, &sampling::start(&system, Start::Reset, &mut sampling::stream(0, env as u64)));
     }
     let torques = vec![0.0; ENVIRONMENTS * system.robot.joint_count()];
     let (mut batch, mut frame) = (start.clone(), 0);
@@ -44,7 +45,10 @@ fn solvers(c: &mut Criterion) {
         bench(c, "articulated RK4 x1", robot, "free", articulated(robot, Integrator::Rk4, 1));
         bench(c, "articulated Euler x5", robot, "free", articulated(robot, Integrator::SymplecticEuler, 5));
     }
-    bench(c, "articulated Euler x5", "pendulum", "ground1", articulated("pendulum", Integrator::SymplecticEuler, 5));
+    // The reference's substeps.
+    for (robot, scene, substeps) in [("pendulum", "ground1", 5), ("cube", "ground", 20), ("ant", "ground", 16), ("anymal", "ground", 10)] {
+        bench(c, &format!("articulated paper x{substeps}"), robot, scene, articulated(robot, Integrator::SymplecticEuler, substeps));
+    }
     #[cfg(feature = "rapier")]
     {
         for n in [1, 4, 16, 64] {

@@ -24,12 +24,7 @@ pub struct Batch {
 impl Batch {
     /// `n` environments at zero coordinates (identity pose for a floating root) in one scene.
     pub fn new(system: &Arc<System>, scene: &Arc<Scene>, n: usize) -> Self {
-        let robot = &system.robot;
-        let mut zero = vec![0.0; robot.state_dim()];
-        if robot.floating() {
-            zero[6] = 1.0;
-        }
-        Self { system: system.clone(), states: zero.repeat(n), scenes: vec![scene.clone(); n], frames: vec![0; n] }
+        Self { system: system.clone(), states: system.robot.zero_state().repeat(n), scenes: vec![scene.clone(); n], frames: vec![0; n] }
     }
 
     /// Number of environments.
@@ -68,7 +63,7 @@ pub fn contacts(system: &System, scene: &Scene, state: &[f64], data: &mut Data, 
     kinematics(robot, state, data);
     events.clear();
     for point in &robot.contact_points {
-        let p0 = nerd_core::dynamics::point_position(robot, state, data, point.link, &point.local);
+        let p0 = nerd_core::dynamics::point_position(data, point.link, &point.local);
         events.push(scene.contact(&p0));
     }
 }

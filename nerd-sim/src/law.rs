@@ -1,4 +1,4 @@
-//! Sampling laws written as text: `U(a, b)` with numbers like `3.5`, `pi`, `-2pi`.
+//! Sampling laws written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
 
 use rand::{Rng, RngExt};
 use serde::Deserialize;
@@ -31,14 +31,14 @@ impl TryFrom<String> for Law {
     }
 }
 
-/// A finite number, a fraction `a/b`, or a multiple of pi.
+/// A finite number, a multiple of pi, or a fraction of two such.
 pub(crate) fn number(text: &str) -> Option<f64> {
     let text = text.trim();
-    let value = match (text.strip_suffix("pi"), text.split_once('/')) {
-        (Some(""), _) => std::f64::consts::PI,
-        (Some("-"), _) => -std::f64::consts::PI,
-        (Some(k), _) => k.parse::<f64>().ok()? * std::f64::consts::PI,
-        (None, Some((a, b))) => a.trim().parse::<f64>().ok()? / b.trim().parse::<f64>().ok()?,
+    let value = match (text.split_once('/'), text.strip_suffix("pi")) {
+        (Some((a, b)), _) => number(a)? / number(b)?,
+        (None, Some("")) => std::f64::consts::PI,
+        (None, Some("-")) => -std::f64::consts::PI,
+        (None, Some(k)) => k.parse::<f64>().ok()? * std::f64::consts::PI,
         (None, None) => text.parse().ok()?,
     };
     value.is_finite().then_some(value)

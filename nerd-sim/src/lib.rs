@@ -15,6 +15,7 @@
 
 pub mod articulated;
 pub mod batch;
+pub mod control;
 pub mod dataset;
 pub mod files;
 pub mod law;

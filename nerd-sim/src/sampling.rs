@@ -1,17 +1,18 @@
-//! Task-agnostic sampling: starts, random planes, random torques. Each trajectory draws from a ChaCha8 stream of its
+//! Task-agnostic sampling: starts and scenes. Each trajectory draws from a ChaCha8 stream of its
 //! own, keyed by (seed, trajectory), so what it draws depends on neither threads nor neighbours.
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::state::wrap_state;
+use nerd_core::state::{quaternion, wrap_state, write_quaternion};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::batch::contacts;
 use crate::law::Law;
 use crate::scene::{Collider, Plane, Scene};
-use crate::spec::RandomPlane;
+use crate::spec::{RandomPlane, RootSpec, RootStart};
 use crate::system::System;
 
 /// Which of a system's two boxes a start is drawn from.
@@ -30,13 +31,44 @@ pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
     rng
 }
 
-/// A start `[q, qd]` of a fixed-base system; a floating root starts at rest at the world's origin.
+/// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     let robot = &system.robot;
-    let mut state = vec![0.0; robot.state_dim()];
-    let (coords, rates) = (robot.root_coords(), robot.nq() + robot.root_dofs());
-    if robot.floating() {
-        state[6] = 1.0;
+    let clear = system.spec.root.as_ref().and_then(|root| of(root, which).clearance);
+    let ground = system.spec.data_scene.as_ref().filter(|_| clear.is_some()).and_then(|name| system.scene(name).ok());
+    let (mut data, mut events) = (Data::new(robot), Vec::new());
+    loop {
+        let state = draw(system, which, rng);
+        let (Some(least), Some(scene)) = (clear, &ground) else { return state };
+        contacts(system, scene, &state, &mut data, &mut events);
+        if events.iter().all(|e| e.distance >= least) {
+            return state;
+        }
+    }
+}
+
+fn of(root: &RootSpec, which: Start) -> &RootStart {
+    match which {
+        Start::Reset => root.reset.as_ref().unwrap_or(&root.sample),
+        Start::Sample => &root.sample,
+    }
+}
+
+fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
+    let robot = &system.robot;
+    let mut state = robot.zero_state();
+    let (coords, nq, rates) = (robot.root_coords(), robot.nq(), robot.nq() + robot.root_dofs());
+    if let Some(root) = &system.spec.root {
+        let laws = of(root, which);
+        let mut vector = |laws: &[Law; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
+        let (p, w, v) = (vector(&laws.position), vector(&laws.angular), vector(&laws.linear));
+        let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(direction(rng)), laws.tilt.draw(rng));
+        let pose = quaternion(&root.quaternion) * turn;
+        let w = pose * w;
+        state[..3].copy_from_slice(p.as_slice());
+        write_quaternion(&mut state[3..7], &pose);
+        state[nq..nq + 3].copy_from_slice(w.as_slice());
+        state[nq + 3..rates].copy_from_slice((pose * v + p.cross(&w)).as_slice());
     }
     let specs: Vec<_> = system.joint_specs().collect();
     let laws = |i: usize| if which == Start::Sample { &specs[i].sample } else { &specs[i].reset };
@@ -53,11 +85,25 @@ pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     state
 }
 
-/// The scene of a random trajectory from `state`: a random plane where the system asks for one, else empty.
+/// A cube-uniform direction.
+fn direction(rng: &mut impl Rng) -> Vector3<f64> {
+    let mut side = || 2.0 * rng.random::<f64>() - 1.0;
+    loop {
+        let n = Vector3::new(side(), side(), side());
+        if n.norm() > 1e-6 {
+            return n.normalize();
+        }
+    }
+}
+
+/// The scene of a random trajectory from `state`: the system's own, a random plane where it asks for one, else empty.
 ///
 /// Law: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact
 /// points p_i of the start, so the robot starts clear of it.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
+    if let Some(scene) = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok()) {
+        return scene;
+    }
     let mut scene = Scene::free(system.gravity());
     if let Some(law) = &system.spec.random_plane {
         scene.name = "random".into();
@@ -67,27 +113,14 @@ pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
 }
 
 fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut impl Rng) -> Plane {
-    let mut side = || 2.0 * rng.random::<f64>() - 1.0;
-    let normal = loop {
-        let n = Vector3::new(side(), side(), side());
-        if n.norm() > 1e-6 {
-            break n.normalize();
-        }
-    };
+    let normal = direction(rng);
     let robot = &system.robot;
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
-    let heights = robot.contact_points.iter().map(|c| normal.dot(&point_position(robot, state, &data, c.link, &c.local)));
+    let heights = robot.contact_points.iter().map(|c| normal.dot(&point_position(&data, c.link, &c.local)));
     let tangent = heights.fold(f64::INFINITY, f64::min);
     // The plane's reach is measured from the first joint, where the arm hangs.
-    let pivot = point_position(robot, state, &data, 0, &Vector3::zeros());
+    let pivot = point_position(&data, 0, &Vector3::zeros());
     let (low, high) = (normal.dot(&pivot) - law.reach, tangent - law.clearance);
     Plane { normal, offset: Law { low, high }.draw(rng) }
-}
-
-/// Fresh torques of one frame, each `U(-a, a)` times `scale`.
-pub fn torques(amplitudes: &[f64], scale: f64, rng: &mut impl Rng, out: &mut [f64]) {
-    for (tau, a) in out.iter_mut().zip(amplitudes) {
-        *tau = if *a == 0.0 { 0.0 } else { scale * a * (2.0 * rng.random::<f64>() - 1.0) };
-    }
 }

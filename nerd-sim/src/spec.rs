@@ -2,6 +2,9 @@
 
 use serde::Deserialize;
 
+use std::collections::HashMap;
+
+use crate::articulated::Refresh;
 use crate::law::Law;
 use crate::scene::Material;
 
@@ -19,15 +22,29 @@ pub struct Spec {
     pub gravity: [f64; 3],
     /// Substeps of the reference simulator in one frame.
     pub substeps: usize,
-    /// Names of the state's columns in tables, `q` then `qd`.
+    /// When the reference simulator renews the mass matrix.
+    #[serde(default)]
+    pub refresh: Refresh,
+    /// Names of the state's columns in tables, `q` then `qd`; made from the joints' names if empty.
+    #[serde(default)]
     pub state_columns: Vec<String>,
-    /// Names of the torque columns, one a joint.
+    /// Names of the torque columns, one a joint; made from the joints' names if empty.
+    #[serde(default)]
     pub torque_columns: Vec<String>,
-    /// Material of the robot and of scenes made from this file.
+    /// Material of the robot, and of scenes that name none.
     #[serde(default)]
     pub material: Material,
     /// Random planes of the training data, if any.
     pub random_plane: Option<RandomPlane>,
+    /// Scene of the training data [default: `free`].
+    pub data_scene: Option<String>,
+    /// How actions become torques; without it, torque = gain times action.
+    pub control: Option<ControlSpec>,
+    /// Default pose and starts of a floating root.
+    pub root: Option<RootSpec>,
+    /// By link, the link whose inertia moves in its place in the mass matrix; see [`nerd_core::robot::Robot`].
+    #[serde(default)]
+    pub mass_matrix_of: HashMap<String, String>,
     /// What is said of each joint.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointSpec>,
@@ -45,6 +62,11 @@ pub struct Spec {
 pub struct JointSpec {
     /// Name in the URDF.
     pub name: String,
+    /// Name in tables [default: the name].
+    pub column: Option<String>,
+    /// Default position (rad or m).
+    #[serde(default)]
+    pub default: f64,
     /// Drive inertia at the joint (kg m^2 or kg).
     #[serde(default)]
     pub armature: f64,
@@ -53,10 +75,74 @@ pub struct JointSpec {
     /// Amplitude of random torques (N m or N).
     #[serde(default)]
     pub torque: f64,
+    /// Torque of a unit action (N m or N) [default: `torque`].
+    pub gain: Option<f64>,
+    /// Stiffness of the position law (N m/rad or N/m).
+    #[serde(default)]
+    pub kp: f64,
+    /// Damping of the position law (N m s/rad or N s/m).
+    #[serde(default)]
+    pub kd: f64,
     /// Initial box of training data.
     pub sample: StartSpec,
     /// Initial box of evaluation.
     pub reset: StartSpec,
+}
+
+/// The position law `tau = kp (target - q) - kd qd`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlSpec {
+    /// Whether the target is measured from where the joint is, not from its default.
+    #[serde(default)]
+    pub relative: bool,
+    /// Target's distance at a unit action (rad or m).
+    pub scale: f64,
+    /// Whether torques are kept within the joints' gains.
+    #[serde(default)]
+    pub clamp: bool,
+    /// If given, training data are driven by this law with random actions and these gains, fresh every frame.
+    pub data: Option<RandomGains>,
+}
+
+/// Laws of the gains of training data, one draw for all joints.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RandomGains {
+    /// Law of kp.
+    pub kp: Law,
+    /// Law of kd.
+    pub kd: Law,
+}
+
+/// Default pose and starts of a floating root.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RootSpec {
+    /// Default position (m).
+    pub position: [f64; 3],
+    /// Default orientation, x y z w.
+    pub quaternion: [f64; 4],
+    /// Starts of training data.
+    pub sample: RootStart,
+    /// Starts of evaluation [default: those of training data].
+    pub reset: Option<RootStart>,
+}
+
+/// Laws of a floating root's start.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RootStart {
+    /// World position by axis (m).
+    pub position: [Law; 3],
+    /// Angle (rad) of a turn of the default pose about a cube-uniform body axis.
+    pub tilt: Law,
+    /// Angular velocity in body axes (rad/s).
+    pub angular: [Law; 3],
+    /// Velocity of the root in body axes (m/s).
+    pub linear: [Law; 3],
+    /// Starts are drawn again until every contact point stands this far from the data's scene (m).
+    pub clearance: Option<f64>,
 }
 
 /// Spring and damper of a limit.
@@ -113,6 +199,8 @@ pub struct SceneSpec {
     pub name: String,
     /// Its plane.
     pub plane: PlaneSpec,
+    /// Its material [default: the robot's].
+    pub material: Option<Material>,
 }
 
 /// A plane through (0, height, 0): the horizontal one turned by extrinsic x-y-z angles.

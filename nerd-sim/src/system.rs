@@ -1,26 +1,38 @@
-//! A system: a robot model together with its specification, built in (`cartpole`, `pendulum`) or from files.
+//! A system: a robot model together with its specification, built in or from files.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Robot, UrdfError};
+use nerd_core::robot::{Link, Robot, UrdfError};
 
-use crate::law::number;
+use crate::law::{Law, number};
 use crate::scene::{Collider, Scene, turned_plane};
-use crate::spec::Spec;
+use crate::spec::{JointSpec, Spec, StartSpec};
 
-const BUILT_IN: [(&str, &str, &str); 2] = [
-    ("cartpole", include_str!("../assets/cartpole.toml"), include_str!("../assets/cartpole.urdf")),
-    ("pendulum", include_str!("../assets/pendulum.toml"), include_str!("../assets/pendulum.urdf")),
-];
+/// Name, specification and URDF of a robot that comes with the crate.
+macro_rules! built_in {
+    ($($name:literal, $urdf:literal;)*) => {
+        [$(($name, include_str!(concat!("../assets/", $name, ".toml")), include_str!(concat!("../assets/", $urdf, ".urdf")))),*]
+    };
+}
+
+const BUILT_IN: [(&str, &str, &str); 7] = built_in! {
+    "cartpole", "cartpole";
+    "pendulum", "pendulum";
+    "cube", "cube";
+    "franka", "franka";
+    "ant", "ant";
+    "anymal", "anymal";
+    "anymal-paper", "anymal-paper";
+};
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
-    #[error("no robot `{0}`: known are cartpole, pendulum, or the path of a .urdf (with a .toml beside it for what URDF cannot say)")]
+    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say)", known = System::built_in().join(", "))]
     Unknown(String),
     /// No such scene.
     #[error("robot `{robot}` has no scene `{scene}`: known are {known}")]
@@ -64,6 +76,11 @@ pub struct System {
 }
 
 impl System {
+    /// Names of the robots that come with the crate.
+    pub fn built_in() -> Vec<&'static str> {
+        BUILT_IN.iter().map(|b| b.0).collect()
+    }
+
     /// A built-in robot by name, or the robot of a URDF file by path.
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
         if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {
@@ -87,7 +104,8 @@ impl System {
             spec.map(|text| toml::from_str::<Spec>(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))).transpose()?;
         let floating = given.as_ref().is_some_and(|s| s.floating);
         let mut robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        let spec = given.unwrap_or_else(|| plain(&robot));
+        let mut spec = given.unwrap_or_else(|| plain(&robot));
+        name_columns(&robot, &mut spec);
         let frame_time = number(&spec.frame_time).filter(|t| *t > 0.0);
         let frame_time = frame_time.ok_or_else(|| wrong(format!("frame_time `{}` is no positive number of seconds", spec.frame_time)))?;
         for (what, found, wanted) in [
@@ -100,6 +118,18 @@ impl System {
             }
         }
         let mut joint_specs = Vec::new();
+        if spec.root.is_some() && !robot.floating() {
+            return Err(wrong("[root] is for a floating robot; set floating = true".into()));
+        }
+        if !spec.mass_matrix_of.is_empty() {
+            let at = |name: &str| robot.links.iter().position(|l| l.name == name);
+            let unknown = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| at(n).is_none());
+            if let Some(link) = unknown {
+                return Err(wrong(format!("mass_matrix_of names unknown link `{link}`")));
+            }
+            let other = |l: &Link| spec.mass_matrix_of.get(&l.name).map_or(&l.name, |o| o).clone();
+            robot.mass_matrix_of = robot.links.iter().filter_map(|l| at(&other(l))).collect();
+        }
         for joint in robot.joints_mut() {
             let index = spec.joints.iter().position(|s| s.name == joint.name);
             let index = index.ok_or_else(|| wrong(format!("no [[joint]] named `{}`", joint.name)))?;
@@ -123,11 +153,28 @@ impl System {
             // Nothing to touch: the robot pays for no contact point.
             robot.contact_points.clear();
         }
-        Ok(Self { name: name.into(), robot, spec, frame_time, joint_specs })
+        let system = Self { name: name.into(), robot, spec, frame_time, joint_specs };
+        if let Some(scene) = &system.spec.data_scene {
+            system.scene(scene)?;
+        }
+        Ok(system)
+    }
+
+    /// The default state `[q, qd]`, at rest; a root of which nothing is said stands upright at the origin.
+    pub fn default_state(&self) -> Vec<f64> {
+        let mut state = self.robot.zero_state();
+        if let Some(root) = &self.spec.root {
+            state[..3].copy_from_slice(&root.position);
+            state[3..7].copy_from_slice(&root.quaternion);
+        }
+        for (q, joint) in state[self.robot.root_coords()..].iter_mut().zip(self.joint_specs()) {
+            *q = joint.default;
+        }
+        state
     }
 
     /// What the specification says of each joint, in the order of the coordinates.
-    pub fn joint_specs(&self) -> impl Iterator<Item = &crate::spec::JointSpec> {
+    pub fn joint_specs(&self) -> impl Iterator<Item = &JointSpec> {
         self.joint_specs.iter().map(|&i| &self.spec.joints[i])
     }
 
@@ -154,23 +201,46 @@ impl System {
             let spec = self.spec.scenes.iter().find(|s| s.name == name).ok_or_else(unknown)?;
             let plane = turned_plane(&scene.gravity, spec.plane.height, spec.plane.angles);
             scene.name = name.into();
-            scene.colliders.push(Collider::plane(plane, self.spec.material));
+            scene.colliders.push(Collider::plane(plane, spec.material.unwrap_or(self.spec.material)));
         }
         Ok(Arc::new(scene))
     }
 }
 
+/// Columns of tables that the specification leaves to us.
+fn name_columns(robot: &Robot, spec: &mut Spec) {
+    let column = |joint: &nerd_core::robot::Joint| {
+        let said = spec.joints.iter().find(|s| s.name == joint.name).and_then(|s| s.column.clone());
+        said.unwrap_or_else(|| joint.name.clone())
+    };
+    let names: Vec<String> = robot.joints().map(column).collect();
+    let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
+    if spec.state_columns.is_empty() {
+        let rates = names.iter().map(|n| format!("d_{n}"));
+        spec.state_columns = root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]);
+        spec.state_columns.extend(names.clone());
+        spec.state_columns.extend(root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
+        spec.state_columns.extend(rates);
+    }
+    if spec.torque_columns.is_empty() {
+        spec.torque_columns = names.iter().map(|n| format!("tau_{n}")).collect();
+    }
+}
+
 /// The specification of a bare URDF.
 fn plain(robot: &Robot) -> Spec {
-    use crate::law::Law;
-    use crate::spec::{JointSpec, StartSpec};
-    let start = |q: f64, qd: f64| StartSpec { q: Law { low: -q, high: q }, qd: Law { low: -qd, high: qd }, minus: None };
-    let names: Vec<_> = robot.joints().map(|j| j.name.clone()).collect();
-    let joint = |name: &String| JointSpec {
-        name: name.clone(),
+    let law = |x: f64| Law { low: -x, high: x };
+    let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
+    let joint = |joint: &nerd_core::robot::Joint| JointSpec {
+        name: joint.name.clone(),
+        column: None,
+        default: 0.0,
         armature: 0.0,
         limit: None,
         torque: 0.0,
+        gain: None,
+        kp: 0.0,
+        kd: 0.0,
         sample: start(1.0, 1.0),
         reset: start(0.1, 0.0),
     };
@@ -180,11 +250,16 @@ fn plain(robot: &Robot) -> Spec {
         frame_time: "1/60".into(),
         gravity: [0.0, 0.0, -9.81],
         substeps: 16,
-        state_columns: names.iter().cloned().chain(names.iter().map(|n| format!("d_{n}"))).collect(),
-        torque_columns: names.iter().map(|n| format!("tau_{n}")).collect(),
+        refresh: Default::default(),
+        state_columns: Vec::new(),
+        torque_columns: Vec::new(),
         material: Default::default(),
         random_plane: None,
-        joints: names.iter().map(joint).collect(),
+        data_scene: None,
+        control: None,
+        root: None,
+        mass_matrix_of: Default::default(),
+        joints: robot.joints().map(joint).collect(),
         contacts: Vec::new(),
         scenes: Vec::new(),
     }

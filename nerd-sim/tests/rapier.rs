@@ -183,7 +183,7 @@ fn the_centre_of_mass_of_a_spinning_floater_stays_where_it_is() {
             }
             let mut data = nerd_core::dynamics::Data::new(&system.robot);
             nerd_core::dynamics::kinematics(&system.robot, state, &mut data);
-            let at = |link: usize| nerd_core::dynamics::point_position(&system.robot, state, &data, link, &Vector3::new(0.1, 0.0, 0.0));
+            let at = |link: usize| nerd_core::dynamics::point_position(&data, link, &Vector3::new(0.1, 0.0, 0.0));
             (at(0) + at(1)) * 0.5
         };
         let start = whole(batch.state(0));

@@ -23,7 +23,7 @@ use crate::table::{digits, markdown, pair};
 /// Draw speed against accuracy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ChartArgs {
-    /// Robot: cartpole, pendulum, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Scene: free, or ground1 .. ground6 for the pendulum

@@ -13,7 +13,7 @@ use nerd_sim::prelude::*;
 /// Record random trajectories.
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
-    /// Robot: cartpole, pendulum, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Transitions in all, rounded up to whole trajectories

@@ -20,7 +20,7 @@ use crate::table::{markdown, pair};
 /// Measure a solver against the truth.
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Robot: cartpole, pendulum, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Scenes, comma-separated [default: all of the robot's]

@@ -16,7 +16,7 @@ use crate::solvers::{SolverArgs, build};
 /// Roll a solver out from the states of a file.
 #[derive(clap::Args, Clone, Debug)]
 pub struct RolloutArgs {
-    /// Robot: cartpole, pendulum, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Scene: free, or ground1 .. ground6 for the pendulum

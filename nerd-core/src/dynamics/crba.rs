@@ -13,6 +13,9 @@ pub fn crba(robot: &Robot, data: &mut Data) {
     data.mass.fill(0.0);
     inertias(robot, data);
     data.composite.copy_from_slice(&data.inertia);
+    for (link, other) in robot.mass_matrix_of.iter().enumerate() {
+        data.composite[link] = data.inertia[*other];
+    }
     for j in (first..robot.links.len()).rev() {
         let link = &robot.links[j];
         let inertia = data.composite[j];

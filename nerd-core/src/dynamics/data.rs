@@ -8,17 +8,19 @@ use crate::spatial::{Motion, SpatialInertia, Wrench};
 /// Everything the algorithms compute, by link; made once, reused for ever.
 #[derive(Clone, Debug)]
 pub struct Data {
+    /// Where the common origin stands in the world (m): at the root, unless [`super::kinematics_about`] put it elsewhere.
+    pub origin: Vector3<f64>,
     /// Rotation of each link frame, link to world.
     pub rotation: Vec<Matrix3<f64>>,
-    /// Origin of each link frame from the root (world axes, m).
+    /// Place of each link frame from the common origin (world axes, m).
     pub position: Vec<Vector3<f64>>,
     /// Joint axis of each link as a motion; unused for a floating root.
     pub axis: Vec<Motion>,
-    /// Inertia of each link about the root; filled by [`super::crba`], [`super::aba`] or [`super::inertias`].
+    /// Inertia of each link about the common origin; filled by [`super::crba`], [`super::aba`] or [`super::inertias`].
     pub inertia: Vec<SpatialInertia>,
     /// Twist of each link.
     pub velocity: Vec<Motion>,
-    /// External wrench on each link about the root; the caller's to set and to clear.
+    /// External wrench on each link about the common origin; the caller's to set and to clear.
     pub external: Vec<Wrench>,
     /// Mass matrix, `nv` by `nv`, filled on both sides by [`super::crba`].
     pub mass: DMatrix<f64>,
@@ -40,6 +42,7 @@ impl Data {
     pub fn new(robot: &Robot) -> Self {
         let (n, nv) = (robot.links.len(), robot.nv());
         Self {
+            origin: Vector3::zeros(),
             rotation: vec![Matrix3::identity(); n],
             position: vec![Vector3::zeros(); n],
             axis: vec![Motion::default(); n],

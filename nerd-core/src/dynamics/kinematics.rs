@@ -7,21 +7,29 @@ use crate::robot::{Base, JointKind, Robot};
 use crate::spatial::{Motion, SpatialInertia};
 use crate::state::{quaternion, vector};
 
-/// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`).
+/// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`), from an origin at the root.
 #[inline]
 pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
+    kinematics_about(robot, q, &root_position(robot, q), data);
+}
+
+/// The same from an origin that stands at `origin` in the world.
+#[inline]
+pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &mut Data) {
+    data.origin = *origin;
+    let base = root_position(robot, q) - origin;
     let root = root_rotation(robot, q);
     let joints = &q[robot.root_coords()..];
     let first = usize::from(robot.floating());
     if robot.floating() {
         data.rotation[0] = root;
-        data.position[0] = Vector3::zeros();
+        data.position[0] = base;
     }
     for (i, link) in robot.links.iter().enumerate().skip(first) {
         let Some(joint) = &link.joint else { continue };
         let (parent, start) = match link.parent {
             Some(p) => (&data.rotation[p], data.position[p]),
-            None => (&root, Vector3::zeros()),
+            None => (&root, base),
         };
         let value = joints[i - first];
         let mut position = start + parent * joint.origin.translation.vector;
@@ -53,23 +61,21 @@ pub fn inertias(robot: &Robot, data: &mut Data) {
     }
 }
 
-/// World pose of a link after [`kinematics`]; `q` gives the root's place.
-pub fn link_pose(robot: &Robot, q: &[f64], data: &Data, link: usize) -> Isometry3<f64> {
+/// World pose of a link after [`kinematics`].
+pub fn link_pose(data: &Data, link: usize) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(data.rotation[link]));
-    Isometry3::from_parts(Translation3::from(root_position(robot, q) + data.position[link]), rotation)
+    Isometry3::from_parts(Translation3::from(data.origin + data.position[link]), rotation)
 }
 
-/// World position of a point fixed at `local` on a link, after [`kinematics`]; of the root itself for a link index
-/// past the last.
+/// World position of a point fixed at `local` on a link, after [`kinematics`].
 #[inline]
-pub fn point_position(robot: &Robot, q: &[f64], data: &Data, link: usize, local: &Vector3<f64>) -> Vector3<f64> {
-    let root = root_position(robot, q);
-    if link < data.position.len() { root + data.position[link] + data.rotation[link] * local } else { root }
+pub fn point_position(data: &Data, link: usize, local: &Vector3<f64>) -> Vector3<f64> {
+    data.origin + data.position[link] + data.rotation[link] * local
 }
 
-/// Where the common origin is in the world (m).
+/// Where the root stands in the world (m).
 #[inline]
-pub(crate) fn root_position(robot: &Robot, q: &[f64]) -> Vector3<f64> {
+pub fn root_position(robot: &Robot, q: &[f64]) -> Vector3<f64> {
     match robot.base {
         Base::Fixed(pose) => pose.translation.vector,
         Base::Floating => vector(&q[..3]),
@@ -87,19 +93,20 @@ fn root_rotation(robot: &Robot, q: &[f64]) -> Matrix3<f64> {
 /// Turns a floating root's twist about the world origin into `(w, p_dot)`: `p_dot = v + w x p`.
 #[inline]
 pub fn to_local(robot: &Robot, q: &[f64], qd: &mut [f64]) {
-    shift(robot, q, qd, 1.0);
+    move_twist(robot, &root_position(robot, q), qd);
 }
 
 /// The inverse of [`to_local`]: `v = p_dot - w x p`.
 #[inline]
 pub fn to_world(robot: &Robot, q: &[f64], qd: &mut [f64]) {
-    shift(robot, q, qd, -1.0);
+    move_twist(robot, &-root_position(robot, q), qd);
 }
 
+/// A floating root's twist seen from an origin that stands `by` (m) from the present one: `v += w x by`.
 #[inline]
-fn shift(robot: &Robot, q: &[f64], qd: &mut [f64], sign: f64) {
+pub fn move_twist(robot: &Robot, by: &Vector3<f64>, qd: &mut [f64]) {
     if robot.floating() {
-        let moved = vector(&qd[3..6]) + vector(&qd[..3]).cross(&vector(&q[..3])) * sign;
+        let moved = vector(&qd[3..6]) + vector(&qd[..3]).cross(by);
         qd[3..6].copy_from_slice(moved.as_slice());
     }
 }

@@ -19,6 +19,6 @@ mod rnea;
 pub use aba::aba;
 pub use crba::crba;
 pub use data::Data;
-pub use kinematics::{inertias, kinematics, link_pose, point_position, to_local, to_world};
+pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, move_twist, point_position, root_position, to_local, to_world};
 pub use ltl::Factor;
 pub use rnea::{bias, rnea, velocities};

@@ -160,6 +160,9 @@ pub struct Robot {
     pub links: Vec<Link>,
     /// Points at which contact is looked for.
     pub contact_points: Vec<ContactPoint>,
+    /// For each link, the link whose inertia moves in its place in the mass matrix (not in the bias). Empty, as physics has
+    /// it, but for comparison with a simulator that pairs them wrongly.
+    pub mass_matrix_of: Vec<usize>,
     /// Links of the URDF whose collision meshes were passed over: only primitives are looked at for contact.
     pub skipped_meshes: Vec<String>,
 }
@@ -205,6 +208,15 @@ impl Robot {
     #[inline]
     pub fn state_dim(&self) -> usize {
         self.nq() + self.nv()
+    }
+
+    /// A state `[q, qd]` of zeros, with the unit quaternion of a floating root.
+    pub fn zero_state(&self) -> Vec<f64> {
+        let mut state = vec![0.0; self.state_dim()];
+        if self.floating() {
+            state[6] = 1.0;
+        }
+        state
     }
 
     /// The one-DoF joints in the order of their coordinates.

@@ -72,6 +72,7 @@ impl Robot {
             base: if floating { Base::Floating } else { Base::Fixed(Isometry3::identity()) },
             links: Vec::new(),
             contact_points: Vec::new(),
+            mass_matrix_of: Vec::new(),
             skipped_meshes: Vec::new(),
         };
         if floating {

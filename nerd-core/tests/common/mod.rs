@@ -62,7 +62,7 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
         joint.armature = rng.random_range(0.0..0.1);
         links.push(Link { name: format!("link{k}"), parent, joint: Some(joint), inertia: body(rng), shapes: Vec::new() });
     }
-    Robot { name: "random".into(), base, links, contact_points: Vec::new(), skipped_meshes: Vec::new() }
+    Robot { name: "random".into(), base, links, contact_points: Vec::new(), mass_matrix_of: Vec::new(), skipped_meshes: Vec::new() }
 }
 
 /// Random coordinates and local velocities `(w, p_dot, joints)`.
@@ -119,7 +119,7 @@ pub fn kinetic(robot: &Robot, q: &[f64], qd: &[f64], data: &mut Data) -> f64 {
 pub fn potential(robot: &Robot, q: &[f64], data: &mut Data) -> f64 {
     kinematics(robot, q, data);
     let g = Vector3::from(GRAVITY);
-    robot.links.iter().enumerate().map(|(i, l)| -l.inertia.mass * g.dot(&point_position(robot, q, data, i, &l.inertia.com))).sum()
+    robot.links.iter().enumerate().map(|(i, l)| -l.inertia.mass * g.dot(&point_position(data, i, &l.inertia.com))).sum()
 }
 
 /// Accelerations by dense Cholesky of the mass matrix, an algorithm apart from ABA and from `Factor`.

@@ -15,10 +15,11 @@ pub enum Integrator {
 }
 
 /// How often the mass matrix is computed and factorised under symplectic Euler.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Refresh {
-    /// At the first substep of a frame, as the reference simulator does.
+    /// At the first substep of a frame, as the reference simulator does for most robots.
+    #[default]
     Frame,
     /// At every substep.
     Substep,
@@ -51,10 +52,10 @@ pub struct ArticulatedConfig {
 }
 
 impl ArticulatedConfig {
-    /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed once a frame.
+    /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed when it does.
     pub fn paper(system: &System, friction: Friction) -> Self {
         let substeps = system.spec.substeps;
-        Self { integrator: Integrator::SymplecticEuler, substeps, contact_substeps: substeps, refresh: Refresh::Frame, friction }
+        Self { integrator: Integrator::SymplecticEuler, substeps, contact_substeps: substeps, refresh: system.spec.refresh, friction }
     }
 
     /// Accurate: RK4 with four substeps in free space, 1024 symplectic substeps with contact.

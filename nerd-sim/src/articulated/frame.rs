@@ -2,7 +2,9 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, point_position, to_local, to_world};
+use nerd_core::dynamics::{
+    Data, Factor, bias, crba, kinematics, kinematics_about, move_twist, point_position, root_position, to_local, to_world,
+};
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector, write_quaternion};
@@ -42,58 +44,65 @@ impl Frame for Workspace {
 
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
-        let (q, qd) = state.split_at_mut(robot.nq());
-        to_local(robot, q, qd);
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         let substeps = if contact { config.contact_substeps } else { config.substeps };
         let dt = system.frame_time / substeps as f64;
+        if !contact && config.integrator == Integrator::Rk4 {
+            let (q, qd) = state.split_at_mut(robot.nq());
+            to_local(robot, q, qd);
+            for _ in 0..substeps {
+                self.rk4(system, scene, state, tau, dt)?;
+            }
+            let (q, qd) = state.split_at_mut(robot.nq());
+            to_world(robot, q, qd);
+            return Ok(());
+        }
+        let (q, qd) = state.split_at_mut(robot.nq());
+        // The origin stays where the root stood, all through the frame, so that a mass matrix kept for a frame belongs to
+        // one origin: then any origin gives the same motion, the world's too, which the reference has.
+        let origin = root_position(robot, q);
+        move_twist(robot, &origin, qd);
         if contact {
             self.materials.clear();
             self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
         }
         for substep in 0..substeps {
-            if !contact && config.integrator == Integrator::Rk4 {
-                self.rk4(system, scene, state, tau, dt)?;
-                continue;
-            }
-            let (q, qd) = state.split_at_mut(robot.nq());
-            kinematics(robot, q, &mut self.data);
+            let renew = substep == 0 || config.refresh == Refresh::Substep;
+            kinematics_about(robot, q, &origin, &mut self.data);
             if contact {
                 // A plane is the same plane all through a frame; other shapes are looked at once a frame and held
                 // as the plane they present, as the reference does, unless the matrix is renewed every substep.
-                if substep == 0 || config.refresh == Refresh::Substep {
-                    self.query(system, scene, q);
+                if renew {
+                    self.query(system, scene);
                 }
-                self.press(robot, config, q, qd);
+                self.press(robot, config, qd);
             }
-            let renew = substep == 0 || config.refresh == Refresh::Substep;
             self.accelerate(robot, scene, q, qd, tau, renew)?;
-            euler(robot, q, qd, self.data.qdd.as_slice(), dt);
+            euler(robot, q, qd, self.data.qdd.as_slice(), &origin, dt);
         }
-        let (q, qd) = state.split_at_mut(robot.nq());
-        to_world(robot, q, qd);
+        move_twist(robot, &-origin, qd);
         Ok(())
     }
 }
 
 impl Workspace {
-    /// Contact events of all points at `q`.
-    fn query(&mut self, system: &System, scene: &Scene, q: &[f64]) {
+    /// Contact events of all points.
+    fn query(&mut self, system: &System, scene: &Scene) {
         self.events.clear();
         for point in &system.robot.contact_points {
-            self.events.push(scene.contact(&point_position(&system.robot, q, &self.data, point.link, &point.local)));
+            self.events.push(scene.contact(&point_position(&self.data, point.link, &point.local)));
         }
     }
 
     /// Contact wrenches into `data.external`.
-    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, q: &[f64], qd: &[f64]) {
+    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64]) {
         self.data.external.fill(Wrench::default());
-        let root = point_position(robot, q, &self.data, usize::MAX, &Vector3::zeros());
+        let origin = self.data.origin;
         let mut moving = false;
         for (point, event) in robot.contact_points.iter().zip(&self.events) {
             let n = &event.normal;
             let p0 = self.data.position[point.link] + self.data.rotation[point.link] * point.local;
-            let gap = n.dot(&(p0 - (event.p1 - root))) - point.radius;
+            let gap = n.dot(&(p0 - (event.p1 - origin))) - point.radius;
             if gap < 0.0 && event.distance.is_finite() {
                 if !moving {
                     nerd_core::dynamics::velocities(robot, qd, &mut self.data);
@@ -172,22 +181,19 @@ fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Symplectic Euler. For a floating root the twist is integrated about the origin where the root stood, as the
-/// reference does about the world's, and then carried to where it stands now: `p_dot += dt w x p_dot`.
+/// Symplectic Euler. A floating root's twist is about `origin`: `p_dot = v + w x (p - origin)`.
 #[inline]
-fn euler(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], dt: f64) {
+fn euler(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], origin: &Vector3<f64>, dt: f64) {
     qd.iter_mut().zip(qdd).for_each(|(v, a)| *v += a * dt);
     let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
     for (x, v) in q[coords..].iter_mut().zip(&qd[dofs..]) {
         *x += v * dt;
     }
     if robot.floating() {
-        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]));
-        let moved = vector(&q[..3]) + v * dt;
-        q[..3].copy_from_slice(moved.as_slice());
+        let (w, v, p) = (vector(&qd[..3]), vector(&qd[3..6]), vector(&q[..3]));
+        q[..3].copy_from_slice((p + (v + w.cross(&(p - origin))) * dt).as_slice());
         let r = quaternion(&q[3..7]);
         let turned = r.quaternion() + nalgebra::Quaternion::from_imag(w * (0.5 * dt)) * r.quaternion();
         write_quaternion(&mut q[3..7], &UnitQuaternion::new_normalize(turned));
-        qd[3..6].copy_from_slice((v + w.cross(&v) * dt).as_slice());
     }
 }

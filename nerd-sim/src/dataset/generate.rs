@@ -7,11 +7,12 @@ use std::sync::Arc;
 use nerd_core::dynamics::Data;
 use serde::{Deserialize, Serialize};
 
+use super::drive::Drive;
 use super::recording::sha256_of;
 use super::{DatasetError, Recording, read_shard, write_shard};
 use crate::batch::{Batch, contacts};
 use crate::law::Law;
-use crate::sampling::{Start, scene, start, stream, torques};
+use crate::sampling::{Start, scene, start, stream};
 use crate::solver::Solver;
 use crate::system::System;
 
@@ -69,7 +70,7 @@ pub fn record(
     count: usize,
 ) -> Result<Recording, DatasetError> {
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let amplitudes = system.torque_amplitudes();
+    let mut drive = Drive::new(system);
     let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
     let mut batch = Batch::new(system, &Arc::new(crate::scene::Scene::free(system.gravity())), count);
     let mut scales = Vec::with_capacity(count);
@@ -101,7 +102,7 @@ pub fn record(
                 continue;
             }
             let row = env * f + frame;
-            torques(&amplitudes, scales[env], &mut streams[env], &mut tau[env * joints..(env + 1) * joints]);
+            drive.draw(batch.state(env), scales[env], &mut streams[env], &mut tau[env * joints..(env + 1) * joints]);
             copy(&mut out.torques[row * joints..], &tau[env * joints..(env + 1) * joints]);
             if points > 0 {
                 contacts(system, &batch.scenes[env], batch.state(env), &mut data, &mut events);

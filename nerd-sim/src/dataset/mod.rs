@@ -1,5 +1,6 @@
 //! Random trajectories and the shards that hold them.
 
+mod drive;
 mod generate;
 mod recording;
 mod shard;

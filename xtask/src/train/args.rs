@@ -7,7 +7,7 @@ use crate::common::Device;
 /// Train a NeRD model.
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// Robot: cartpole, pendulum, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Folder of the run; the same command continues it

@@ -1,0 +1,117 @@
+//! The built-in robots: figures of the reference system, controllers and sampling boxes.
+
+use std::path::Path;
+
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::state::{quaternion, vector};
+use nerd_sim::control::Controller;
+use nerd_sim::dataset::{GenerateConfig, record};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+
+/// Mass (kg), joints, contact points.
+#[test]
+fn masses_joints_and_contact_points_are_the_references() {
+    for (name, mass, joints, points) in [
+        ("cartpole", 52.5, 2, 0),
+        ("pendulum", 51.31268, 2, 4),
+        ("cube", 1.1510227, 0, 8),
+        ("franka", 18.7827, 7, 0),
+        ("ant", 117.05, 8, 25),
+        ("anymal", 53.16426, 12, 14),
+        ("anymal-paper", 53.35426, 12, 14),
+    ] {
+        let robot = &System::named(name).expect("built in").robot;
+        assert!((robot.mass() / mass - 1.0).abs() < 1e-4, "{name}: {} kg, reference {mass}", robot.mass());
+        assert_eq!((robot.joint_count(), robot.contact_points.len()), (joints, points), "{name}");
+    }
+}
+
+/// Default pose: knees 0.432 m high at x = +-0.471, feet 0.107 m high at x = +-0.429, z = +-0.2835.
+#[test]
+fn anymal_stands_as_the_reference_does() {
+    let system = System::named("anymal").expect("built in");
+    let mut data = Data::new(&system.robot);
+    kinematics(&system.robot, &system.default_state(), &mut data);
+    let mut feet = 0;
+    for (i, link) in system.robot.links.iter().enumerate().filter(|(_, l)| l.name.ends_with("SHANK")) {
+        let knee = data.origin + data.position[i];
+        assert!((knee.y - 0.432).abs() < 1e-3 && (knee.x.abs() - 0.471).abs() < 1e-3, "knee of {} at {knee:?}", link.name);
+        for point in system.robot.contact_points.iter().filter(|p| p.link == i) {
+            let foot = point_position(&data, i, &point.local);
+            let there = (foot.y - 0.107).abs() < 1e-3 && (foot.x.abs() - 0.429).abs() < 1e-3 && (foot.z.abs() - 0.2835).abs() < 1e-3;
+            assert!(there, "foot of {} at {foot:?}", link.name);
+            feet += 1;
+        }
+    }
+    assert_eq!(feet, 4);
+}
+
+/// The reference's files hold actions (`a_*`) beside the torques its controllers made of them.
+#[test]
+fn controllers_are_the_references() {
+    for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal", "anymal_random_action_warp1.8.1.csv")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file);
+        if !path.exists() {
+            use std::io::Write;
+            let _ = writeln!(std::io::stderr(), "skipped: no reference data ({file})");
+            continue;
+        }
+        let system = System::named(robot).expect("built in");
+        let controller = Controller::new(&system);
+        let mut reader = csv::Reader::from_path(&path).expect("reference file opens");
+        let header = reader.headers().expect("header").clone();
+        let column = |name: &String| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("{file}: no column {name}"));
+        let states: Vec<usize> = system.spec.state_columns.iter().map(column).collect();
+        let torques: Vec<usize> = system.spec.torque_columns.iter().map(column).collect();
+        let actions: Vec<usize> = system.spec.torque_columns.iter().map(|c| column(&c.replace("tau_", "a_"))).collect();
+        let (mut worst, mut rows, mut out) = (0.0f64, 0, vec![0.0; torques.len()]);
+        for record in reader.records() {
+            let record = record.expect("row");
+            let numbers = |columns: &[usize]| columns.iter().map(|&i| record[i].parse::<f64>()).collect::<Result<Vec<_>, _>>();
+            // The last row of a trajectory has no action.
+            let (Ok(state), Ok(action), Ok(expected)) = (numbers(&states), numbers(&actions), numbers(&torques)) else { continue };
+            controller.torques(&state, &action, &mut out);
+            worst = out.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
+            rows += 1;
+        }
+        assert!(rows > 100 && worst < 1e-3, "{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
+    }
+}
+
+#[test]
+fn starts_keep_to_their_boxes() {
+    for env in 0..200 {
+        let system = System::named("ant").expect("built in");
+        let ant = start(&system, Start::Sample, &mut stream(0, env));
+        let (p, q, w, v) = (vector(&ant[..3]), quaternion(&ant[3..7]), vector(&ant[15..18]), vector(&ant[18..21]));
+        let body = (q.inverse() * w, q.inverse() * (v + w.cross(&p)));
+        assert!(p.x.abs() < 10.0 && (1.0..1.3).contains(&p.y) && p.z.abs() < 10.0, "ant at {p:?}");
+        assert!(body.0.amax() <= std::f64::consts::PI + 1e-12 && body.1.amax() <= 1.0 + 1e-12, "ant's twist in the body {body:?}");
+        let tilt = quaternion(&system.default_state()[3..7]).angle_to(&q);
+        assert!(tilt <= std::f64::consts::FRAC_PI_2 + 1e-12, "ant tilted by {tilt}");
+
+        let system = System::named("cube").expect("built in");
+        let cube = start(&system, Start::Reset, &mut stream(0, env));
+        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+        nerd_sim::batch::contacts(&system, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
+        let lowest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
+        assert!(lowest >= 1e-3, "a corner of the cube starts {lowest} m above the ground");
+    }
+}
+
+/// Every robot's data: finite, on its ground, moved by its torques.
+#[test]
+fn every_robot_is_recorded() {
+    for name in System::built_in() {
+        let system = System::named(name).expect("built in");
+        let config = GenerateConfig { transitions: 160, frames: 20, ..Default::default() };
+        let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+        let recording = record(&system, &mut truth, &config, 0, 8).expect("recorded");
+        assert!(recording.states.iter().all(|x| x.is_finite()), "{name}");
+        let driven = recording.torques.iter().any(|t| *t != 0.0);
+        assert_eq!(driven, system.robot.joint_count() > 0, "{name}: torques");
+        let nearest = recording.depths.iter().fold(f32::INFINITY, |a, b| a.min(*b));
+        assert!(system.spec.data_scene.is_none() || nearest < 0.1, "{name}: nothing comes nearer to the ground than {nearest} m");
+    }
+}
