@@ -16,6 +16,7 @@ mod provenance;
 mod reproduce;
 mod rollout;
 mod solvers;
+mod stability;
 mod table;
 mod train;
 
@@ -35,6 +36,8 @@ enum Verb {
     Chart(chart::ChartArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
+    /// Show where each method stays right, bends and breaks
+    Stability(stability::StabilityArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Chart(args) => chart::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
+        Verb::Stability(args) => stability::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

@@ -1,4 +1,4 @@
-//! Log-log pictures as SVG and PNG: series of labelled points, a front, dashed levels.
+//! Pictures as SVG and PNG; among them log-log ones: series of labelled points, a front, dashed levels.
 
 use std::path::Path;
 
@@ -44,25 +44,38 @@ pub struct Figure {
     pub levels: Vec<(f64, String)>,
 }
 
-impl Figure {
-    /// Writes `<stem>.svg` and `<stem>.png`.
-    pub fn save(&self, stem: &Path) -> Result<()> {
-        register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular()).map_err(|_| anyhow!("the built-in font cannot be read"))?;
-        let mut svg = String::new();
-        self.draw(SVGBackend::with_string(&mut svg, SIZE).into_drawing_area())?;
-        crate::files::write(&stem.with_extension("svg"), svg.as_bytes())?;
-        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
-        let png = folder.path().join("figure.png");
-        self.draw(BitMapBackend::new(&png, SIZE).into_drawing_area())?;
-        crate::files::write(&stem.with_extension("png"), &std::fs::read(&png).context("cannot read the picture back")?)
-    }
+/// What can draw itself, on paper or on pixels.
+pub trait Picture {
+    /// Draws.
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()>;
+}
 
-    fn draw<B: DrawingBackend>(&self, area: DrawingArea<B, Shift>) -> Result<()> {
+/// Writes a picture as `stem`.svg and `stem`.png.
+pub fn save(stem: &Path, size: (u32, u32), picture: &impl Picture) -> Result<()> {
+    register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular()).map_err(|_| anyhow!("the built-in font cannot be read"))?;
+    let mut svg = String::new();
+    picture.draw(&SVGBackend::with_string(&mut svg, size).into_drawing_area())?;
+    crate::files::write(&stem.with_extension("svg"), svg.as_bytes())?;
+    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let png = folder.path().join("picture.png");
+    picture.draw(&BitMapBackend::new(&png, size).into_drawing_area())?;
+    crate::files::write(&stem.with_extension("png"), &std::fs::read(&png).context("cannot read the picture back")?)
+}
+
+impl Figure {
+    /// Writes `stem`.svg and `stem`.png.
+    pub fn save(&self, stem: &Path) -> Result<()> {
+        save(stem, SIZE, self)
+    }
+}
+
+impl Picture for Figure {
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
         let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
         area.fill(&WHITE).map_err(failed)?;
         let all = || self.series.iter().flat_map(|s| &s.points);
         let (x, y) = (decades(all().map(|p| p.0)), decades(all().map(|p| p.1).chain(self.levels.iter().map(|l| l.0))));
-        let mut chart = ChartBuilder::on(&area)
+        let mut chart = ChartBuilder::on(area)
             .caption(&self.title, ("sans-serif", 20))
             .margin(14)
             .x_label_area_size(46)

@@ -15,6 +15,7 @@ mod data;
 mod kinematics;
 mod ltl;
 mod rnea;
+mod totals;
 
 pub use aba::aba;
 pub use crba::crba;
@@ -22,3 +23,4 @@ pub use data::Data;
 pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, move_twist, point_position, root_position, to_local, to_world};
 pub use ltl::Factor;
 pub use rnea::{bias, rnea, velocities};
+pub use totals::{Totals, totals};

@@ -105,6 +105,27 @@ pub struct Shape {
     pub kind: ShapeKind,
 }
 
+impl Shape {
+    /// Points that stand for this shape on link `link`: a sphere's centre, the ends of a capsule's or cylinder's axis (the
+    /// far one along +z first), a box's corners (x fastest, negative first; radius 1e-5 m).
+    pub fn contact_points(&self, link: usize) -> Vec<ContactPoint> {
+        let point = |local: Vector3<f64>, radius: f64| {
+            let local = self.pose.transform_point(&local.into()).coords;
+            ContactPoint { link, local, radius, thickness: radius }
+        };
+        match self.kind {
+            ShapeKind::Sphere { radius } => vec![point(Vector3::zeros(), radius)],
+            ShapeKind::Capsule { radius, half_length } | ShapeKind::Cylinder { radius, half_length } => {
+                [half_length, -half_length].map(|z| point(Vector3::z() * z, radius)).into()
+            }
+            ShapeKind::Box { half } => {
+                let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+                (0..8).map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), 1e-5)).collect()
+            }
+        }
+    }
+}
+
 /// Primitive shapes; lengths in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShapeKind {
@@ -234,31 +255,9 @@ impl Robot {
         self.links.iter().map(|l| l.inertia.mass).sum()
     }
 
-    /// Contact points of the collision shapes: a sphere's centre, the ends of a capsule's or cylinder's axis (the far
-    /// one along +z first), a box's corners (x fastest, negative first; radius 1e-5 m).
+    /// Contact points of all collision shapes, see [`Shape::contact_points`].
     pub fn default_contact_points(&self) -> Vec<ContactPoint> {
-        let mut points = Vec::new();
-        for (link, body) in self.links.iter().enumerate() {
-            for shape in &body.shapes {
-                let mut add = |local: Vector3<f64>, radius: f64| {
-                    let local = shape.pose.transform_point(&local.into()).coords;
-                    points.push(ContactPoint { link, local, radius, thickness: radius });
-                };
-                match shape.kind {
-                    ShapeKind::Sphere { radius } => add(Vector3::zeros(), radius),
-                    ShapeKind::Capsule { radius, half_length } | ShapeKind::Cylinder { radius, half_length } => {
-                        add(Vector3::z() * half_length, radius);
-                        add(Vector3::z() * -half_length, radius);
-                    }
-                    ShapeKind::Box { half } => {
-                        let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-                        for c in 0..8 {
-                            add(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), 1e-5);
-                        }
-                    }
-                }
-            }
-        }
-        points
+        let links = self.links.iter().enumerate();
+        links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::robot::{Base, Joint, JointKind, Robot};
+use nerd_core::robot::{Base, Joint, JointKind, Robot, ShapeKind};
 use nerd_core::spatial::BodyInertia;
 use rapier3d_f64::prelude::*;
 
@@ -43,9 +43,8 @@ impl Template {
             let shift = shift(robot, i, &root_com);
             let body = RigidBodyBuilder::dynamic().can_sleep(false).additional_mass_properties(mass_properties(&link.inertia, &shift));
             let handle = bodies.insert(body);
-            for point in robot.contact_points.iter().filter(|p| p.link == i) {
-                let ball = ColliderBuilder::ball(point.radius).translation(to_parry(&(point.local - shift)));
-                colliders.insert_with_parent(surface(ball.density(0.0), system.spec.material.friction, ROBOT), handle, &mut bodies);
+            for builder in touching(robot, i, &shift) {
+                colliders.insert_with_parent(surface(builder.density(0.0), system.spec.material.friction, ROBOT), handle, &mut bodies);
             }
             if let Some(joint) = &link.joint {
                 let parent = link.parent.map(|p| links[p]).or(base).ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
@@ -77,6 +76,25 @@ impl Template {
         }
         Ok(Self { bodies, colliders, joints, links, multibody, root_com })
     }
+}
+
+/// What a link touches the scene with: a box where all its corners are contact points (as balls of 1e-5 m they would
+/// catch on the ground: a sliding plate stops within a frame), balls for all other points.
+fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBuilder> {
+    let mut points: Vec<_> = robot.contact_points.iter().filter(|p| p.link == link).copied().collect();
+    let mut out = Vec::new();
+    for shape in &robot.links[link].shapes {
+        let corners = shape.contact_points(link);
+        if let ShapeKind::Box { half } = shape.kind
+            && corners.iter().all(|c| points.contains(c))
+        {
+            points.retain(|p| !corners.contains(p));
+            let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * shape.pose;
+            out.push(ColliderBuilder::cuboid(half.x, half.y, half.z).position(pose_to_parry(&pose)));
+        }
+    }
+    out.extend(points.iter().map(|p| ColliderBuilder::ball(p.radius).translation(to_parry(&(p.local - shift)))));
+    out
 }
 
 /// Puts a scene's colliders into a world.

@@ -1,0 +1,50 @@
+//! What a whole robot has of mass, momentum and energy: the quantities physics keeps.
+
+use nalgebra::Vector3;
+
+use super::{Data, inertias, kinematics, to_local, velocities};
+use crate::robot::Robot;
+use crate::spatial::Wrench;
+
+/// Sums over all links at one state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Totals {
+    /// Mass (kg).
+    pub mass: f64,
+    /// Centre of mass in the world (m).
+    pub com: Vector3<f64>,
+    /// Angular momentum about the centre of mass (kg m^2/s) and linear momentum (kg m/s), world axes.
+    pub momentum: Wrench,
+    /// Kinetic energy of links and drives (J).
+    pub kinetic: f64,
+}
+
+impl Totals {
+    /// Kinetic and potential energy (J) under `gravity` (m/s^2), zero of the latter at the world's origin.
+    pub fn energy(&self, gravity: &Vector3<f64>) -> f64 {
+        self.kinetic - self.mass * gravity.dot(&self.com)
+    }
+}
+
+/// Totals at a state `[q, qd]` (a floating root's twist about the world origin).
+pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
+    let (q, qd) = state.split_at(robot.nq());
+    let mut local = qd.to_vec();
+    to_local(robot, q, &mut local);
+    kinematics(robot, q, data);
+    inertias(robot, data);
+    velocities(robot, &local, data);
+    let (mut mass, mut moment, mut momentum, mut kinetic) = (0.0, Vector3::zeros(), Wrench::default(), 0.0);
+    for (i, link) in robot.links.iter().enumerate() {
+        let h = data.inertia[i].apply(&data.velocity[i]);
+        mass += link.inertia.mass;
+        moment += (data.position[i] + data.rotation[i] * link.inertia.com) * link.inertia.mass;
+        momentum += h;
+        kinetic += 0.5 * data.velocity[i].dot(&h);
+    }
+    let com = moment / mass;
+    momentum.ang -= com.cross(&momentum.lin);
+    let drives = robot.joints().zip(&qd[robot.root_dofs()..]);
+    kinetic += drives.map(|(joint, v)| 0.5 * joint.armature * v * v).sum::<f64>();
+    Totals { mass, com: data.origin + com, momentum, kinetic }
+}

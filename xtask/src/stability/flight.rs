@@ -1,0 +1,158 @@
+//! Rows without contact or joints: what a free body must do.
+
+use nalgebra::Vector3;
+use nerd_core::state::{quaternion, vector};
+
+use super::row::Row;
+use super::trial::{Fault::*, Motion, Trial};
+use super::worlds::Body;
+
+const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+const G: f64 = 9.81;
+
+pub const ROWS: [Row; 7] = [
+    Row {
+        name: "free fall",
+        figure: "distance from the parabola, 1 s (m)",
+        source: "p0 + v0 t - g t^2/2; g t dt of Newton's tests, dt = 1/960 s",
+        limit: G / 960.0,
+        reddens: &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity],
+        measure: free_fall,
+    },
+    Row {
+        name: "off-centre spin",
+        figure: "travel of the COM, 2 s without gravity (m)",
+        source: "momentum is constant",
+        limit: 1e-3,
+        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld],
+        measure: off_centre,
+    },
+    Row {
+        name: "precession",
+        figure: "change of angular momentum, 2 s (relative)",
+        source: "Newton tests: I (0.2 0.5 0.4), w (0.7 -0.5 0.9)",
+        limit: 5e-3,
+        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
+        measure: precession,
+    },
+    Row {
+        name: "tumbling box",
+        figure: "change of angular momentum, 10 s (relative)",
+        source: "rapier tests: half extents 1 2 3, principal axes tilted 0.7 rad",
+        limit: 0.02,
+        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
+        measure: tumbling,
+    },
+    Row {
+        name: "gyroscopic energy",
+        figure: "change of energy, 10 s about the middle axis (relative)",
+        source: "MuJoCo tests: box 0.1 0.2 0.3 m, E < 1.01 E0",
+        limit: 0.01,
+        reddens: &[DroppedVelocity, FrozenWorld, PumpedVelocity],
+        measure: gyroscopic,
+    },
+    Row {
+        name: "Dzhanibekov",
+        figure: "error of the body's angular velocity, 5 s (relative)",
+        source: "Euler's equations, integrated apart at 1e-4 s",
+        limit: 0.05,
+        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
+        measure: dzhanibekov,
+    },
+    Row {
+        name: "far away",
+        figure: "flight 100 km from the origin against flight at it, 1 s (m)",
+        source: "the world has no centre",
+        limit: 1e-6,
+        reddens: &[HiddenClock, SinglePrecision],
+        measure: far_away,
+    },
+];
+
+fn free_fall(trial: &Trial) -> Result<f64, String> {
+    let system = Body::default().system()?;
+    let motion = trial.passive(&system, "free", &Body::state([0.0; 3], UPRIGHT, [0.0; 3], [1.0, 0.0, 3.0]), 60)?;
+    let gap = |(k, s): (usize, &Vec<f64>)| {
+        let t = k as f64 / 60.0;
+        (vector(s) - Vector3::new(t, 0.0, 3.0 * t - 0.5 * G * t * t)).norm()
+    };
+    Ok(motion.states.iter().enumerate().map(gap).fold(0.0, f64::max))
+}
+
+fn off_centre(trial: &Trial) -> Result<f64, String> {
+    let com = [0.1, 0.0, 0.02];
+    let system = Body { com, gravity: 0.0, inertia: [0.01, 0.02, 0.03], ..Default::default() }.system()?;
+    let w = [0.3, 2.0, 5.0];
+    let v = -Vector3::from(w).cross(&Vector3::from(com));
+    let motion = trial.passive(&system, "free", &Body::state([0.0; 3], UPRIGHT, w, v.into()), 120)?;
+    let totals = motion.totals();
+    let travel = totals.iter().map(|t| (t.com - totals[0].com).norm()).fold(0.0, f64::max);
+    Ok(if turned(&motion) { travel } else { 1.0 })
+}
+
+fn precession(trial: &Trial) -> Result<f64, String> {
+    let body = Body { inertia: [0.2, 0.5, 0.4], gravity: 0.0, frame: "1/100", ..Default::default() };
+    spin(trial, &body, [0.7, -0.5, 0.9], 200)
+}
+
+fn tumbling(trial: &Trial) -> Result<f64, String> {
+    // A solid box of 8 kg: m (b^2 + c^2) / 3 in half extents; its principal axes tilted about (1, 1, 1).
+    let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 1.0));
+    let (roll, pitch, yaw) = nalgebra::UnitQuaternion::from_axis_angle(&axis, 0.7).euler_angles();
+    let inertia = [13.0, 10.0, 5.0].map(|x| 8.0 / 3.0 * x);
+    spin(trial, &Body { mass: 8.0, inertia, rpy: [roll, pitch, yaw], gravity: 0.0, ..Default::default() }, [3.0, 7.0, 2.0], 600)
+}
+
+/// Largest relative change of angular momentum; 1 if the body did not turn at all.
+fn spin(trial: &Trial, body: &Body, w: [f64; 3], frames: usize) -> Result<f64, String> {
+    let motion = trial.passive(&body.system()?, "free", &Body::state([0.0; 3], UPRIGHT, w, [0.0; 3]), frames)?;
+    let l: Vec<_> = motion.totals().iter().map(|t| t.momentum.ang).collect();
+    let change = l.iter().map(|x| (x - l[0]).norm() / l[0].norm()).fold(0.0, f64::max);
+    Ok(if turned(&motion) { change } else { 1.0 })
+}
+
+/// A box of 0.1, 0.2 and 0.3 m and 1 kg.
+fn brick() -> Body {
+    Body { inertia: [0.13 / 12.0, 0.1 / 12.0, 0.05 / 12.0], gravity: 0.0, frame: "1/200", ..Default::default() }
+}
+
+fn gyroscopic(trial: &Trial) -> Result<f64, String> {
+    let motion = trial.passive(&brick().system()?, "free", &Body::state([0.0; 3], UPRIGHT, [0.05, 5.0, 0.05], [0.0; 3]), 2000)?;
+    let e = motion.energies();
+    let change = e.iter().map(|x| (x / e[0] - 1.0).abs()).fold(0.0, f64::max);
+    Ok(if turned(&motion) { change } else { 1.0 })
+}
+
+fn dzhanibekov(trial: &Trial) -> Result<f64, String> {
+    let (start, frames) = (Vector3::new(0.05, 5.0, 0.05), 1000);
+    let motion = trial.passive(&brick().system()?, "free", &Body::state([0.0; 3], UPRIGHT, start.into(), [0.0; 3]), frames)?;
+    let last = motion.last();
+    let found = quaternion(&last[3..7]).inverse() * vector(&last[7..10]);
+    // I w' = -w x I w, by classical Runge-Kutta.
+    let inertia = Vector3::from(brick().inertia);
+    let rate = |w: Vector3<f64>| -w.cross(&inertia.component_mul(&w)).component_div(&inertia);
+    let (mut w, h) = (start, 1e-4);
+    for _ in 0..frames * 50 {
+        let a = rate(w);
+        let b = rate(w + a * (0.5 * h));
+        let c = rate(w + b * (0.5 * h));
+        let d = rate(w + c * h);
+        w += (a + (b + c) * 2.0 + d) * (h / 6.0);
+    }
+    Ok((found - w).norm() / start.norm())
+}
+
+fn far_away(trial: &Trial) -> Result<f64, String> {
+    let system = Body { com: [0.1, 0.0, 0.0], ..Default::default() }.system()?;
+    let fly = |at: [f64; 3]| {
+        let motion = trial.passive(&system, "free", &Body::state(at, UPRIGHT, [1.0, 2.0, 3.0], [1.0, 0.0, 3.0]), 60)?;
+        Ok::<_, String>(vector(motion.last()) - Vector3::from(at))
+    };
+    Ok((fly([1e5, -1e5, 1e5])? - fly([0.0; 3])?).norm())
+}
+
+/// Whether the orientation changed by more than 0.1 rad at any time.
+fn turned(motion: &Motion) -> bool {
+    let first = quaternion(&motion.states[0][3..7]);
+    motion.states.iter().any(|s| quaternion(&s[3..7]).angle_to(&first) > 0.1)
+}

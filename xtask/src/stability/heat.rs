@@ -1,0 +1,69 @@
+//! The table at a glance: green up to the limit, through amber to red, white figures.
+
+use std::path::Path;
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::Line;
+use super::method::METHODS;
+use crate::table::digits;
+
+const LEFT: i32 = 200;
+const TOP: i32 = 70;
+const CELL: (i32, i32) = (104, 24);
+
+/// Writes `stem.svg` and `stem.png`.
+pub fn draw(lines: &[Line], stem: &Path) -> Result<()> {
+    let size = ((LEFT + CELL.0 * METHODS.len() as i32 + 20) as u32, (TOP + CELL.1 * lines.len() as i32 + 40) as u32);
+    crate::plot::save(stem, size, &Heat(lines))
+}
+
+struct Heat<'a>(&'a [Line]);
+
+impl crate::plot::Picture for Heat<'_> {
+    fn draw<B: DrawingBackend>(&self, area: &plotters::drawing::DrawingArea<B, plotters::coord::Shift>) -> Result<()> {
+        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow::anyhow!("cannot draw: {e}");
+        let style = |size: i32, colour: RGBColor, h: HPos| ("sans-serif", size).into_font().color(&colour).pos(Pos::new(h, VPos::Center));
+        let text = |words: &str, at: (i32, i32), style: TextStyle| area.draw(&Text::new(words.to_string(), at, style)).map_err(failed);
+        area.fill(&WHITE).map_err(failed)?;
+        text("Where methods fail: figure of each row, coloured by figure / limit", (LEFT, 20), style(17, BLACK, HPos::Left))?;
+        for (k, method) in METHODS.iter().enumerate() {
+            text(method.name, (LEFT + CELL.0 * k as i32 + CELL.0 / 2, TOP - 14), style(13, BLACK, HPos::Center))?;
+        }
+        for (r, line) in self.0.iter().enumerate() {
+            let y = TOP + CELL.1 * r as i32;
+            text(line.row, (LEFT - 10, y + CELL.1 / 2), style(13, BLACK, HPos::Right))?;
+            for (k, cell) in line.cells.iter().enumerate() {
+                let x = LEFT + CELL.0 * k as i32;
+                let box_ = [(x + 1, y + 1), (x + CELL.0 - 1, y + CELL.1 - 1)];
+                let ratio = cell.figure.map(|f| if line.limit > 0.0 { f / line.limit } else { 1e9 * f });
+                area.draw(&Rectangle::new(box_, colour(ratio).filled())).map_err(failed)?;
+                let words = cell.figure.map_or("lost".to_string(), digits);
+                text(&words, (x + CELL.0 / 2, y + CELL.1 / 2), style(12, WHITE, HPos::Center))?;
+            }
+        }
+        let y = TOP + CELL.1 * self.0.len() as i32 + 20;
+        let legend =
+            [("a tenth of the limit", 0.05), ("the limit", 0.5), ("10 times", 5.0), ("1000 times", 50.0), ("more, or lost", f64::MAX)];
+        text("figure up to", (LEFT - 10, y), style(13, BLACK, HPos::Right))?;
+        for (k, (words, ratio)) in legend.into_iter().enumerate() {
+            let x = LEFT + 146 * k as i32;
+            area.draw(&Rectangle::new([(x, y - 8), (x + 24, y + 8)], colour(Some(ratio)).filled())).map_err(failed)?;
+            text(words, (x + 32, y), style(13, BLACK, HPos::Left))?;
+        }
+        area.present().map_err(failed)
+    }
+}
+
+/// Colours the colour-blind tell apart by lightness too.
+fn colour(ratio: Option<f64>) -> RGBColor {
+    match ratio {
+        Some(x) if x <= 0.1 => RGBColor(0, 110, 80),
+        Some(x) if x <= 1.0 => RGBColor(0, 158, 115),
+        Some(x) if x <= 10.0 => RGBColor(222, 143, 5),
+        Some(x) if x <= 1000.0 => RGBColor(213, 94, 0),
+        _ => RGBColor(128, 20, 40),
+    }
+}

@@ -1,0 +1,152 @@
+//! `cargo xtask stability`: where each method stays right, where it bends and where it breaks.
+//!
+//! Rows are scenes with known answers, columns are solvers at certain settings. A cell holds a measured figure; the row has
+//! a limit from an equation or from somebody's tests, never one taken from our own build. Up to the limit is a pass, up to
+//! ten times the limit degraded, beyond it, or with an error of the solver, a failure. Failures are the point.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use rayon::prelude::*;
+use serde::Serialize;
+
+mod contact;
+mod flight;
+mod heat;
+mod joints;
+mod method;
+mod robots;
+mod row;
+mod trial;
+mod worlds;
+
+use method::{METHODS, Method};
+use row::{Cell, Row, Verdict, rows};
+use trial::{Fault, Trial};
+
+use crate::provenance::Provenance;
+use crate::table::{digits, markdown};
+
+/// Show where methods fail.
+#[derive(clap::Args, Clone, Debug)]
+pub struct StabilityArgs {
+    /// Rows whose name contains one of these words, comma-separated [default: all]
+    #[arg(long, value_delimiter = ',')]
+    pub rows: Vec<String>,
+    /// Break every method on purpose, to see the rows that can tell go red; nothing is written
+    #[arg(long, value_enum)]
+    pub fault: Option<Fault>,
+    /// Folder for stability.json, .md, .svg and .png
+    #[arg(long, default_value = "results")]
+    pub out: PathBuf,
+}
+
+/// A row as it is written.
+#[derive(Serialize)]
+struct Line {
+    row: &'static str,
+    figure: &'static str,
+    source: &'static str,
+    limit: f64,
+    cells: Vec<Cell>,
+}
+
+/// Runs the verb.
+pub fn run(args: StabilityArgs) -> Result<()> {
+    let chosen: Vec<&Row> = rows().filter(|r| args.rows.is_empty() || args.rows.iter().any(|w| r.name.contains(w.as_str()))).collect();
+    if chosen.is_empty() {
+        bail!("--rows {}: no row is called so; known are {}", args.rows.join(","), rows().map(|r| r.name).collect::<Vec<_>>().join(", "));
+    }
+    let bar = crate::common::bar("cells", (chosen.len() * METHODS.len()) as u64);
+    let done = std::sync::atomic::AtomicUsize::new(0);
+    let measure = |row: &Row, method: &Method| {
+        let cell = row.cell(&Trial { method, fault: args.fault });
+        bar.set(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) as u64 + 1);
+        cell
+    };
+    let lines: Vec<Line> = chosen
+        .par_iter()
+        .map(|row| Line {
+            row: row.name,
+            figure: row.figure,
+            source: row.source,
+            limit: row.limit,
+            cells: METHODS.par_iter().map(|m| measure(row, m)).collect(),
+        })
+        .collect();
+    bar.finish();
+    let text = table(&lines);
+    println!("{text}");
+    if let Some(fault) = args.fault {
+        let named = chosen.iter().filter(|r| r.reddens.contains(&fault)).map(|r| r.name).collect::<Vec<_>>();
+        println!("rows that {fault:?} must turn red: {}", named.join(", "));
+        return Ok(());
+    }
+    let stamp = Provenance::now(0);
+    let names: Vec<_> = METHODS.iter().map(|m| m.name).collect();
+    let json = serde_json::json!({ "provenance": stamp, "methods": names, "rows": lines });
+    crate::files::write(&args.out.join("stability.json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
+    let from = format!("\n`{}`, commit {}, {}, {}\n", stamp.command, stamp.commit, stamp.machine, stamp.date);
+    crate::files::write(&args.out.join("stability.md"), (text + &from).as_bytes())?;
+    heat::draw(&lines, &args.out.join("stability"))
+}
+
+/// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed.
+fn table(lines: &[Line]) -> String {
+    let mark = |c: &Cell| match c.verdict {
+        Verdict::Pass => "",
+        Verdict::Degraded => " !",
+        Verdict::Fail => " !!",
+    };
+    let cell = |c: &Cell| c.figure.map_or("lost".to_string(), digits) + mark(c);
+    let rows = lines.iter().map(|l| {
+        let start = [l.row.to_string(), l.figure.to_string(), digits(l.limit)];
+        start.into_iter().chain(l.cells.iter().map(cell)).collect()
+    });
+    let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(METHODS.iter().map(|m| m.name)).collect();
+    markdown(&header, &rows.collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum;
+
+    use super::method::CONVERGED;
+    use super::*;
+
+    fn converged() -> &'static Method {
+        METHODS.iter().find(|m| m.name == CONVERGED).expect("a column")
+    }
+
+    /// Rows of known physics; those of drives at the edge are not, no method need pass them.
+    fn known() -> Vec<&'static Row> {
+        rows().filter(|r| !r.name.starts_with("ANYmal")).collect()
+    }
+
+    #[test]
+    fn the_converged_preset_passes_known_physics() {
+        let failed: Vec<String> = known()
+            .par_iter()
+            .map(|row| (row, row.cell(&Trial { method: converged(), fault: None })))
+            .filter(|(_, cell)| cell.verdict != Verdict::Pass)
+            .map(|(row, cell)| format!("{}: {:?}, limit {}", row.name, cell.figure.ok_or(cell.lost), row.limit))
+            .collect();
+        assert!(failed.is_empty(), "{}", failed.join("\n"));
+    }
+
+    /// A fault turns the rows red that name it, and leaves the others green.
+    #[test]
+    fn every_row_can_go_red() {
+        let (method, asked) = (converged(), known());
+        let pairs: Vec<(&Row, Fault)> = asked.iter().flat_map(|r| Fault::value_variants().iter().map(|f| (*r, *f))).collect();
+        let wrong: Vec<String> = pairs
+            .par_iter()
+            .filter_map(|(row, fault)| {
+                let cell = row.cell(&Trial { method, fault: Some(*fault) });
+                let red = cell.verdict != Verdict::Pass;
+                (red != row.reddens.contains(fault)).then(|| format!("{} under {fault:?}: {:?}", row.name, cell.figure.ok_or(cell.lost)))
+            })
+            .collect();
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    }
+}

@@ -1,0 +1,88 @@
+//! Rows of whole robots at the edge of what their drives allow.
+
+use std::sync::Arc;
+
+use nerd_sim::control::Controller;
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use rand::RngExt;
+
+use super::row::Row;
+use super::trial::{Fault::*, Trial};
+
+pub const ROWS: [Row; 5] = [
+    Row {
+        name: "driven Ant",
+        figure: "worst violation of a joint limit, full random torques, 5 s (rad)",
+        source: "2 tau / k, a spring under a sudden load",
+        limit: 0.8,
+        reddens: &[BodyAngularVelocity],
+        measure: ant,
+    },
+    Row {
+        name: "ANYmal kp 85",
+        figure: "largest joint speed, armature 0.06, PD at 60 Hz, 2 s (rad/s)",
+        source: "speed limit of its URDF",
+        limit: 20.0,
+        reddens: &[],
+        measure: |trial| anymal(trial, 0.06, 85.0, 2.0),
+    },
+    Row {
+        name: "ANYmal kp 200",
+        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
+        source: "speed limit of its URDF",
+        limit: 20.0,
+        reddens: &[],
+        measure: |trial| anymal(trial, 0.0, 200.0, 0.5),
+    },
+    Row {
+        name: "ANYmal kp 2000",
+        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
+        source: "speed limit of its URDF",
+        limit: 20.0,
+        reddens: &[],
+        measure: |trial| anymal(trial, 0.0, 2000.0, 0.5),
+    },
+    Row {
+        name: "no number",
+        figure: "0 if a state that is no number is refused, 1 if not",
+        source: "an error, with its place",
+        limit: 0.0,
+        reddens: &[SwallowedErrors],
+        measure: no_number,
+    },
+];
+
+fn ant(trial: &Trial) -> Result<f64, String> {
+    let system = System::named("ant").map_err(|e| e.to_string())?;
+    let mut worst = 0.0f64;
+    for seed in 0..4 {
+        let state = start(&system, Start::Reset, &mut stream(11, seed));
+        let mut rng = stream(12, seed);
+        let mut push = |_: usize, _: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
+        let motion = trial.driven(&system, "ground", &state, 300, &mut push)?;
+        for (i, limit) in system.robot.joints().enumerate().filter_map(|(i, j)| j.limit.map(|l| (i, l))) {
+            let q = motion.states.iter().map(|s| s[7 + i]);
+            worst = q.map(|q| (limit.lower - q).max(q - limit.upper)).fold(worst, f64::max);
+        }
+    }
+    Ok(worst)
+}
+
+fn anymal(trial: &Trial, armature: f64, kp: f64, kd: f64) -> Result<f64, String> {
+    let mut system = (*System::named("anymal").map_err(|e| e.to_string())?).clone();
+    system.robot.joints_mut().for_each(|j| j.armature = armature);
+    let system = Arc::new(system);
+    let mut controller = Controller::new(&system);
+    controller.gains.fill([kp, kd]);
+    let state = start(&system, Start::Reset, &mut stream(13, 0));
+    let hold = vec![0.0; 12];
+    let motion = trial.driven(&system, "ground", &state, 120, &mut |_, state, tau| controller.torques(state, &hold, tau))?;
+    Ok(motion.states.iter().flat_map(|s| &s[25..]).fold(0.0, |a, b| a.max(b.abs())))
+}
+
+fn no_number(trial: &Trial) -> Result<f64, String> {
+    let system = System::named("pendulum").map_err(|e| e.to_string())?;
+    let refused = trial.passive(&system, "ground1", &[f64::NAN, 0.0, 0.0, 0.0], 1).is_err();
+    Ok(if refused { 0.0 } else { 1.0 })
+}

@@ -1,0 +1,94 @@
+//! Small systems for single questions, written as URDF and TOML; up is z.
+
+use std::sync::Arc;
+
+use nerd_sim::prelude::*;
+
+/// A free rigid body.
+pub struct Body {
+    /// URDF geometry, such as `<sphere radius="0.1"/>`.
+    pub shape: String,
+    /// Mass (kg).
+    pub mass: f64,
+    /// Principal inertia (kg m^2).
+    pub inertia: [f64; 3],
+    /// Centre of mass (m) in the body frame, and the principal axes' roll, pitch, yaw.
+    pub com: [f64; 3],
+    pub rpy: [f64; 3],
+    /// Seconds of a frame, gravity (m/s^2) down, slope of the ground (rad) about y.
+    pub frame: &'static str,
+    pub gravity: f64,
+    pub slope: f64,
+    /// Contact stiffness, damping, tangential damping, friction.
+    pub material: [f64; 4],
+}
+
+impl Default for Body {
+    /// A cube of 0.2 m and 1 kg.
+    fn default() -> Self {
+        Self {
+            shape: r#"<box size="0.2 0.2 0.2"/>"#.into(),
+            mass: 1.0,
+            inertia: [1.0 / 150.0; 3],
+            com: [0.0; 3],
+            rpy: [0.0; 3],
+            frame: "1/60",
+            gravity: 9.81,
+            slope: 0.0,
+            material: [1e4, 100.0, 1e3, 0.5],
+        }
+    }
+}
+
+impl Body {
+    /// The system; its scenes are `free` and `ground`.
+    pub fn system(&self) -> Result<Arc<System>, String> {
+        let (i, c, r, m) = (self.inertia, self.com, self.rpy, self.material);
+        let urdf = format!(
+            r#"<robot name="body"><link name="body"><inertial><origin xyz="{} {} {}" rpy="{} {} {}"/><mass value="{}"/><inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial><collision><geometry>{}</geometry></collision></link></robot>"#,
+            c[0], c[1], c[2], r[0], r[1], r[2], self.mass, i[0], i[1], i[2], self.shape
+        );
+        let toml = format!(
+            "urdf = \"\"\nfloating = true\nframe_time = \"{}\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n\
+             material = {{ stiffness = {:?}, damping = {:?}, friction_damping = {:?}, friction = {:?} }}\n\
+             [[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, {:?}, 0.0] }}\n",
+            self.frame, -self.gravity, m[0], m[1], m[2], m[3], self.slope
+        );
+        System::from_text("body", &urdf, Some(&toml)).map(Arc::new).map_err(|e| e.to_string())
+    }
+
+    /// A state at position p, orientation q (x y z w), angular velocity w and velocity v of the body's origin.
+    pub fn state(p: [f64; 3], q: [f64; 4], w: [f64; 3], v: [f64; 3]) -> Vec<f64> {
+        let [p_, w_, v_] = [p, w, v].map(nalgebra::Vector3::from);
+        let twist = v_ - w_.cross(&p_);
+        [&p[..], &q[..], &w[..], twist.as_slice()].concat()
+    }
+}
+
+/// Hinges in a row, each link 1 m long along x with its mass (kg) at the end; axes along y, up is z.
+pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<Arc<System>, String> {
+    let mut urdf = String::from(r#"<robot name="chain"><link name="l0"/>"#);
+    let mut toml =
+        format!("urdf = \"\"\nfloating = false\nframe_time = \"{frame}\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n", -gravity);
+    for (k, m) in masses.iter().enumerate() {
+        // A small ball, so that nothing is singular.
+        let i = 1e-4 * m;
+        urdf += &format!(
+            r#"<link name="l{n}"><inertial><origin xyz="1 0 0"/><mass value="{m}"/><inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{i}"/></inertial></link><joint name="j{n}" type="continuous"><parent link="l{k}"/><child link="l{n}"/><origin xyz="{x} 0 0"/><axis xyz="0 1 0"/></joint>"#,
+            n = k + 1,
+            x = if k == 0 { 0 } else { 1 }
+        );
+        toml += &format!(
+            "[[joint]]\nname = \"j{}\"\n{joint}sample = {{ q = \"U(-1, 1)\", qd = \"U(-1, 1)\" }}\nreset = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\n",
+            k + 1
+        );
+    }
+    System::from_text("chain", &(urdf + "</robot>"), Some(&toml)).map(Arc::new).map_err(|e| e.to_string())
+}
+
+/// A 1 kg slider along x, without gravity; its limit at 0.5 m has a spring and a damper.
+pub fn slider() -> Result<Arc<System>, String> {
+    let urdf = r#"<robot name="slider"><link name="rail"/><link name="box"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="slide" type="prismatic"><parent link="rail"/><child link="box"/><axis xyz="1 0 0"/><limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint></robot>"#;
+    let toml = "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, 0.0]\nsubsteps = 16\n[[joint]]\nname = \"slide\"\nlimit = { stiffness = 1e4, damping = 0.0 }\nsample = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\nreset = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\n";
+    System::from_text("slider", urdf, Some(toml)).map(Arc::new).map_err(|e| e.to_string())
+}
