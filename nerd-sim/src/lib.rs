@@ -30,7 +30,7 @@ pub mod system;
 
 /// What most programs need.
 pub mod prelude {
-    pub use crate::articulated::{Articulated, ArticulatedConfig, Friction, Integrator, Refresh};
+    pub use crate::articulated::{Articulated, ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
     pub use crate::batch::Batch;
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};

@@ -62,6 +62,8 @@ impl ChartArgs {
 enum Method {
     Rk4(usize),
     Euler(usize),
+    /// Contact at the end of each substep.
+    Implicit(usize),
     Paper,
     /// rapier with substeps inside one outer step.
     Rapier(usize),
@@ -138,6 +140,7 @@ fn measure(
     let powers = || std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= args.substeps);
     let mut methods: Vec<Method> = powers().map(Method::Euler).collect();
     if contact {
+        methods.extend(powers().take_while(|n| 2 * n <= args.substeps).map(Method::Implicit));
         methods.extend(powers().take_while(|n| 4 * n <= args.substeps).map(Method::RapierSteps));
     } else {
         methods.extend(powers().take_while(|n| *n <= 32).map(Method::Rk4));
@@ -219,7 +222,7 @@ fn figure(args: &ChartArgs, system: &System, points: &[Point], base: &PassiveRep
 impl Method {
     fn substeps(&self) -> Option<usize> {
         match self {
-            Self::Rk4(n) | Self::Euler(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
+            Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
             Self::Paper | Self::Neural(_) => None,
         }
     }
@@ -234,6 +237,9 @@ impl Method {
         Ok(match self {
             Self::Rk4(n) => ("articulated RK4".into(), articulated(Integrator::Rk4, *n)),
             Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(Integrator::SymplecticEuler, *n)),
+            Self::Implicit(n) => {
+                ("articulated implicit".into(), Box::new(Articulated::new(ArticulatedConfig::implicit(*n, Friction::Coulomb))))
+            }
             Self::Paper => ("articulated, preset paper (NeRD's truth)".into(), crate::train::truth(system)),
             Self::Rapier(n) => ("rapier, iterations of 1 step".into(), Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             Self::RapierSteps(n) => {

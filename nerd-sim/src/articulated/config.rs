@@ -25,6 +25,17 @@ pub enum Refresh {
     Substep,
 }
 
+/// How contact, limits and joint damping act within a substep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactStep {
+    /// With their forces at its start, as in the reference: stable only while the substep is short.
+    #[default]
+    Explicit,
+    /// With their forces at its end, linearised: stable at any length, the mass matrix renewed every substep.
+    Implicit,
+}
+
 /// Friction law of the compliant contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -47,6 +58,9 @@ pub struct ArticulatedConfig {
     pub contact_substeps: usize,
     /// When the mass matrix is renewed (symplectic Euler only).
     pub refresh: Refresh,
+    /// How contact acts within a substep.
+    #[serde(default)]
+    pub contact_step: ContactStep,
     /// Friction law.
     pub friction: Friction,
 }
@@ -55,11 +69,31 @@ impl ArticulatedConfig {
     /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed when it does.
     pub fn paper(system: &System, friction: Friction) -> Self {
         let substeps = system.spec.substeps;
-        Self { integrator: Integrator::SymplecticEuler, substeps, contact_substeps: substeps, refresh: system.spec.refresh, friction }
+        Self {
+            integrator: Integrator::SymplecticEuler,
+            substeps,
+            contact_substeps: substeps,
+            refresh: system.spec.refresh,
+            contact_step: ContactStep::Explicit,
+            friction,
+        }
     }
 
     /// Accurate: RK4 with four substeps in free space, 1024 symplectic substeps with contact.
     pub fn converged(friction: Friction) -> Self {
-        Self { integrator: Integrator::Rk4, substeps: 4, contact_substeps: 1024, refresh: Refresh::Substep, friction }
+        Self {
+            integrator: Integrator::Rk4,
+            substeps: 4,
+            contact_substeps: 1024,
+            refresh: Refresh::Substep,
+            contact_step: ContactStep::Explicit,
+            friction,
+        }
+    }
+
+    /// Stable at few substeps: contact, limits and joint damping implicit, RK4 in free space.
+    pub fn implicit(substeps: usize, friction: Friction) -> Self {
+        let free = Self { contact_substeps: substeps, ..Self::converged(friction) };
+        Self { contact_step: ContactStep::Implicit, ..free }
     }
 }

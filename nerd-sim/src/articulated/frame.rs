@@ -9,20 +9,22 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
+use super::implicit::Touches;
 use super::law::force;
-use super::{ArticulatedConfig, Integrator, Refresh};
+use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
 use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {
-    data: Data,
-    factor: Factor,
+    pub(super) data: Data,
+    pub(super) factor: Factor,
+    pub(super) materials: Vec<Material>,
+    pub(super) events: Vec<ContactEvent>,
+    pub(super) touches: Touches,
     rates: [Vec<f64>; 4],
     trial: Vec<f64>,
-    materials: Vec<Material>,
-    events: Vec<ContactEvent>,
 }
 
 impl Frame for Workspace {
@@ -39,6 +41,7 @@ impl Frame for Workspace {
             trial: vec![0.0; d],
             materials: Vec::new(),
             events: Vec::with_capacity(robot.contact_points.len()),
+            touches: Touches::new(robot),
         })
     }
 
@@ -47,11 +50,18 @@ impl Frame for Workspace {
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         let substeps = if contact { config.contact_substeps } else { config.substeps };
         let dt = system.frame_time / substeps as f64;
-        if !contact && config.integrator == Integrator::Rk4 {
+        if contact {
+            self.materials.clear();
+            self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
+        }
+        let implicit = contact && config.contact_step == ContactStep::Implicit;
+        if implicit || !contact && config.integrator == Integrator::Rk4 {
             let (q, qd) = state.split_at_mut(robot.nq());
             to_local(robot, q, qd);
             for _ in 0..substeps {
-                self.rk4(system, scene, state, tau, dt)?;
+                if !implicit || !self.implicit(system, scene, config, state, tau, dt)? {
+                    self.rk4(system, scene, state, tau, dt)?;
+                }
             }
             let (q, qd) = state.split_at_mut(robot.nq());
             to_world(robot, q, qd);
@@ -62,10 +72,6 @@ impl Frame for Workspace {
         // one origin: then any origin gives the same motion, the world's too, which the reference has.
         let origin = root_position(robot, q);
         move_twist(robot, &origin, qd);
-        if contact {
-            self.materials.clear();
-            self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
-        }
         for substep in 0..substeps {
             let renew = substep == 0 || config.refresh == Refresh::Substep;
             kinematics_about(robot, q, &origin, &mut self.data);
@@ -87,7 +93,7 @@ impl Frame for Workspace {
 
 impl Workspace {
     /// Contact events of all points.
-    fn query(&mut self, system: &System, scene: &Scene) {
+    pub(super) fn query(&mut self, system: &System, scene: &Scene) {
         self.events.clear();
         for point in &system.robot.contact_points {
             self.events.push(scene.contact(&point_position(&self.data, point.link, &point.local)));
@@ -178,6 +184,24 @@ fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
         let spin = nalgebra::Quaternion::from_imag(w) * nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]) * 0.5;
         out[3..7].copy_from_slice(spin.coords.as_slice());
         out[nq + 3..nq + 6].copy_from_slice((vector(&qdd[3..6]) + w.cross(&v)).as_slice());
+    }
+}
+
+/// Semi-implicit Euler in local velocities: `p_dot += h (a + w x p_dot)`, then the pose with the new velocity.
+pub(super) fn advance(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], h: f64) {
+    let turn = if robot.floating() { vector(&qd[..3]).cross(&vector(&qd[3..6])) } else { Vector3::zeros() };
+    qd.iter_mut().zip(qdd).for_each(|(v, a)| *v += a * h);
+    let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
+    for (x, v) in q[coords..].iter_mut().zip(&qd[dofs..]) {
+        *x += v * h;
+    }
+    if robot.floating() {
+        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]) + turn * h);
+        qd[3..6].copy_from_slice(v.as_slice());
+        let p = vector(&q[..3]) + v * h;
+        q[..3].copy_from_slice(p.as_slice());
+        let turned = UnitQuaternion::from_scaled_axis(w * h) * quaternion(&q[3..7]);
+        write_quaternion(&mut q[3..7], &turned);
     }
 }
 

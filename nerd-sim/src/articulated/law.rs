@@ -17,13 +17,18 @@ pub fn force(gap: f64, n: &Vector3<f64>, v: &Vector3<f64>, material: &Material, 
     let normal = -(material.stiffness * gap + material.damping * vn.min(0.0));
     let slip = v - n * vn;
     let speed = slip.norm();
+    n * normal - slip * drag(normal, speed, material, friction)
+}
+
+/// Friction over slip (N s/m), `min(k_f s, mu N) / s`, at normal force `normal` (N) and slip `speed` (m/s).
+#[inline]
+pub fn drag(normal: f64, speed: f64, material: &Material, friction: Friction) -> f64 {
     let size = match friction {
         Friction::Coulomb => speed,
         Friction::Huber if speed <= 1.0 => 0.5 * speed * speed,
         Friction::Huber => speed - 0.5,
     };
-    // `min(k_f s, mu N) / s` without dividing by a vanishing slip.
     let limit = material.friction * normal;
-    let drag = if material.friction_damping * size <= limit { material.friction_damping } else { limit / size };
-    n * normal - slip * drag
+    // Without dividing by a vanishing slip.
+    if material.friction_damping * size <= limit { material.friction_damping } else { limit / size }
 }

@@ -6,8 +6,9 @@
 
 mod config;
 mod frame;
+mod implicit;
 pub mod law;
 mod solver;
 
-pub use config::{ArticulatedConfig, Friction, Integrator, Refresh};
+pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
 pub use solver::Articulated;

@@ -72,9 +72,9 @@ pub const ROWS: [Row; 7] = [
 ];
 
 fn period(trial: &Trial) -> Result<f64, String> {
-    let (a, inertia) = (0.05, 1.0 + 1e-4);
+    let (a, inertia) = (0.05, 1.0f64 + 1e-4);
     let system = chain(&[1.0], "", "1/60", G)?;
-    let omega = (G / inertia as f64).sqrt() * (1.0 - a * a / 16.0);
+    let omega = (G / inertia).sqrt() * (1.0 - a * a / 16.0);
     let frames = (3.5 * std::f64::consts::TAU / omega * 60.0) as usize;
     let motion = trial.passive(&system, "free", &[FRAC_PI_2 + a, 0.0], frames)?;
     let gap = |(k, s): (usize, &Vec<f64>)| (s[0] - FRAC_PI_2 - a * (omega * k as f64 / 60.0).cos()).abs() / a;

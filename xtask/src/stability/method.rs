@@ -19,6 +19,7 @@ fn euler(substeps: usize) -> Box<dyn Solver> {
         substeps,
         contact_substeps: substeps,
         refresh: Refresh::Substep,
+        contact_step: ContactStep::Explicit,
         friction: Friction::Coulomb,
     };
     Box::new(Articulated::new(config))
@@ -29,12 +30,14 @@ fn rapier(steps: usize, iterations: usize) -> Box<dyn Solver> {
 }
 
 /// All of them; `converged` is the one that known physics must pass.
-pub const METHODS: [Method; 7] = [
+pub const METHODS: [Method; 9] = [
     Method { name: "paper", make: |system| Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))) },
     Method { name: "Euler x4", make: |_| euler(4) },
     Method { name: "Euler x16", make: |_| euler(16) },
     Method { name: "Euler x64", make: |_| euler(64) },
     Method { name: CONVERGED, make: |_| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))) },
+    Method { name: "implicit x4", make: |_| Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) },
+    Method { name: "implicit x16", make: |_| Box::new(Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb))) },
     Method { name: "rapier 4x4", make: |_| rapier(4, 4) },
     Method { name: "rapier 16x4", make: |_| rapier(16, 4) },
 ];

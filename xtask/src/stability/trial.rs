@@ -62,6 +62,9 @@ impl Motion {
     }
 }
 
+/// Sets the torques of a frame: `(frame, state, torques)`.
+pub type Drive<'a> = dyn FnMut(usize, &[f64], &mut [f64]) + 'a;
+
 impl Trial<'_> {
     /// Whether the method's contacts give way as the material says; rapier's do not.
     pub fn compliant(&self) -> bool {
@@ -74,14 +77,7 @@ impl Trial<'_> {
     }
 
     /// Rolls out under torques set by `drive(frame, state, torques)`. An error of the solver ends the row.
-    pub fn driven(
-        &self,
-        system: &Arc<System>,
-        scene: &str,
-        start: &[f64],
-        frames: usize,
-        drive: &mut dyn FnMut(usize, &[f64], &mut [f64]),
-    ) -> Result<Motion, String> {
+    pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, String> {
         let mut scene = (*system.scene(scene).map_err(|e| e.to_string())?).clone();
         let gravity = scene.gravity;
         match self.fault {
