@@ -5,6 +5,7 @@ use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nerd_sim::prelude::*;
+use nerd_sim::sampling::{self, Start};
 
 struct Counting;
 
@@ -28,14 +29,17 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_step_does_not_allocate() {
-    for (robot, scene) in [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")] {
+    for (robot, scene) in [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1"), ("ant", "ground")] {
         let system = System::named(robot).expect("built in");
         for (name, config) in [
             ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),
             ("converged", ArticulatedConfig { contact_substeps: 16, ..ArticulatedConfig::converged(Friction::Huber) }),
+            ("implicit", ArticulatedConfig::implicit(2, Friction::Coulomb)),
         ] {
             let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), 64);
-            batch.states.iter_mut().enumerate().for_each(|(i, x)| *x = (0.7 * i as f64).sin());
+            for env in 0..64 {
+                batch.reset(env, &sampling::start(&system, Start::Reset, &mut sampling::stream(0, env as u64)));
+            }
             let torques = vec![1.0; 64 * system.robot.joint_count()];
             let mut solver = Articulated::new(config);
             (0..3).for_each(|_| solver.step(&mut batch, &torques).expect("finite"));

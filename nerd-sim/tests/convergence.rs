@@ -33,7 +33,8 @@ fn run(system: &Arc<System>, mut solver: impl Solver) -> Vec<f64> {
 
 fn articulated(integrator: Integrator, substeps: usize) -> Articulated {
     let refresh = Refresh::Substep;
-    Articulated::new(ArticulatedConfig { integrator, substeps, contact_substeps: substeps, refresh, friction: Friction::Coulomb })
+    let exact = ArticulatedConfig::converged(Friction::Coulomb);
+    Articulated::new(ArticulatedConfig { integrator, substeps, contact_substeps: substeps, refresh, ..exact })
 }
 
 /// Mean |difference| of q by number of substeps, and the slope of its logarithm.

@@ -33,7 +33,7 @@ fn articulated() -> Articulated {
         substeps: 16,
         contact_substeps: 256,
         refresh: Refresh::Substep,
-        friction: Friction::Coulomb,
+        ..ArticulatedConfig::converged(Friction::Coulomb)
     };
     Articulated::new(config)
 }

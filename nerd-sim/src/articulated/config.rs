@@ -32,7 +32,7 @@ pub enum ContactStep {
     /// With their forces at its start, as in the reference: stable only while the substep is short.
     #[default]
     Explicit,
-    /// With their forces at its end, linearised: stable at any length, the mass matrix renewed every substep.
+    /// With forces that look as far ahead as they must: stable at any length; RK4 while nothing touches.
     Implicit,
 }
 

@@ -1,14 +1,19 @@
-//! Accelerations over a substep h with contact, limits and joint damping at its end, linearised about its start.
+//! A substep h with contact, limits and joint damping looking ahead, linearised, so that it is stable at any length.
 //!
-//! With the normal force `N = -(k (g + h v_n') + d v_n')` and friction `-c v_t'` of the velocity v' at the substep's end
-//! (c the drag of the law, found by repetition), `D = (k h + d) n n^T + c (1 - n n^T)` and J the Jacobian of the point,
+//! Spring, damper and friction of a point see the velocity `v + a (v' - v)` between the substep's start and its end, each
+//! with its own share a: none for a spring and half for a damper while that is stable, more as they grow stiff for the
+//! point's own inertia, `1 / w = 1 / n^T J M^-1 J^T n`, and the substep:
 //!
 //! ```text
-//! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    f = -(k (g + h v_n) + d v_n) n - c v_t
+//! spring a = max(0, 1/2 - 1 / (2 h^2 k w))      (no damping of its own below h^2 k w = 1, as symplectic Euler)
+//! damper a = max(1/2, 1 - 1 / (h d w))          (friction's drag likewise)
+//! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    D = (a_k h k + a_d d) n n^T + a_c c (1 - n n^T)
+//! f = -(k (g + a_k h v_n) + d min(v_n, 0)) n - c v_t
 //! ```
 //!
-//! A point couples only the joints above it, so the matrix keeps the tree's zeros and the factorisation its cost. A point
-//! that would pull at the end has parted; it is dropped and the system solved again.
+//! The drag c is the law's at the velocity seen, found by repetition. A point couples only the joints above it, so the
+//! matrix keeps the tree's zeros and the factorisation its cost. A point that would pull has parted; it is dropped and the
+//! system solved again. A substep in which nothing touches is RK4's.
 
 use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::{bias, crba, kinematics, velocities};
@@ -27,9 +32,10 @@ struct Touch {
     columns: std::ops::Range<usize>,
     material: Material,
     normal: Vector3<f64>,
-    /// `k g` (N) and `k h + d`, `c` (N s/m).
-    spring: f64,
-    along: f64,
+    gap: f64,
+    /// Shares a of the spring, the damper and the drag.
+    ahead: [f64; 3],
+    /// Drag c (N s/m).
     across: f64,
     velocity: Vector3<f64>,
     active: bool,
@@ -55,6 +61,7 @@ impl Touches {
     }
 }
 
+const INDEFINITE: &str = "the mass matrix is not positive definite: a link without inertia, or a state out of bounds";
 /// Solves of a substep at most.
 const PASSES: usize = 4;
 /// Change of a drag, relative, that asks for no other solve.
@@ -77,7 +84,7 @@ impl Workspace {
         kinematics(robot, q, &mut self.data);
         velocities(robot, qd, &mut self.data);
         self.query(system, scene);
-        self.find(robot, config, h);
+        self.find(robot, h);
         let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
         // Where a joint will be decides whether it is in its limit.
         let beyond = |limit: &Limit, i: usize| {
@@ -89,6 +96,7 @@ impl Workspace {
             return Ok(false);
         }
         crba(robot, &mut self.data);
+        self.weigh(h, config.friction)?;
         self.data.external.fill(Wrench::default());
         bias(robot, qd, &scene.gravity, &mut self.data);
         for (i, joint) in robot.joints().enumerate() {
@@ -104,7 +112,7 @@ impl Workspace {
         self.touches.mass.copy_from(&self.data.mass);
         self.touches.right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
         for _ in 0..PASSES {
-            if !self.solve(qd, h, config.friction)? {
+            if !self.solve(h, config.friction)? {
                 break;
             }
         }
@@ -113,7 +121,7 @@ impl Workspace {
     }
 
     /// The points that touch by the end of the substep, if they go on as they do.
-    fn find(&mut self, robot: &Robot, config: &ArticulatedConfig, h: f64) {
+    fn find(&mut self, robot: &Robot, h: f64) {
         let Touches { touches, columns, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
@@ -127,14 +135,9 @@ impl Workspace {
             let gap = n.dot(&(x - (event.p1 - data.origin)));
             let velocity = data.velocity[point.link].at(&x);
             let vn = n.dot(&velocity);
-            if gap + h * vn >= 0.0 {
+            if gap.min(gap + h * vn) >= 0.0 {
                 continue;
             }
-            let material = &self.materials[event.collider];
-            let damping = if vn < 0.0 { material.damping } else { 0.0 };
-            let along = material.stiffness * h + damping;
-            let normal = (-(material.stiffness * gap + along * vn)).max(0.0);
-            let across = drag(normal, (velocity - n * vn).norm(), material, config.friction);
             let start = columns.len();
             let mut link = Some(point.link);
             while let Some(i) = link {
@@ -149,41 +152,73 @@ impl Workspace {
                 link = robot.links[i].parent;
             }
             let columns = start..columns.len();
-            let material = *material;
-            touches.push(Touch { columns, material, normal: n, spring: material.stiffness * gap, along, across, velocity, active: true });
+            let material = self.materials[event.collider];
+            touches.push(Touch { columns, material, normal: n, gap, ahead: [0.0; 3], across: 0.0, velocity, active: true });
         }
+    }
+
+    /// How far ahead each force must look to be stable, from the point's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
+    fn weigh(&mut self, h: f64, friction: Friction) -> Result<(), String> {
+        if !self.factor.refill(&self.data.mass) {
+            return Err(INDEFINITE.into());
+        }
+        let Touches { touches, columns, right, .. } = &mut self.touches;
+        for touch in touches.iter_mut() {
+            let columns = &columns[touch.columns.clone()];
+            right.fill(0.0);
+            columns.iter().for_each(|(k, a)| right[*k] = touch.normal.dot(a));
+            self.factor.solve(right);
+            let w: f64 = columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum();
+            let vn = touch.normal.dot(&touch.velocity);
+            if vn >= 0.0 {
+                touch.material.damping = 0.0;
+            }
+            let m = &touch.material;
+            let spring = (0.5 - 0.5 / (h * h * m.stiffness * w)).max(0.0);
+            let damper = |d: f64| (1.0 - 1.0 / (h * d * w)).max(0.5);
+            let damping = damper(m.damping);
+            touch.active = touch.gap + spring * h * vn < 0.0;
+            let normal = (-(m.stiffness * (touch.gap + spring * h * vn) + m.damping * vn)).max(0.0);
+            touch.across = drag(normal, (touch.velocity - touch.normal * vn).norm(), m, friction);
+            touch.ahead = [spring, damping, damper(touch.across)];
+        }
+        Ok(())
     }
 
     /// Accelerations with the active points. Then each point's drag is that of its force and slip at the end, and one that
     /// would pull is active no more; whether that changes anything.
-    fn solve(&mut self, qd: &[f64], h: f64, friction: Friction) -> Result<bool, String> {
+    fn solve(&mut self, h: f64, friction: Friction) -> Result<bool, String> {
         let Touches { touches, columns, mass, right } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
         for touch in touches.iter().filter(|t| t.active) {
-            let n = &touch.normal;
+            let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let vn = n.dot(&touch.velocity);
-            let force = n * -(touch.spring + touch.along * vn) - (touch.velocity - n * vn) * touch.across;
+            let normal = m.stiffness * (touch.gap + spring * h * vn) + m.damping * vn;
+            let force = n * -normal - (touch.velocity - n * vn) * touch.across;
+            let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * touch.across);
             for (i, a) in &columns[touch.columns.clone()] {
                 self.data.qdd[*i] += a.dot(&force);
                 // h D a
-                let d = (n * ((touch.along - touch.across) * n.dot(a)) + a * touch.across) * h;
+                let d = (n * ((along - across) * n.dot(a)) + a * across) * h;
                 for (j, b) in &columns[touch.columns.clone()] {
                     self.data.mass[(*i, *j)] += b.dot(&d);
                 }
             }
         }
         if !self.factor.refill(&self.data.mass) {
-            return Err("the mass matrix is not positive definite: a link without inertia, or a state out of bounds".into());
+            return Err(INDEFINITE.into());
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
         let mut changed = false;
         for touch in touches.iter_mut().filter(|t| t.active) {
-            let end: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (qd[*k] + h * self.data.qdd[*k])).sum();
-            let vn = touch.normal.dot(&end);
-            let normal = -(touch.spring + touch.along * vn);
+            let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
+            let change: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum();
+            let (vn, dn) = (n.dot(&touch.velocity), n.dot(&change));
+            let normal = -(m.stiffness * (touch.gap + spring * h * (vn + dn)) + m.damping * (vn + damper * dn));
             touch.active = normal >= 0.0;
-            let across = drag(normal, (end - touch.normal * vn).norm(), &touch.material, friction);
+            let seen = touch.velocity + change * slide;
+            let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, friction);
             changed |= !touch.active || (across / touch.across - 1.0).abs() > SETTLED;
             touch.across = across;
         }

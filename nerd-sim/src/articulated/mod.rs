@@ -1,7 +1,7 @@
 //! Our own articulated dynamics: RNEA, CRBA and Cholesky from nerd-core, geometry from the scene.
 //!
 //! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
-//! Euler under the compliant law of [`law`]. Preset `paper` does what the reference simulator does; `converged` is
+//! Euler under the compliant law of [`law`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). Preset `paper` does what the reference simulator does; `converged` is
 //! the accurate one. An environment without collider or contact point runs no contact code.
 
 mod config;

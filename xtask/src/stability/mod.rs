@@ -134,6 +134,15 @@ mod tests {
         assert!(failed.is_empty(), "{}", failed.join("\n"));
     }
 
+    /// Four substeps of 1/240 s do what takes the explicit step 1024: the point of the implicit one.
+    #[test]
+    fn four_implicit_substeps_pass_known_physics() {
+        let method = METHODS.iter().find(|m| m.name == "implicit x4").expect("a column");
+        let cells: Vec<(&Row, Cell)> = known().into_par_iter().map(|row| (row, row.cell(&Trial { method, fault: None }))).collect();
+        let failed: Vec<_> = cells.iter().filter(|(_, c)| c.verdict != Verdict::Pass).map(|(r, c)| (r.name, c.figure)).collect();
+        assert!(failed.is_empty(), "{failed:?}");
+    }
+
     /// A fault turns the rows red that name it, and leaves the others green.
     #[test]
     fn every_row_can_go_red() {
