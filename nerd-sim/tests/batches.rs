@@ -31,6 +31,28 @@ fn run(batch: &mut Batch, solver: &mut dyn Solver, frames: usize) {
     (0..frames).for_each(|_| solver.step(batch, &torques).expect("finite"));
 }
 
+/// What one environment touches must not reach its neighbours, whose working memory it shares.
+#[test]
+fn environments_in_contact_leave_free_ones_alone() {
+    let system = System::named("pendulum").expect("built in");
+    let [free, ground] = ["free", "ground1"].map(|s| system.scene(s).expect("scene"));
+    for config in [
+        ArticulatedConfig::paper(&system, Friction::Coulomb),
+        ArticulatedConfig { contact_substeps: 16, ..ArticulatedConfig::converged(Friction::Coulomb) },
+        ArticulatedConfig::implicit(4, Friction::Coulomb),
+    ] {
+        let run = |scenes: [&std::sync::Arc<nerd_sim::scene::Scene>; 2]| {
+            let mut batch = Batch::new(&system, scenes[0], 2);
+            batch.scenes[1] = scenes[1].clone();
+            let mut solver = Articulated::new(config);
+            [[-1.0, -0.5, 0.0, 0.0], [0.4, 0.2, 0.0, 0.0]].iter().enumerate().for_each(|(env, s)| batch.reset(env, s));
+            (0..60).for_each(|_| solver.step(&mut batch, &[0.0; 4]).expect("finite"));
+            batch.state(1).to_vec()
+        };
+        assert_eq!(run([&ground, &free]), run([&free, &free]), "beside one on the ground, and beside a free one");
+    }
+}
+
 #[test]
 fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
     let system = System::named("pendulum").expect("built in");

@@ -114,7 +114,7 @@ impl Picture for Figure {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
+            .position(corner(&self.series, x, y))
             .label_font(("sans-serif", 14))
             .background_style(WHITE.mix(0.85))
             .border_style(BLACK.mix(0.2))
@@ -128,6 +128,23 @@ impl Picture for Figure {
 fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.filter(|v| *v > 0.0).fold((f64::MAX, f64::MIN_POSITIVE), |(a, b), v| (a.min(v), b.max(v)));
     (low / 2.0, high * 4.0)
+}
+
+/// The lower or upper corner with the fewest points, for the legend.
+fn corner(series: &[Series], x: (f64, f64), y: (f64, f64)) -> SeriesLabelPosition {
+    let share = |v: f64, range: (f64, f64)| (v / range.0).ln() / (range.1 / range.0).ln();
+    let inside = |left: bool, low: bool| {
+        let near = |v: f64, first: bool, room: f64| if first { v < room } else { v > 1.0 - room };
+        let points = series.iter().flat_map(|s| &s.points);
+        points.filter(|p| near(share(p.0, x), left, 0.4) && near(share(p.1, y), low, 0.33)).count()
+    };
+    let corners = [
+        (inside(true, true), SeriesLabelPosition::LowerLeft),
+        (inside(false, false), SeriesLabelPosition::UpperRight),
+        (inside(false, true), SeriesLabelPosition::LowerRight),
+        (inside(true, false), SeriesLabelPosition::UpperLeft),
+    ];
+    corners.into_iter().min_by_key(|c| c.0).map_or(SeriesLabelPosition::LowerLeft, |c| c.1)
 }
 
 fn power(v: f64) -> String {

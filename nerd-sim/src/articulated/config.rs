@@ -32,7 +32,7 @@ pub enum ContactStep {
     /// With their forces at its start, as in the reference: stable only while the substep is short.
     #[default]
     Explicit,
-    /// With forces that look as far ahead as they must: stable at any length; RK4 while nothing touches.
+    /// With forces that look as far ahead as they must: stable at any length; the midpoint rule while nothing touches.
     Implicit,
 }
 

@@ -47,6 +47,8 @@ impl Frame for Workspace {
 
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
+        // The environment stepped before this one may have touched something.
+        self.data.external.fill(Wrench::default());
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         let substeps = if contact { config.contact_substeps } else { config.substeps };
         let dt = system.frame_time / substeps as f64;
@@ -59,8 +61,11 @@ impl Frame for Workspace {
             let (q, qd) = state.split_at_mut(robot.nq());
             to_local(robot, q, qd);
             for _ in 0..substeps {
-                if !implicit || !self.implicit(system, scene, config, state, tau, dt)? {
-                    self.rk4(system, scene, state, tau, dt)?;
+                if !implicit {
+                    self.runge_kutta(system, scene, &RK4, state, tau, dt)?;
+                } else if !self.implicit(system, scene, config, state, tau, dt)? {
+                    // Between contacts of first order, a second order is enough.
+                    self.runge_kutta(system, scene, &MIDPOINT, state, tau, dt)?;
                 }
             }
             let (q, qd) = state.split_at_mut(robot.nq());
@@ -144,26 +149,32 @@ impl Workspace {
         Ok(())
     }
 
-    /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after.
-    fn rk4(&mut self, system: &System, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<(), String> {
+    /// Explicit Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after.
+    fn runge_kutta(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        stages: &[Stage],
+        state: &mut [f64],
+        tau: &[f64],
+        dt: f64,
+    ) -> Result<(), String> {
         let robot = &system.robot;
-        for stage in 0..4 {
+        for (k, stage) in stages.iter().enumerate() {
             self.trial.copy_from_slice(state);
-            if stage > 0 {
-                let h = if stage == 3 { dt } else { 0.5 * dt };
-                self.trial.iter_mut().zip(&self.rates[stage - 1]).for_each(|(x, r)| *x += h * r);
+            if k > 0 {
+                self.trial.iter_mut().zip(&self.rates[k - 1]).for_each(|(x, r)| *x += stage.at * dt * r);
             }
             let mut trial = std::mem::take(&mut self.trial);
             let (q, qd) = trial.split_at_mut(robot.nq());
             kinematics(robot, q, &mut self.data);
             let done = self.accelerate(robot, scene, q, qd, tau, true);
-            rate(robot, q, qd, self.data.qdd.as_slice(), &mut self.rates[stage]);
+            rate(robot, q, qd, self.data.qdd.as_slice(), &mut self.rates[k]);
             self.trial = trial;
             done?;
         }
-        for (i, x) in state.iter_mut().enumerate() {
-            let [a, b, c, d] = &self.rates;
-            *x += dt / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
+        for (stage, rates) in stages.iter().zip(&self.rates).filter(|(s, _)| s.weight > 0.0) {
+            state.iter_mut().zip(rates).for_each(|(x, r)| *x += stage.weight * dt * r);
         }
         if robot.floating() {
             let unit = quaternion(&state[3..7]);
@@ -172,6 +183,25 @@ impl Workspace {
         Ok(())
     }
 }
+
+/// A stage of an explicit Runge-Kutta method whose stages follow the one before.
+struct Stage {
+    /// Where in the substep it stands.
+    at: f64,
+    /// Its share of the step.
+    weight: f64,
+}
+
+/// The classical method, order 4.
+const RK4: [Stage; 4] = [
+    Stage { at: 0.0, weight: 1.0 / 6.0 },
+    Stage { at: 0.5, weight: 1.0 / 3.0 },
+    Stage { at: 0.5, weight: 1.0 / 3.0 },
+    Stage { at: 1.0, weight: 1.0 / 6.0 },
+];
+
+/// The midpoint rule, order 2.
+const MIDPOINT: [Stage; 2] = [Stage { at: 0.0, weight: 0.0 }, Stage { at: 0.5, weight: 1.0 }];
 
 /// Time derivative of (q, qd) in local velocities: `p_ddot = a + w x p_dot`, `Q_dot = (w, 0) Q / 2`.
 fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {

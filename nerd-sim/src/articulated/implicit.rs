@@ -13,12 +13,12 @@
 //!
 //! The drag c is the law's at the velocity seen, found by repetition. A point couples only the joints above it, so the
 //! matrix keeps the tree's zeros and the factorisation its cost. A point that would pull has parted; it is dropped and the
-//! system solved again. A substep in which nothing touches is RK4's.
+//! system solved again. A substep in which nothing touches is the midpoint
+//! rule's.
 
 use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::{bias, crba, kinematics, velocities};
 use nerd_core::robot::{Limit, Robot};
-use nerd_core::spatial::Wrench;
 
 use super::frame::{Workspace, advance};
 use super::law::drag;
@@ -97,7 +97,6 @@ impl Workspace {
         }
         crba(robot, &mut self.data);
         self.weigh(h, config.friction)?;
-        self.data.external.fill(Wrench::default());
         bias(robot, qd, &scene.gravity, &mut self.data);
         for (i, joint) in robot.joints().enumerate() {
             let (x, v, k) = (q[coords + i], qd[dofs + i], dofs + i);
