@@ -153,6 +153,15 @@ impl System {
             // Nothing to touch: the robot pays for no contact point.
             robot.contact_points.clear();
         }
+        if let Some(joint) =
+            spec.joints.iter().find(|j| j.torque.is_nan() || j.torque < 0.0 || j.gain.is_some_and(|g| g.is_nan() || g < 0.0))
+        {
+            return Err(wrong(format!("torque or gain of joint `{}` is negative or no number", joint.name)));
+        }
+        let clear = spec.root.iter().flat_map(|r| [Some(&r.sample), r.reset.as_ref()]).flatten().any(|s| s.clearance.is_some());
+        if clear && spec.data_scene.is_none() {
+            return Err(wrong("[root] asks for clearance, but no data_scene says from what".into()));
+        }
         let system = Self { name: name.into(), robot, spec, frame_time, joint_specs };
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;

@@ -62,7 +62,7 @@ impl ChartArgs {
 enum Method {
     Rk4(usize),
     Euler(usize),
-    /// Contact at the end of each substep.
+    /// With the implicit contact step.
     Implicit(usize),
     Paper,
     /// rapier with substeps inside one outer step.

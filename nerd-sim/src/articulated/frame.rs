@@ -16,6 +16,8 @@ use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
+pub(super) const INDEFINITE: &str = "the mass matrix is not positive definite: a link without inertia, or a state out of bounds";
+
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {
     pub(super) data: Data,
@@ -132,7 +134,7 @@ impl Workspace {
         if renew {
             crba(robot, &mut self.data);
             if !self.factor.refill(&self.data.mass) {
-                return Err("the mass matrix is not positive definite: a link without inertia, or a state out of bounds".into());
+                return Err(INDEFINITE.into());
             }
         }
         bias(robot, qd, &scene.gravity, &mut self.data);

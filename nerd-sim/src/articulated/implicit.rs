@@ -13,14 +13,14 @@
 //!
 //! The drag c is the law's at the velocity seen, found by repetition. A point couples only the joints above it, so the
 //! matrix keeps the tree's zeros and the factorisation its cost. A point that would pull has parted; it is dropped and the
-//! system solved again. A substep in which nothing touches is the midpoint
-//! rule's.
+//! system solved again. In a substep in which nothing
+//! touches the midpoint rule serves.
 
 use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::{bias, crba, kinematics, velocities};
 use nerd_core::robot::{Limit, Robot};
 
-use super::frame::{Workspace, advance};
+use super::frame::{INDEFINITE, Workspace, advance};
 use super::law::drag;
 use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
@@ -61,7 +61,6 @@ impl Touches {
     }
 }
 
-const INDEFINITE: &str = "the mass matrix is not positive definite: a link without inertia, or a state out of bounds";
 /// Solves of a substep at most.
 const PASSES: usize = 4;
 /// Change of a drag, relative, that asks for no other solve.
