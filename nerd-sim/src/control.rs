@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local};
+use nerd_core::robot::Robot;
+
 use crate::system::System;
 
 /// A system's own controller: torque, or joint position by a PD law. An action has one entry a joint.
@@ -10,13 +13,22 @@ pub struct Controller {
     system: Arc<System>,
     /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; without a PD law both are zero.
     pub gains: Vec<[f64; 2]>,
+    ahead: Option<Ahead>,
+    /// Distance from the target and velocity by joint, now or a frame ahead.
+    gaps: Vec<[f64; 2]>,
 }
 
 impl Controller {
     /// The controller that `system.spec.control` describes.
     pub fn new(system: &Arc<System>) -> Self {
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
-        Self { system: system.clone(), gains }
+        let ahead = system.spec.control.as_ref().is_some_and(|c| c.ahead).then(|| Ahead::new(&system.robot));
+        Self { system: system.clone(), gains, ahead, gaps: Vec::new() }
+    }
+
+    /// The same with a PD law that looks a frame ahead, whatever the specification says; see [`Self::torques`].
+    pub fn ahead(system: &Arc<System>) -> Self {
+        Self { ahead: Some(Ahead::new(&system.robot)), ..Self::new(system) }
     }
 
     /// Torques for an action at a state `[q, qd]`, one a joint (N m or N).
@@ -24,23 +36,83 @@ impl Controller {
     /// Without `[control]`: `gain clamp(a)`. With it: `kp (target - q) - kd qd`, where the target is the default pose, or
     /// with `relative` the present one, plus `scale a`; with `clamp` kept within the gain.
     ///
+    /// A torque held over a frame h makes a stiff law unstable, whatever solver follows (`kp > 4 I / h^2`). With `ahead`
+    /// the law is that of the state which the robot without contact will have reached, linearised, so that it is stable at
+    /// any gain and no stiffer than a frame allows (Tan, Liu and Turk 2011, stable proportional-derivative control):
+    ///
+    /// ```text
+    /// (M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - bias
+    /// tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)
+    /// ```
+    ///
     /// # Panics
     /// If `state`, `action` and `out` are not of the system's sizes.
-    pub fn torques(&self, state: &[f64], action: &[f64], out: &mut [f64]) {
+    pub fn torques(&mut self, state: &[f64], action: &[f64], out: &mut [f64]) {
         let robot = &self.system.robot;
         let (q, qd) = state.split_at(robot.nq());
         let (q, qd) = (&q[robot.root_coords()..], &qd[robot.root_dofs()..]);
         assert!(q.len() == action.len() && q.len() == out.len(), "one action and one torque a joint");
+        let Some(law) = &self.system.spec.control else {
+            for ((tau, joint), a) in out.iter_mut().zip(self.system.joint_specs()).zip(action) {
+                *tau = joint.gain.unwrap_or(joint.torque) * a.clamp(-1.0, 1.0);
+            }
+            return;
+        };
+        let h = self.system.frame_time;
+        let gaps = &mut self.gaps;
+        gaps.clear();
         for (i, joint) in self.system.joint_specs().enumerate() {
-            let gain = joint.gain.unwrap_or(joint.torque);
-            out[i] = match &self.system.spec.control {
-                None => gain * action[i].clamp(-1.0, 1.0),
-                Some(law) => {
-                    let from = if law.relative { q[i] } else { joint.default };
-                    let tau = self.gains[i][0] * (from + law.scale * action[i] - q[i]) - self.gains[i][1] * qd[i];
-                    if law.clamp { tau.clamp(-gain, gain) } else { tau }
-                }
-            };
+            let from = if law.relative { q[i] } else { joint.default };
+            gaps.push([from + law.scale * action[i] - q[i], qd[i]]);
         }
+        if let Some(qdd) = self.ahead.as_mut().and_then(|a| a.accelerations(&self.system, state, &self.gains, gaps)) {
+            for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {
+                *gap -= h * (*speed + h * qdd);
+                *speed += h * qdd;
+            }
+        }
+        for (i, joint) in self.system.joint_specs().enumerate() {
+            let ([kp, kd], [gap, speed]) = (self.gains[i], gaps[i]);
+            let (tau, most) = (kp * gap - kd * speed, joint.gain.unwrap_or(joint.torque));
+            out[i] = if law.clamp { tau.clamp(-most, most) } else { tau };
+        }
+    }
+}
+
+/// Working memory of the law that looks ahead.
+#[derive(Clone, Debug)]
+struct Ahead {
+    data: Data,
+    factor: Factor,
+    state: Vec<f64>,
+}
+
+impl Ahead {
+    fn new(robot: &Robot) -> Self {
+        Self { data: Data::new(robot), factor: Factor::new(robot), state: robot.zero_state() }
+    }
+
+    /// Joint accelerations under the law, without contact; none at a state that has none.
+    fn accelerations(&mut self, system: &System, state: &[f64], gains: &[[f64; 2]], gaps: &[[f64; 2]]) -> Option<&[f64]> {
+        let (robot, h) = (&system.robot, system.frame_time);
+        let dofs = robot.root_dofs();
+        self.state.copy_from_slice(state);
+        let (q, qd) = self.state.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        kinematics(robot, q, &mut self.data);
+        crba(robot, &mut self.data);
+        bias(robot, qd, &system.gravity(), &mut self.data);
+        let qdd = self.data.qdd.as_mut_slice();
+        qdd.iter_mut().zip(self.data.tau.iter()).for_each(|(a, b)| *a = -b);
+        for (i, ([kp, kd], [gap, speed])) in gains.iter().zip(gaps).enumerate() {
+            let k = dofs + i;
+            self.data.mass[(k, k)] += h * (kd + h * kp);
+            qdd[k] += kp * (gap - h * speed) - kd * speed;
+        }
+        if !self.factor.refill(&self.data.mass) {
+            return None;
+        }
+        self.factor.solve(qdd);
+        Some(&self.data.qdd.as_slice()[dofs..])
     }
 }

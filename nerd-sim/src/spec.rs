@@ -101,6 +101,9 @@ pub struct ControlSpec {
     /// Whether torques are kept within the joints' gains.
     #[serde(default)]
     pub clamp: bool,
+    /// Whether the law looks a frame ahead, which keeps stiff gains stable; see [`crate::control::Controller::torques`].
+    #[serde(default)]
+    pub ahead: bool,
     /// If given, training data are driven by this law with random actions and these gains, fresh every frame.
     pub data: Option<RandomGains>,
 }

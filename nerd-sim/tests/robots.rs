@@ -58,7 +58,7 @@ fn controllers_are_the_references() {
             continue;
         }
         let system = System::named(robot).expect("built in");
-        let controller = Controller::new(&system);
+        let mut controller = Controller::new(&system);
         let mut reader = csv::Reader::from_path(&path).expect("reference file opens");
         let header = reader.headers().expect("header").clone();
         let column = |name: &String| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("{file}: no column {name}"));
@@ -77,6 +77,35 @@ fn controllers_are_the_references() {
         }
         assert!(rows > 100 && worst < 1e-3, "{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
     }
+}
+
+/// A spring on a turning body, I = 1.0001 kg m^2, far stiffer than a frame of 1/60 s can hold (4 I / h^2 = 14 400 N m/rad).
+#[test]
+fn the_law_that_looks_ahead_is_stable_at_any_gain() {
+    let urdf = r#"<robot name="arm"><link name="base"/><link name="l"><inertial><origin xyz="1 0 0"/><mass value="1"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link><joint name="j" type="continuous"><parent link="base"/><child link="l"/><axis xyz="0 0 1"/></joint></robot>"#;
+    let law = |kp: f64, ahead: bool| {
+        let toml = format!(
+            "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\n[control]\nscale = 1.0\nahead = {ahead}\n[[joint]]\nname = \"j\"\nkp = {kp:?}\nkd = 0.5\nsample = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\nreset = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\n"
+        );
+        let system = std::sync::Arc::new(System::from_text("arm", urdf, Some(&toml)).expect("an arm"));
+        let mut controller = Controller::new(&system);
+        let batch = Batch::new(&system, &system.scene("free").expect("empty"), 1);
+        let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)));
+        let mut torque = [0.0];
+        for _ in 0..120 {
+            controller.torques(simulation.batch.state(0), &[0.5], &mut torque);
+            simulation.step(&torque).expect("a step");
+        }
+        (simulation.batch.state(0)[0] - 0.5).abs()
+    };
+    for kp in [20_000.0, 1e7] {
+        let (with, without) = (law(kp, true), law(kp, false));
+        assert!(with < 1e-6, "kp {kp}: {with:.1e} rad off after 2 s");
+        assert!(without > 1.0, "kp {kp}: held for a frame it should be unstable, but is {without:.1e} rad off");
+    }
+    // A soft spring is the same spring, up to the damping of looking ahead.
+    let (with, without) = (law(1.0, true), law(1.0, false));
+    assert!((with - without).abs() < 0.02, "kp 1: {with} against {without} rad off");
 }
 
 #[test]
