@@ -58,17 +58,14 @@ impl Frame for Workspace {
             self.materials.clear();
             self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
         }
-        let implicit = contact && config.contact_step == ContactStep::Implicit;
-        if implicit || !contact && config.integrator == Integrator::Rk4 {
+        if contact && config.contact_step == ContactStep::Implicit {
+            return self.implicit(system, scene, config, state, tau);
+        }
+        if !contact && config.integrator == Integrator::Rk4 {
             let (q, qd) = state.split_at_mut(robot.nq());
             to_local(robot, q, qd);
             for _ in 0..substeps {
-                if !implicit {
-                    self.runge_kutta(system, scene, &RK4, state, tau, dt)?;
-                } else if !self.implicit(system, scene, config, state, tau, dt)? {
-                    // Between contacts of first order, a second order is enough.
-                    self.runge_kutta(system, scene, &MIDPOINT, state, tau, dt)?;
-                }
+                self.runge_kutta(robot, scene, state, tau, dt)?;
             }
             let (q, qd) = state.split_at_mut(robot.nq());
             to_world(robot, q, qd);
@@ -151,21 +148,12 @@ impl Workspace {
         Ok(())
     }
 
-    /// Explicit Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after.
-    fn runge_kutta(
-        &mut self,
-        system: &System,
-        scene: &Scene,
-        stages: &[Stage],
-        state: &mut [f64],
-        tau: &[f64],
-        dt: f64,
-    ) -> Result<(), String> {
-        let robot = &system.robot;
-        for (k, stage) in stages.iter().enumerate() {
+    /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after.
+    fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<(), String> {
+        for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             self.trial.copy_from_slice(state);
             if k > 0 {
-                self.trial.iter_mut().zip(&self.rates[k - 1]).for_each(|(x, r)| *x += stage.at * dt * r);
+                self.trial.iter_mut().zip(&self.rates[k - 1]).for_each(|(x, r)| *x += at * dt * r);
             }
             let mut trial = std::mem::take(&mut self.trial);
             let (q, qd) = trial.split_at_mut(robot.nq());
@@ -175,8 +163,8 @@ impl Workspace {
             self.trial = trial;
             done?;
         }
-        for (stage, rates) in stages.iter().zip(&self.rates).filter(|(s, _)| s.weight > 0.0) {
-            state.iter_mut().zip(rates).for_each(|(x, r)| *x += stage.weight * dt * r);
+        for (weight, rates) in [1.0, 2.0, 2.0, 1.0].into_iter().zip(&self.rates) {
+            state.iter_mut().zip(rates).for_each(|(x, r)| *x += weight / 6.0 * dt * r);
         }
         if robot.floating() {
             let unit = quaternion(&state[3..7]);
@@ -185,25 +173,6 @@ impl Workspace {
         Ok(())
     }
 }
-
-/// A stage of an explicit Runge-Kutta method whose stages follow the one before.
-struct Stage {
-    /// Where in the substep it stands.
-    at: f64,
-    /// Its share of the step.
-    weight: f64,
-}
-
-/// The classical method, order 4.
-const RK4: [Stage; 4] = [
-    Stage { at: 0.0, weight: 1.0 / 6.0 },
-    Stage { at: 0.5, weight: 1.0 / 3.0 },
-    Stage { at: 0.5, weight: 1.0 / 3.0 },
-    Stage { at: 1.0, weight: 1.0 / 6.0 },
-];
-
-/// The midpoint rule, order 2.
-const MIDPOINT: [Stage; 2] = [Stage { at: 0.0, weight: 0.0 }, Stage { at: 0.5, weight: 1.0 }];
 
 /// Time derivative of (q, qd) in local velocities: `p_ddot = a + w x p_dot`, `Q_dot = (w, 0) Q / 2`.
 fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
@@ -216,24 +185,6 @@ fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
         let spin = nalgebra::Quaternion::from_imag(w) * nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]) * 0.5;
         out[3..7].copy_from_slice(spin.coords.as_slice());
         out[nq + 3..nq + 6].copy_from_slice((vector(&qdd[3..6]) + w.cross(&v)).as_slice());
-    }
-}
-
-/// Semi-implicit Euler in local velocities: `p_dot += h (a + w x p_dot)`, then the pose with the new velocity.
-pub(super) fn advance(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], h: f64) {
-    let turn = if robot.floating() { vector(&qd[..3]).cross(&vector(&qd[3..6])) } else { Vector3::zeros() };
-    qd.iter_mut().zip(qdd).for_each(|(v, a)| *v += a * h);
-    let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
-    for (x, v) in q[coords..].iter_mut().zip(&qd[dofs..]) {
-        *x += v * h;
-    }
-    if robot.floating() {
-        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]) + turn * h);
-        qd[3..6].copy_from_slice(v.as_slice());
-        let p = vector(&q[..3]) + v * h;
-        q[..3].copy_from_slice(p.as_slice());
-        let turned = UnitQuaternion::from_scaled_axis(w * h) * quaternion(&q[3..7]);
-        write_quaternion(&mut q[3..7], &turned);
     }
 }
 

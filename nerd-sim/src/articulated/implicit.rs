@@ -1,36 +1,42 @@
-//! A substep h with contact, limits and joint damping looking ahead, linearised, so that it is stable at any length.
+//! A substep h of second order, with contact, limits and joint damping looking ahead so that it is stable at any length.
 //!
-//! Spring, damper and friction of a point see the velocity `v + a (v' - v)` between the substep's start and its end, each
-//! with its own share a: none for a spring and half for a damper while that is stable, more as they grow stiff for the
-//! point's own inertia, `1 / w = 1 / n^T J M^-1 J^T n`, and the substep:
+//! Half a drift, a kick with the forces found there, half a drift (leapfrog). A spring, damper or friction of a touch sees
+//! the velocity `v + a (v' - v)` between the substep's start and its end, and a spring the gap `g + a h (v' - v)`, each with
+//! its own share a: none for a spring and half for a damper while that is stable, more as they grow stiff for the touch's
+//! own inertia, `1 / w = 1 / n^T J M^-1 J^T n`:
 //!
 //! ```text
-//! spring a = max(0, 1/2 - 1 / (2 h^2 k w))      (no damping of its own below h^2 k w = 1, as symplectic Euler)
-//! damper a = max(1/2, 1 - 1 / (h d w))          (friction's drag likewise)
+//! spring a = max(0, 1/2 - 1 / (2 h^2 k w))      damper a = max(1/2, 1 - 1 / (h d w))      (friction's drag likewise)
 //! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    D = (a_k h k + a_d d) n n^T + a_c c (1 - n n^T)
-//! f = -(k (g + a_k h v_n) + d min(v_n, 0)) n - c v_t
+//! f = -(k g + d min(v_n, 0)) n - c v_t
 //! ```
 //!
-//! The drag c is the law's at the velocity seen, found by repetition. A point couples only the joints above it, so the
-//! matrix keeps the tree's zeros and the factorisation its cost. A point that would pull has parted; it is dropped and the
-//! system solved again. In a substep in which nothing
-//! touches the midpoint rule serves.
+//! The gap g is the mean over that part of the substep in which the point is inside, and k, d, c act with that part only,
+//! so that it matters little where in a substep a point lands. The drag c is the law's at the velocity seen, found by
+//! repetition. A point that would pull has parted; it is dropped and the system solved again. A joint beyond its limit is a
+//! touch without friction that may pull. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
+//! the factorisation its cost.
 
-use nalgebra::{DMatrix, Vector3};
-use nerd_core::dynamics::{bias, crba, kinematics, velocities};
-use nerd_core::robot::{Limit, Robot};
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use nerd_core::dynamics::{bias, crba, kinematics, to_local, to_world, velocities};
+use nerd_core::robot::Robot;
+use nerd_core::state::{quaternion, vector, write_quaternion};
 
-use super::frame::{INDEFINITE, Workspace, advance};
+use super::frame::{INDEFINITE, Workspace};
 use super::law::drag;
 use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-/// One point that touches, or will within the substep.
+/// One point or limit that touches, or will within the substep.
 struct Touch {
+    /// Its number among points and joints.
+    index: usize,
     /// Its columns among all: `J = [.. column ..]` by DoF.
     columns: std::ops::Range<usize>,
     material: Material,
+    /// Whether it may pull and is damped both ways, as limits are.
+    sticky: bool,
     normal: Vector3<f64>,
     gap: f64,
     /// Shares a of the spring, the damper and the drag.
@@ -45,17 +51,25 @@ struct Touch {
 pub(super) struct Touches {
     touches: Vec<Touch>,
     columns: Vec<(usize, Vector3<f64>)>,
+    /// w of every point and joint, found once a frame.
+    weights: Vec<Option<f64>>,
     mass: DMatrix<f64>,
+    /// Velocity in the middle of the substep, as the bias sees it, and the rate of change of velocities in the last one.
+    middle: Vec<f64>,
+    rate: Vec<f64>,
     right: Vec<f64>,
 }
 
 impl Touches {
     pub(super) fn new(robot: &Robot) -> Self {
-        let (points, nv) = (robot.contact_points.len(), robot.nv());
+        let (points, joints, nv) = (robot.contact_points.len(), robot.joint_count(), robot.nv());
         Self {
-            touches: Vec::with_capacity(points),
-            columns: Vec::with_capacity(points * nv),
+            touches: Vec::with_capacity(points + joints),
+            columns: Vec::with_capacity(points * nv + joints),
+            weights: vec![None; points + joints],
             mass: DMatrix::zeros(nv, nv),
+            middle: vec![0.0; nv],
+            rate: vec![0.0; nv],
             right: vec![0.0; nv],
         }
     }
@@ -67,8 +81,7 @@ const PASSES: usize = 4;
 const SETTLED: f64 = 0.02;
 
 impl Workspace {
-    /// One substep `h` (s), in local velocities, with whatever touches or stands in a limit at its end. `false`, and nothing
-    /// done, if there is no such thing.
+    /// A frame of `substeps` such substeps.
     pub(super) fn implicit(
         &mut self,
         system: &System,
@@ -76,66 +89,46 @@ impl Workspace {
         config: &ArticulatedConfig,
         state: &mut [f64],
         tau: &[f64],
-        h: f64,
-    ) -> Result<bool, String> {
+    ) -> Result<(), String> {
         let robot = &system.robot;
+        let h = system.frame_time / config.contact_substeps as f64;
         let (q, qd) = state.split_at_mut(robot.nq());
-        kinematics(robot, q, &mut self.data);
-        velocities(robot, qd, &mut self.data);
-        self.query(system, scene);
-        self.find(robot, h);
-        let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
-        // Where a joint will be decides whether it is in its limit.
-        let beyond = |limit: &Limit, i: usize| {
-            let ahead = q[coords + i] + h * qd[dofs + i];
-            limit.stiffness > 0.0 && !(limit.lower..=limit.upper).contains(&ahead)
-        };
-        let limited = robot.joints().enumerate().any(|(i, joint)| joint.limit.as_ref().is_some_and(|l| beyond(l, i)));
-        if self.touches.touches.is_empty() && !limited {
-            return Ok(false);
-        }
-        crba(robot, &mut self.data);
-        self.weigh(h, config.friction)?;
-        bias(robot, qd, &scene.gravity, &mut self.data);
-        for (i, joint) in robot.joints().enumerate() {
-            let (x, v, k) = (q[coords + i], qd[dofs + i], dofs + i);
-            let (mut stiff, mut force) = (joint.damping, tau[i] - joint.damping * v);
-            if let Some(limit) = joint.limit.as_ref().filter(|l| beyond(l, i)) {
-                force += limit.force(x + h * v, v);
-                stiff += limit.damping + h * limit.stiffness;
+        to_local(robot, q, qd);
+        self.touches.weights.fill(None);
+        for substep in 0..config.contact_substeps {
+            drift(robot, q, qd, 0.5 * h);
+            kinematics(robot, q, &mut self.data);
+            self.query(system, scene);
+            self.find(robot, q, qd, h);
+            crba(robot, &mut self.data);
+            self.weigh(h, config.friction)?;
+            // The first substep of a frame knows no rate yet, and finds its middle by a second solve.
+            if substep == 0 {
+                self.touches.rate.fill(0.0);
             }
-            self.data.mass[(k, k)] += h * stiff;
-            self.data.tau[k] -= force;
+            self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, config.friction)?;
+            qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
+            drift(robot, q, qd, 0.5 * h);
         }
-        self.touches.mass.copy_from(&self.data.mass);
-        self.touches.right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
-        for _ in 0..PASSES {
-            if !self.solve(h, config.friction)? {
-                break;
-            }
-        }
-        advance(robot, q, qd, self.data.qdd.as_slice(), h);
-        Ok(true)
+        to_world(robot, q, qd);
+        Ok(())
     }
 
-    /// The points that touch by the end of the substep, if they go on as they do.
-    fn find(&mut self, robot: &Robot, h: f64) {
+    /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
+    fn find(&mut self, robot: &Robot, q: &[f64], qd: &[f64], h: f64) {
+        velocities(robot, qd, &mut self.data);
         let Touches { touches, columns, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
         let (data, first, dofs) = (&self.data, usize::from(robot.floating()), robot.root_dofs());
-        for (point, event) in robot.contact_points.iter().zip(&self.events) {
+        for (index, (point, event)) in robot.contact_points.iter().zip(&self.events).enumerate() {
             if !event.distance.is_finite() {
                 continue;
             }
             let n = event.normal;
             let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
-            let gap = n.dot(&(x - (event.p1 - data.origin)));
             let velocity = data.velocity[point.link].at(&x);
-            let vn = n.dot(&velocity);
-            if gap.min(gap + h * vn) >= 0.0 {
-                continue;
-            }
+            let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
             let start = columns.len();
             let mut link = Some(point.link);
             while let Some(i) = link {
@@ -149,51 +142,109 @@ impl Workspace {
                 }
                 link = robot.links[i].parent;
             }
-            let columns = start..columns.len();
-            let material = self.materials[event.collider];
-            touches.push(Touch { columns, material, normal: n, gap, ahead: [0.0; 3], across: 0.0, velocity, active: true });
+            let material = part_of(&self.materials[event.collider], part);
+            touches.push(Touch::new(index, start..columns.len(), material, false, n, gap, velocity));
+        }
+        for (i, joint) in robot.joints().enumerate() {
+            let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0) else { continue };
+            let x = q[robot.root_coords() + i];
+            for (end, side) in [(limit.lower, 1.0), (limit.upper, -1.0)] {
+                let n = Vector3::x();
+                let velocity = n * (side * qd[dofs + i]);
+                let Some((part, gap)) = inside(side * (x - end), 0.5 * h * velocity.x) else { continue };
+                columns.push((dofs + i, n * side));
+                let material = Material { stiffness: limit.stiffness, damping: limit.damping, friction_damping: 0.0, friction: 0.0 };
+                let columns = columns.len() - 1..columns.len();
+                touches.push(Touch::new(robot.contact_points.len() + i, columns, part_of(&material, part), true, n, gap, velocity));
+            }
         }
     }
 
-    /// How far ahead each force must look to be stable, from the point's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
+    /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
     fn weigh(&mut self, h: f64, friction: Friction) -> Result<(), String> {
-        if !self.factor.refill(&self.data.mass) {
-            return Err(INDEFINITE.into());
-        }
-        let Touches { touches, columns, right, .. } = &mut self.touches;
+        let Touches { touches, columns, weights, right, .. } = &mut self.touches;
+        let mut factored = false;
         for touch in touches.iter_mut() {
             let columns = &columns[touch.columns.clone()];
-            right.fill(0.0);
-            columns.iter().for_each(|(k, a)| right[*k] = touch.normal.dot(a));
-            self.factor.solve(right);
-            let w: f64 = columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum();
+            if weights[touch.index].is_none() {
+                if !factored && !self.factor.refill(&self.data.mass) {
+                    return Err(INDEFINITE.into());
+                }
+                factored = true;
+                right.fill(0.0);
+                columns.iter().for_each(|(k, a)| right[*k] = touch.normal.dot(a));
+                self.factor.solve(right);
+                weights[touch.index] = Some(columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum());
+            }
+            let Some(w) = weights[touch.index] else { continue };
             let vn = touch.normal.dot(&touch.velocity);
-            if vn >= 0.0 {
+            if vn >= 0.0 && !touch.sticky {
                 touch.material.damping = 0.0;
             }
             let m = &touch.material;
-            let spring = (0.5 - 0.5 / (h * h * m.stiffness * w)).max(0.0);
             let damper = |d: f64| (1.0 - 1.0 / (h * d * w)).max(0.5);
-            let damping = damper(m.damping);
-            touch.active = touch.gap + spring * h * vn < 0.0;
-            let normal = (-(m.stiffness * (touch.gap + spring * h * vn) + m.damping * vn)).max(0.0);
+            let normal = (-(m.stiffness * touch.gap + m.damping * vn)).max(0.0);
             touch.across = drag(normal, (touch.velocity - touch.normal * vn).norm(), m, friction);
-            touch.ahead = [spring, damping, damper(touch.across)];
+            touch.ahead = [(0.5 - 0.5 / (h * h * m.stiffness * w)).max(0.0), damper(m.damping), damper(touch.across)];
         }
         Ok(())
     }
 
-    /// Accelerations with the active points. Then each point's drag is that of its force and slip at the end, and one that
+    /// `rate`, the change of local velocities over h, from forces in the substep's middle.
+    #[allow(clippy::too_many_arguments)]
+    fn accelerate_ahead(
+        &mut self,
+        robot: &Robot,
+        scene: &Scene,
+        qd: &[f64],
+        tau: &[f64],
+        h: f64,
+        correct: bool,
+        friction: Friction,
+    ) -> Result<(), String> {
+        let dofs = robot.root_dofs();
+        for (i, joint) in robot.joints().enumerate() {
+            self.data.mass[(dofs + i, dofs + i)] += 0.5 * h * joint.damping;
+        }
+        self.touches.mass.copy_from(&self.data.mass);
+        let (mut stale, mut correct) = (true, correct);
+        for _ in 0..PASSES {
+            let Touches { middle, rate, right, .. } = &mut self.touches;
+            if stale {
+                middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
+                bias(robot, middle, &scene.gravity, &mut self.data);
+                right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
+                for (i, joint) in robot.joints().enumerate() {
+                    right[dofs + i] += tau[i] - joint.damping * qd[dofs + i];
+                }
+            }
+            let changed = self.solve(h, friction)?;
+            let Touches { middle, rate, .. } = &mut self.touches;
+            rate.copy_from_slice(self.data.qdd.as_slice());
+            if robot.floating() {
+                // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+                let turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
+                (0..3).for_each(|k| rate[3 + k] += turn[k]);
+            }
+            if !changed && !correct {
+                break;
+            }
+            stale = correct;
+            correct = false;
+        }
+        Ok(())
+    }
+
+    /// Accelerations with the active touches. Then each one's drag is that of its force and slip at the end, and a point that
     /// would pull is active no more; whether that changes anything.
     fn solve(&mut self, h: f64, friction: Friction) -> Result<bool, String> {
-        let Touches { touches, columns, mass, right } = &mut self.touches;
+        let Touches { touches, columns, mass, right, .. } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
         for touch in touches.iter().filter(|t| t.active) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let vn = n.dot(&touch.velocity);
-            let normal = m.stiffness * (touch.gap + spring * h * vn) + m.damping * vn;
-            let force = n * -normal - (touch.velocity - n * vn) * touch.across;
+            let force = n * -(m.stiffness * touch.gap + m.damping * vn) - (touch.velocity - n * vn) * touch.across;
             let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * touch.across);
             for (i, a) in &columns[touch.columns.clone()] {
                 self.data.qdd[*i] += a.dot(&force);
@@ -209,11 +260,11 @@ impl Workspace {
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
         let mut changed = false;
-        for touch in touches.iter_mut().filter(|t| t.active) {
+        for touch in touches.iter_mut().filter(|t| t.active && !t.sticky) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let change: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum();
             let (vn, dn) = (n.dot(&touch.velocity), n.dot(&change));
-            let normal = -(m.stiffness * (touch.gap + spring * h * (vn + dn)) + m.damping * (vn + damper * dn));
+            let normal = -(m.stiffness * (touch.gap + spring * h * dn) + m.damping * (vn + damper * dn));
             touch.active = normal >= 0.0;
             let seen = touch.velocity + change * slide;
             let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, friction);
@@ -221,5 +272,55 @@ impl Workspace {
             touch.across = across;
         }
         Ok(changed)
+    }
+}
+
+impl Touch {
+    fn new(
+        index: usize,
+        columns: std::ops::Range<usize>,
+        material: Material,
+        sticky: bool,
+        normal: Vector3<f64>,
+        gap: f64,
+        velocity: Vector3<f64>,
+    ) -> Self {
+        Self { index, columns, material, sticky, normal, gap, ahead: [0.0; 3], across: 0.0, velocity, active: true }
+    }
+}
+
+/// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
+/// negative, and its mean there. None if it never is.
+fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
+    let (least, most) = (middle - half.abs(), middle + half.abs());
+    match (least < 0.0, most <= 0.0) {
+        (false, _) => None,
+        (true, true) => Some((1.0, middle)),
+        (true, false) => Some((least / (least - most), 0.5 * least)),
+    }
+}
+
+/// A material that acts for a part of the time.
+fn part_of(material: &Material, part: f64) -> Material {
+    Material {
+        stiffness: part * material.stiffness,
+        damping: part * material.damping,
+        friction_damping: part * material.friction_damping,
+        friction: material.friction,
+    }
+}
+
+/// The pose after a time at local velocities.
+fn drift(robot: &Robot, q: &mut [f64], qd: &[f64], time: f64) {
+    let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
+    for (x, v) in q[coords..].iter_mut().zip(&qd[dofs..]) {
+        *x += v * time;
+    }
+    if robot.floating() {
+        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]));
+        let p = vector(&q[..3]) + v * time;
+        q[..3].copy_from_slice(p.as_slice());
+        let turned = UnitQuaternion::from_scaled_axis(w * time) * quaternion(&q[3..7]);
+        write_quaternion(&mut q[3..7], &turned);
     }
 }
