@@ -33,7 +33,7 @@ fn a_step_does_not_allocate() {
         let system = System::named(robot).expect("built in");
         for (name, config) in [
             ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),
-            ("converged", ArticulatedConfig { contact_substeps: 16, ..ArticulatedConfig::converged(Friction::Huber) }),
+            ("explicit", ArticulatedConfig::explicit(16, Friction::Huber)),
             ("implicit", ArticulatedConfig::implicit(2, Friction::Coulomb)),
         ] {
             let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), 64);

@@ -8,14 +8,12 @@ use std::sync::Arc;
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
 
-const SOLVERS: [&str; 3] = ["paper", "converged", "rapier"];
+const SOLVERS: [&str; 3] = ["paper", "implicit", "rapier"];
 
 fn solver(name: &str, system: &System) -> Box<dyn Solver> {
     match name {
         "paper" => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
-        "converged" => {
-            Box::new(Articulated::new(ArticulatedConfig { contact_substeps: 32, ..ArticulatedConfig::converged(Friction::Huber) }))
-        }
+        "implicit" => Box::new(Articulated::new(ArticulatedConfig::implicit(8, Friction::Huber))),
         _ => Box::new(Rapier::new(RapierConfig::default())),
     }
 }
@@ -38,7 +36,7 @@ fn environments_in_contact_leave_free_ones_alone() {
     let [free, ground] = ["free", "ground1"].map(|s| system.scene(s).expect("scene"));
     for config in [
         ArticulatedConfig::paper(&system, Friction::Coulomb),
-        ArticulatedConfig { contact_substeps: 16, ..ArticulatedConfig::converged(Friction::Coulomb) },
+        ArticulatedConfig::explicit(16, Friction::Coulomb),
         ArticulatedConfig::implicit(4, Friction::Coulomb),
     ] {
         let run = |scenes: [&std::sync::Arc<nerd_sim::scene::Scene>; 2]| {

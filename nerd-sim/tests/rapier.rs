@@ -28,14 +28,7 @@ fn bytes(states: &[f64]) -> Vec<u64> {
 }
 
 fn articulated() -> Articulated {
-    let config = ArticulatedConfig {
-        integrator: Integrator::Rk4,
-        substeps: 16,
-        contact_substeps: 256,
-        refresh: Refresh::Substep,
-        ..ArticulatedConfig::converged(Friction::Coulomb)
-    };
-    Articulated::new(config)
+    Articulated::new(ArticulatedConfig { substeps: 16, ..ArticulatedConfig::converged(Friction::Coulomb) })
 }
 
 /// A floating body whose centre of mass is 0.1 m off its origin, with a second one on a hinge if `jointed`.

@@ -229,17 +229,12 @@ impl Method {
 
     /// Name in the legend, and the solver for `n` environments.
     fn build(&self, system: &Arc<System>, n: usize) -> Result<(String, Box<dyn Solver>)> {
-        let articulated = |integrator: Integrator, n: usize| -> Box<dyn Solver> {
-            let config =
-                ArticulatedConfig { integrator, substeps: n, contact_substeps: n, ..ArticulatedConfig::converged(Friction::Coulomb) };
-            Box::new(Articulated::new(config))
-        };
+        let friction = Friction::Coulomb;
+        let articulated = |config: ArticulatedConfig| -> Box<dyn Solver> { Box::new(Articulated::new(config)) };
         Ok(match self {
-            Self::Rk4(n) => ("articulated RK4".into(), articulated(Integrator::Rk4, *n)),
-            Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(Integrator::SymplecticEuler, *n)),
-            Self::Implicit(n) => {
-                ("articulated implicit".into(), Box::new(Articulated::new(ArticulatedConfig::implicit(*n, Friction::Coulomb))))
-            }
+            Self::Rk4(n) => ("articulated RK4".into(), articulated(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) })),
+            Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(ArticulatedConfig::explicit(*n, friction))),
+            Self::Implicit(n) => ("articulated implicit".into(), articulated(ArticulatedConfig::implicit(*n, friction))),
             Self::Paper => ("articulated, preset paper (NeRD's truth)".into(), crate::train::truth(system)),
             Self::Rapier(n) => ("rapier, iterations of 1 step".into(), Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             Self::RapierSteps(n) => {

@@ -32,7 +32,7 @@ pub enum ContactStep {
     /// With their forces at its start, as in the reference: stable only while the substep is short.
     #[default]
     Explicit,
-    /// With forces that look as far ahead as they must: stable at any length; the midpoint rule while nothing touches.
+    /// With forces that look as far ahead as they must: stable at any length, and of second order.
     Implicit,
 }
 
@@ -79,21 +79,26 @@ impl ArticulatedConfig {
         }
     }
 
-    /// Accurate: RK4 with four substeps in free space, 1024 symplectic substeps with contact.
-    pub fn converged(friction: Friction) -> Self {
+    /// Symplectic Euler with the mass matrix renewed at every substep, with contact or without.
+    pub fn explicit(substeps: usize, friction: Friction) -> Self {
         Self {
-            integrator: Integrator::Rk4,
-            substeps: 4,
-            contact_substeps: 1024,
+            integrator: Integrator::SymplecticEuler,
+            substeps,
+            contact_substeps: substeps,
             refresh: Refresh::Substep,
             contact_step: ContactStep::Explicit,
             friction,
         }
     }
 
-    /// Stable at few substeps: contact, limits and joint damping implicit, RK4 in free space.
+    /// Stable at few substeps, and of second order: contact, limits and joint damping look ahead; RK4 in free space.
     pub fn implicit(substeps: usize, friction: Friction) -> Self {
-        let free = Self { contact_substeps: substeps, ..Self::converged(friction) };
-        Self { contact_step: ContactStep::Implicit, ..free }
+        let (integrator, contact_step) = (Integrator::Rk4, ContactStep::Implicit);
+        Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
+    }
+
+    /// Accurate: RK4 with four substeps in free space, [`Self::implicit`] with 128 where there is something to touch.
+    pub fn converged(friction: Friction) -> Self {
+        Self::implicit(128, friction)
     }
 }

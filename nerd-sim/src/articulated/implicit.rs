@@ -76,8 +76,8 @@ impl Touches {
 }
 
 /// Solves of a substep at most.
-const PASSES: usize = 4;
-/// Change of a drag, relative, that asks for no other solve.
+const PASSES: usize = 6;
+/// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
 const SETTLED: f64 = 0.02;
 
 impl Workspace {
@@ -106,7 +106,7 @@ impl Workspace {
             if substep == 0 {
                 self.touches.rate.fill(0.0);
             }
-            self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, config.friction)?;
+            self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, config)?;
             qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
             drift(robot, q, qd, 0.5 * h);
         }
@@ -200,7 +200,7 @@ impl Workspace {
         tau: &[f64],
         h: f64,
         correct: bool,
-        friction: Friction,
+        config: &ArticulatedConfig,
     ) -> Result<(), String> {
         let dofs = robot.root_dofs();
         for (i, joint) in robot.joints().enumerate() {
@@ -218,7 +218,7 @@ impl Workspace {
                     right[dofs + i] += tau[i] - joint.damping * qd[dofs + i];
                 }
             }
-            let changed = self.solve(h, friction)?;
+            let changed = self.solve(h, config)?;
             let Touches { middle, rate, .. } = &mut self.touches;
             rate.copy_from_slice(self.data.qdd.as_slice());
             if robot.floating() {
@@ -237,7 +237,7 @@ impl Workspace {
 
     /// Accelerations with the active touches. Then each one's drag is that of its force and slip at the end, and a point that
     /// would pull is active no more; whether that changes anything.
-    fn solve(&mut self, h: f64, friction: Friction) -> Result<bool, String> {
+    fn solve(&mut self, h: f64, config: &ArticulatedConfig) -> Result<bool, String> {
         let Touches { touches, columns, mass, right, .. } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
@@ -259,6 +259,7 @@ impl Workspace {
             return Err(INDEFINITE.into());
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
+        let settled = SETTLED / config.contact_substeps as f64;
         let mut changed = false;
         for touch in touches.iter_mut().filter(|t| t.active && !t.sticky) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
@@ -267,8 +268,8 @@ impl Workspace {
             let normal = -(m.stiffness * (touch.gap + spring * h * dn) + m.damping * (vn + damper * dn));
             touch.active = normal >= 0.0;
             let seen = touch.velocity + change * slide;
-            let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, friction);
-            changed |= !touch.active || (across / touch.across - 1.0).abs() > SETTLED;
+            let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, config.friction);
+            changed |= !touch.active || (across / touch.across - 1.0).abs() > settled;
             touch.across = across;
         }
         Ok(changed)

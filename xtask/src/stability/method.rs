@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use nerd_sim::articulated::Refresh;
 use nerd_sim::prelude::*;
 
 /// A solver at certain settings.
@@ -14,15 +13,7 @@ pub struct Method {
 }
 
 fn euler(substeps: usize) -> Box<dyn Solver> {
-    let config = ArticulatedConfig {
-        integrator: Integrator::SymplecticEuler,
-        substeps,
-        contact_substeps: substeps,
-        refresh: Refresh::Substep,
-        contact_step: ContactStep::Explicit,
-        friction: Friction::Coulomb,
-    };
-    Box::new(Articulated::new(config))
+    Box::new(Articulated::new(ArticulatedConfig::explicit(substeps, Friction::Coulomb)))
 }
 
 fn rapier(steps: usize, iterations: usize) -> Box<dyn Solver> {
