@@ -27,6 +27,7 @@ pub mod scene;
 pub mod solver;
 pub mod spec;
 pub mod system;
+pub mod worlds;
 
 /// What most programs need.
 pub mod prelude {

@@ -10,6 +10,7 @@ use nerd_core::robot::{Link, Robot, UrdfError};
 use crate::law::{Law, number};
 use crate::scene::{Collider, Scene, turned_plane};
 use crate::spec::{JointSpec, Spec, StartSpec};
+use crate::worlds::{WORLDS, world};
 
 /// Name, specification and URDF of a robot that comes with the crate.
 macro_rules! built_in {
@@ -104,6 +105,7 @@ impl System {
             spec.map(|text| toml::from_str::<Spec>(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))).transpose()?;
         let floating = given.as_ref().is_some_and(|s| s.floating);
         let mut robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let told = given.is_some();
         let mut spec = given.unwrap_or_else(|| plain(&robot));
         name_columns(&robot, &mut spec);
         let frame_time = number(&spec.frame_time).filter(|t| *t > 0.0);
@@ -149,8 +151,8 @@ impl System {
                 Ok(ContactPoint { link: link(&c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
             });
             robot.contact_points = points.collect::<Result<_, SystemError>>()?;
-        } else if spec.scenes.is_empty() && spec.random_plane.is_none() {
-            // Nothing to touch: the robot pays for no contact point.
+        } else if told && spec.scenes.is_empty() && spec.random_plane.is_none() {
+            // Said to have nothing to touch: the robot pays for no contact point.
             robot.contact_points.clear();
         }
         if let Some(joint) =
@@ -197,17 +199,22 @@ impl System {
         Vector3::from(self.spec.gravity)
     }
 
-    /// Names of the scenes.
+    /// Names of the robot's own scenes; beside them it has [`WORLDS`], if it has contact points.
     pub fn scene_names(&self) -> Vec<&str> {
         std::iter::once("free").chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
     }
 
-    /// A scene by name; `free` is empty space.
+    /// A scene by name: `free` is empty space, then the robot's own, then [`WORLDS`] of the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let mut scene = Scene::free(self.gravity());
         if name != "free" {
-            let unknown = || SystemError::Scene { robot: self.name.clone(), scene: name.into(), known: self.scene_names().join(", ") };
-            let spec = self.spec.scenes.iter().find(|s| s.name == name).ok_or_else(unknown)?;
+            let Some(spec) = self.spec.scenes.iter().find(|s| s.name == name) else {
+                let touches = !self.robot.contact_points.is_empty();
+                let world = world(name, &scene.gravity, self.spec.material).filter(|_| touches);
+                let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches));
+                let known = known.collect::<Vec<_>>().join(", ");
+                return world.map(Arc::new).ok_or_else(|| SystemError::Scene { robot: self.name.clone(), scene: name.into(), known });
+            };
             let plane = turned_plane(&scene.gravity, spec.plane.height, spec.plane.angles);
             scene.name = name.into();
             scene.colliders.push(Collider::plane(plane, spec.material.unwrap_or(self.spec.material)));

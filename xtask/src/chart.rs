@@ -26,7 +26,7 @@ pub struct ChartArgs {
     /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
-    /// Scene: free, or ground1 .. ground6 for the pendulum
+    /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
     #[arg(long, default_value = "free")]
     pub scene: String,
     /// Model folders, comma-separated [default: models/ROBOT if it is there]
@@ -232,7 +232,9 @@ impl Method {
         let friction = Friction::Coulomb;
         let articulated = |config: ArticulatedConfig| -> Box<dyn Solver> { Box::new(Articulated::new(config)) };
         Ok(match self {
-            Self::Rk4(n) => ("articulated RK4".into(), articulated(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) })),
+            Self::Rk4(n) => {
+                ("articulated RK4".into(), articulated(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) }))
+            }
             Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(ArticulatedConfig::explicit(*n, friction))),
             Self::Implicit(n) => ("articulated implicit".into(), articulated(ArticulatedConfig::implicit(*n, friction))),
             Self::Paper => ("articulated, preset paper (NeRD's truth)".into(), crate::train::truth(system)),

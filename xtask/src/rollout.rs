@@ -19,7 +19,7 @@ pub struct RolloutArgs {
     /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
-    /// Scene: free, or ground1 .. ground6 for the pendulum
+    /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
     #[arg(long, default_value = "free")]
     pub scene: String,
     #[command(flatten)]
