@@ -24,5 +24,5 @@ pub fn digits(x: f64) -> String {
         return x.to_string();
     }
     let decimals = (2 - x.abs().log10().floor() as i32).clamp(0, 12) as usize;
-    if x.abs() < 1e-4 { format!("{x:.2e}") } else { format!("{x:.decimals$}") }
+    if !(1e-4..1e6).contains(&x.abs()) { format!("{x:.2e}") } else { format!("{x:.decimals$}") }
 }

@@ -13,6 +13,16 @@ pub enum FrictionModel {
     Simplified,
 }
 
+/// What holds the links together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Joints {
+    /// Reduced coordinates: joints hold exactly.
+    Multibody,
+    /// One constraint a joint: joints drift apart, and there is no armature. For comparison.
+    Impulse,
+}
+
 /// Settings of [`super::Rapier`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -28,6 +38,8 @@ pub struct RapierConfig {
     pub contact_damping_ratio: f64,
     /// Friction model. Default `coulomb`: the simplified one is up to 10 % off on small feet.
     pub friction: FrictionModel,
+    /// What holds the links together. Default `multibody`.
+    pub joints: Joints,
     /// Typical length of the scene (m), which scales rapier's tolerances. Default 0.1, the size of a robot's parts.
     pub length_unit: f64,
 }
@@ -40,6 +52,7 @@ impl Default for RapierConfig {
             contact_frequency_hz: 240.0,
             contact_damping_ratio: 10.0,
             friction: FrictionModel::Coulomb,
+            joints: Joints::Multibody,
             length_unit: 0.1,
         }
     }

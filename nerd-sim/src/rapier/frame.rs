@@ -6,7 +6,7 @@ use nerd_core::robot::{JointKind, Robot};
 use nerd_core::state::{quaternion, vector, write_quaternion};
 use rapier3d_f64::prelude::*;
 
-use super::RapierConfig;
+use super::{Joints, RapierConfig};
 use super::template::{Template, axis, insert_scene};
 use crate::parallel::Frame;
 use crate::scene::{Scene, from_parry, pose_from_parry, pose_to_parry, to_parry};
@@ -14,9 +14,9 @@ use crate::system::System;
 
 /// A robot's template and a world that is made new every frame.
 pub(super) struct Workspace {
-    template: Template,
-    world: PhysicsWorld,
-    data: Data,
+    pub(super) template: Template,
+    pub(super) world: PhysicsWorld,
+    pub(super) data: Data,
     factor: Factor,
     displacement: Vec<f64>,
 }
@@ -40,13 +40,21 @@ impl Frame for Workspace {
         to_local(robot, q, qd);
         self.check(robot, scene, q, qd)?;
         self.renew(scene, config, system.frame_time);
-        self.place(robot, q, qd)?;
+        let impulse = config.joints == Joints::Impulse;
+        if impulse {
+            self.place_bodies(robot, q, qd)?;
+        } else {
+            self.place(robot, q, qd)?;
+        }
         for _ in 0..config.steps {
-            self.drive(robot, tau)?;
+            self.drive(robot, tau, impulse)?;
             self.world.step();
             if !self.world.quarantine().is_empty() {
                 return Err("rapier met a number that is not finite".into());
             }
+        }
+        if impulse {
+            self.read_joints(robot, q, qd)?;
         }
         self.read(robot, q, qd)?;
         to_world(robot, q, qd);
@@ -72,13 +80,16 @@ impl Workspace {
 
     /// A world that has never been stepped.
     fn renew(&mut self, scene: &Scene, config: &RapierConfig, frame_time: f64) {
-        let Template { bodies, colliders, joints, .. } = &self.template;
+        let Template { bodies, colliders, joints, impulse, .. } = &self.template;
+        let multibody_joints = if config.joints == Joints::Multibody { joints.clone() } else { MultibodyJointSet::new() };
+        let impulse_joints = if config.joints == Joints::Impulse { impulse.clone() } else { ImpulseJointSet::new() };
         self.world = PhysicsWorld {
             gravity: to_parry(&scene.gravity),
             integration_parameters: config.parameters(frame_time),
             bodies: bodies.clone(),
             colliders: colliders.clone(),
-            multibody_joints: joints.clone(),
+            multibody_joints,
+            impulse_joints,
             ..PhysicsWorld::new()
         };
         insert_scene(scene, &mut self.world.colliders);
@@ -126,7 +137,7 @@ impl Workspace {
 
     /// Joint torques for one outer step, as pairs of opposite torques (or forces along a slide) on the two bodies; limits
     /// that are violated now, as rapier's implicit spring and damper, which is [`nerd_core::robot::Limit`]'s law.
-    fn drive(&mut self, robot: &Robot, tau: &[f64]) -> Result<(), String> {
+    fn drive(&mut self, robot: &Robot, tau: &[f64], impulse: bool) -> Result<(), String> {
         let first = usize::from(robot.floating());
         for handle in &self.template.links {
             let body = self.world.bodies.get_mut(*handle).ok_or("no body")?;
@@ -134,7 +145,8 @@ impl Workspace {
             body.reset_torques(false);
         }
         for (i, link) in robot.links.iter().enumerate().skip(first) {
-            let (Some(joint), effort) = (&link.joint, tau[i - first]) else { continue };
+            let Some(joint) = &link.joint else { continue };
+            let effort = tau[i - first] + if impulse { self.passive(robot, i, joint) } else { 0.0 };
             if effort == 0.0 {
                 continue;
             }

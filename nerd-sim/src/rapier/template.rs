@@ -19,6 +19,8 @@ pub(super) struct Template {
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) joints: MultibodyJointSet,
+    /// The same joints as constraints.
+    pub(super) impulse: ImpulseJointSet,
     /// Body of each link.
     pub(super) links: Vec<RigidBodyHandle>,
     /// The multibody; none for a single free body. Its link 0 is the base or the floating root, its DoFs are in the
@@ -33,6 +35,7 @@ impl Template {
     pub(super) fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
         let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
+        let mut impulse = ImpulseJointSet::new();
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
         let base = match robot.base {
             Base::Fixed(pose) => Some(bodies.insert(RigidBodyBuilder::fixed().pose(pose_to_parry(&pose)))),
@@ -49,6 +52,7 @@ impl Template {
             if let Some(joint) = &link.joint {
                 let parent = link.parent.map(|p| links[p]).or(base).ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
                 let frames = frames(joint, &link.parent.map_or(Vector3::zeros(), |p| self::shift(robot, p, &root_com)));
+                impulse.insert(parent, handle, frames, false);
                 joints.insert(parent, handle, frames, false).ok_or_else(|| format!("rapier refuses joint `{}`", joint.name))?;
             }
             links.push(handle);
@@ -74,7 +78,7 @@ impl Template {
                 multibody.armature_mut()[robot.root_dofs() + i] = joint.armature;
             }
         }
-        Ok(Self { bodies, colliders, joints, links, multibody, root_com })
+        Ok(Self { bodies, colliders, joints, impulse, links, multibody, root_com })
     }
 }
 

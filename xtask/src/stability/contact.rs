@@ -3,15 +3,16 @@
 use nalgebra::Vector3;
 use nerd_core::state::{quaternion, vector};
 use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
 
 use super::row::Row;
-use super::trial::{Fault::*, Trial};
+use super::trial::{Fault::*, Motion, Trial};
 use super::worlds::Body;
 
 const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 const G: f64 = 9.81;
 
-pub const ROWS: [Row; 11] = [
+pub const ROWS: [Row; 18] = [
     Row {
         name: "rest",
         figure: "distance from where it must lie after 5 s (m)",
@@ -53,12 +54,28 @@ pub const ROWS: [Row; 11] = [
         measure: sliding,
     },
     Row {
-        name: "round cone",
-        figure: "spread of way, lateral way and yaw over four yaws (relative)",
+        name: "plate at four yaws",
+        figure: "a plate: spread of way, lateral way, yaw (relative)",
         source: "Coulomb's cone is round",
         limit: 0.02,
         reddens: &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity],
-        measure: yaws,
+        measure: |trial| yaws(trial, plate(), 0.05),
+    },
+    Row {
+        name: "cube at four yaws",
+        figure: "a cube: spread of way, lateral way, yaw (relative)",
+        source: "Coulomb's cone is round",
+        limit: 0.02,
+        reddens: &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity],
+        measure: |trial| yaws(trial, Body::default(), 0.1),
+    },
+    Row {
+        name: "table at four yaws",
+        figure: "a table of four round feet: spread of way, lateral way, yaw (relative)",
+        source: "Coulomb's cone is round",
+        limit: 0.02,
+        reddens: &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity],
+        measure: |trial| yaws(trial, table(), 0.27),
     },
     Row {
         name: "rolling ball",
@@ -90,11 +107,51 @@ pub const ROWS: [Row; 11] = [
         source: "contact is passive",
         limit: 0.01,
         reddens: &[PumpedVelocity],
-        measure: tip,
+        measure: |trial| tip(trial, 1.0),
+    },
+    Row {
+        name: "heavy tip",
+        figure: "gain of energy, the same, tip mass x 1e4 (relative)",
+        source: "contact is passive",
+        limit: 0.01,
+        reddens: &[HalfGravity, PumpedVelocity],
+        measure: |trial| tip(trial, 1e4),
+    },
+    Row {
+        name: "light tip",
+        figure: "gain of energy, the same, tip mass x 1e-4 (relative)",
+        source: "contact is passive",
+        limit: 0.01,
+        reddens: &[HalfGravity, PumpedVelocity],
+        measure: |trial| tip(trial, 1e-4),
+    },
+    Row {
+        name: "under terrain",
+        figure: "depth 1 s after a start 3 cm under hills (m)",
+        source: "a surface pushes out; m g / k is 1 mm",
+        limit: 0.005,
+        reddens: &[NoFloor, FrozenWorld],
+        measure: under,
+    },
+    Row {
+        name: "pendulum self-convergence",
+        figure: "against four times the substeps, ground, 1 s, 4 starts (rad)",
+        source: "a tenth of the paper's error of a learned pendulum, 0.012 rad",
+        limit: 1.2e-3,
+        reddens: &[],
+        measure: |trial| against_finer(trial, "pendulum", "ground1"),
+    },
+    Row {
+        name: "Ant self-convergence",
+        figure: "against four times the substeps, dropped, 1 s, 4 starts (rad)",
+        source: "a tenth of the paper's error of a learned Ant, 0.047 rad",
+        limit: 4.7e-3,
+        reddens: &[],
+        measure: |trial| against_finer(trial, "ant", "ground"),
     },
     Row {
         name: "Markov",
-        figure: "a motion against its second half begun afresh (rad)",
+        figure: "a motion against its second half begun afresh, or after a reset (rad)",
         source: "the next state is a function of the present one",
         limit: 1e-12,
         reddens: &[HiddenClock],
@@ -180,13 +237,18 @@ fn rolling(trial: &Trial) -> Result<f64, String> {
     Ok((down(trial, ball, 15.0, 0.1, 60)?.1 / (5.0 / 7.0 * G * 15f64.to_radians().sin()) - 1.0).abs())
 }
 
-fn yaws(trial: &Trial) -> Result<f64, String> {
-    let system = Body { material: [1e4, 100.0, 1e3, 0.4], ..plate() }.system()?;
+/// A table of 1 kg: its middle 0.27 m above the ground, on four feet 0.6 by 0.4 m apart.
+fn table() -> Body {
+    Body { feet: Some([0.3, 0.2, 0.25]), inertia: [0.03, 0.05, 0.07], ..Default::default() }
+}
+
+fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64, String> {
+    let system = Body { material: [1e4, 100.0, 1e3, 0.4], ..body }.system()?;
     let (mut ways, mut worst) = (Vec::new(), 0.0f64);
     for degrees in [0.0f64, 15.0, 30.0, 45.0] {
         let half = 0.5 * degrees.to_radians();
         let q = [0.0, 0.0, half.sin(), half.cos()];
-        let motion = trial.passive(&system, "ground", &Body::state([0.0, 0.0, 0.05], q, [0.0; 3], [2.0, 0.0, 0.0]), 60)?;
+        let motion = trial.passive(&system, "ground", &Body::state([0.0, 0.0, height], q, [0.0; 3], [2.0, 0.0, 0.0]), 60)?;
         let last = motion.last();
         let yaw = quaternion(&last[3..7]).angle_to(&quaternion(&q));
         worst = worst.max(last[1].abs() / last[0].abs().max(1e-3)).max(yaw);
@@ -203,9 +265,11 @@ fn toss(trial: &Trial) -> Result<f64, String> {
     gain(trial, &Body::default().system()?, "ground", &start, 120)
 }
 
-fn tip(trial: &Trial) -> Result<f64, String> {
-    let system = System::named("pendulum").map_err(|e| e.to_string())?;
-    gain(trial, &system, "ground1", &[0.0, 0.0, -7.0, 0.0], 120)
+fn tip(trial: &Trial, times: f64) -> Result<f64, String> {
+    let mut system = (*System::named("pendulum").map_err(|e| e.to_string())?).clone();
+    let tip = &mut system.robot.links[1].inertia;
+    (tip.mass, tip.inertia) = (times * tip.mass, times * tip.inertia);
+    gain(trial, &std::sync::Arc::new(system), "ground1", &[0.0, 0.0, -7.0, 0.0], 120)
 }
 
 /// Largest gain of energy over that of the start, against the start's kinetic energy.
@@ -226,7 +290,30 @@ fn stiff(trial: &Trial) -> Result<f64, String> {
 fn markov(trial: &Trial) -> Result<f64, String> {
     let system = System::named("pendulum").map_err(|e| e.to_string())?;
     let whole = trial.passive(&system, "ground1", &[1.0, 0.5, 0.0, 0.0], 80)?;
-    let half = trial.passive(&system, "ground1", &whole.states[40], 40)?;
-    let gap = whole.last().iter().zip(half.last()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    Ok(gap)
+    let fresh = trial.passive(&system, "ground1", &whole.states[40], 40)?;
+    let reset = trial.after_reset(&system, "ground1", &[-1.0, 1.0, 3.0, -2.0], &whole.states[40], 40)?;
+    let gap = |half: &Motion| whole.last().iter().zip(half.last()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    Ok(gap(&fresh).max(gap(&reset)))
+}
+
+fn under(trial: &Trial) -> Result<f64, String> {
+    let ball = Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() };
+    let (system, x, y) = (ball.system()?, 1.0, 2.0);
+    let start = Body::state([x, y, nerd_sim::worlds::hill(x, y) - 0.03 + 0.05], UPRIGHT, [0.0; 3], [0.0; 3]);
+    let motion = trial.passive(&system, "hills", &start, 60)?;
+    let event = system.scene("hills").map_err(|e| e.to_string())?.contact(&vector(motion.last()));
+    Ok((0.05 - event.distance).max(0.0))
+}
+
+/// Mean |dq| at the end of a second between a method and itself with four times the substeps.
+fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64, String> {
+    let system = System::named(robot).map_err(|e| e.to_string())?;
+    let (nq, starts) = (system.robot.nq(), 4);
+    let mut sum = 0.0;
+    for seed in 0..starts {
+        let state = start(&system, Start::Reset, &mut stream(17, seed));
+        let (a, b) = (trial.passive(&system, scene, &state, 60)?, trial.finer(&system, scene, &state, 60)?);
+        sum += a.last()[..nq].iter().zip(&b.last()[..nq]).map(|(a, b)| (a - b).abs()).sum::<f64>();
+    }
+    Ok(sum / (starts as usize * nq) as f64)
 }

@@ -10,7 +10,7 @@ use super::worlds::Body;
 const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 const G: f64 = 9.81;
 
-pub const ROWS: [Row; 7] = [
+pub const ROWS: [Row; 8] = [
     Row {
         name: "free fall",
         figure: "distance from the parabola, 1 s (m)",
@@ -58,6 +58,14 @@ pub const ROWS: [Row; 7] = [
         limit: 0.05,
         reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
         measure: dzhanibekov,
+    },
+    Row {
+        name: "Dzhanibekov, f32",
+        figure: "angular velocity, 5 s in f32 of 1 ms against f64 (relative)",
+        source: "rounding of 6e-8 a frame, grown by exp(w t sqrt((B-A)(C-B)/AC))",
+        limit: 0.05,
+        reddens: &[DroppedVelocity, FrozenWorld, PumpedVelocity],
+        measure: single,
     },
     Row {
         name: "far away",
@@ -155,4 +163,14 @@ fn far_away(trial: &Trial) -> Result<f64, String> {
 fn turned(motion: &Motion) -> bool {
     let first = quaternion(&motion.states[0][3..7]);
     motion.states.iter().any(|s| quaternion(&s[3..7]).angle_to(&first) > 0.1)
+}
+
+fn single(trial: &Trial) -> Result<f64, String> {
+    let body = Body { frame: "1/1000", ..brick() };
+    let start = Body::state([0.0; 3], UPRIGHT, [0.05, 5.0, 0.05], [0.0; 3]);
+    let double = trial.passive(&body.system()?, "free", &start, 5000)?;
+    let rounded = Trial::new(trial.method, Some(SinglePrecision));
+    let single = rounded.passive(&body.system()?, "free", &start, 5000)?;
+    let [a, b] = [&double, &single].map(|m| vector(&m.last()[7..]));
+    Ok(if turned(&double) { (a - b).norm() / a.norm() } else { 1.0 })
 }

@@ -38,9 +38,10 @@ impl crate::plot::Picture for Heat<'_> {
             for (k, cell) in line.cells.iter().enumerate() {
                 let x = LEFT + CELL.0 * k as i32;
                 let box_ = [(x + 1, y + 1), (x + CELL.0 - 1, y + CELL.1 - 1)];
-                let ratio = cell.figure.map(|f| if line.limit > 0.0 { f / line.limit } else { 1e9 * f });
+                let ratio = if line.limit > 0.0 { cell.figure / line.limit } else { 1e9 * cell.figure };
+                let ratio = if cell.lost.is_some() { f64::MAX } else { ratio };
                 area.draw(&Rectangle::new(box_, colour(ratio).filled())).map_err(failed)?;
-                let words = cell.figure.map_or("lost".to_string(), digits);
+                let words = if cell.lost.is_some() { "lost".to_string() } else { digits(cell.figure) };
                 text(&words, (x + CELL.0 / 2, y + CELL.1 / 2), style(12, WHITE, HPos::Center))?;
             }
         }
@@ -50,7 +51,7 @@ impl crate::plot::Picture for Heat<'_> {
         text("figure up to", (LEFT - 10, y), style(13, BLACK, HPos::Right))?;
         for (k, (words, ratio)) in legend.into_iter().enumerate() {
             let x = LEFT + 146 * k as i32;
-            area.draw(&Rectangle::new([(x, y - 8), (x + 24, y + 8)], colour(Some(ratio)).filled())).map_err(failed)?;
+            area.draw(&Rectangle::new([(x, y - 8), (x + 24, y + 8)], colour(ratio).filled())).map_err(failed)?;
             text(words, (x + 32, y), style(13, BLACK, HPos::Left))?;
         }
         area.present().map_err(failed)
@@ -58,12 +59,12 @@ impl crate::plot::Picture for Heat<'_> {
 }
 
 /// Colours the colour-blind tell apart by lightness too.
-fn colour(ratio: Option<f64>) -> RGBColor {
+fn colour(ratio: f64) -> RGBColor {
     match ratio {
-        Some(x) if x <= 0.1 => RGBColor(0, 110, 80),
-        Some(x) if x <= 1.0 => RGBColor(0, 158, 115),
-        Some(x) if x <= 10.0 => RGBColor(222, 143, 5),
-        Some(x) if x <= 1000.0 => RGBColor(213, 94, 0),
+        x if x <= 0.1 => RGBColor(0, 110, 80),
+        x if x <= 1.0 => RGBColor(0, 158, 115),
+        x if x <= 10.0 => RGBColor(222, 143, 5),
+        x if x <= 1000.0 => RGBColor(213, 94, 0),
         _ => RGBColor(128, 20, 40),
     }
 }

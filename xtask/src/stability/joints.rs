@@ -8,11 +8,11 @@ use rand::RngExt;
 
 use super::row::Row;
 use super::trial::{Fault::*, Motion, Trial};
-use super::worlds::{chain, slider};
+use super::worlds::{chain, slider, universal};
 
 const G: f64 = 9.81;
 
-pub const ROWS: [Row; 7] = [
+pub const ROWS: [Row; 9] = [
     Row {
         name: "pendulum period",
         figure: "mean error of the angle, 3.5 periods (amplitudes)",
@@ -52,6 +52,22 @@ pub const ROWS: [Row; 7] = [
         limit: 0.05,
         reddens: &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity],
         measure: heavy_end,
+    },
+    Row {
+        name: "swinging arm",
+        figure: "change of energy, Franka without drives, 2 s (relative)",
+        source: "energy is constant",
+        limit: 0.05,
+        reddens: &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity],
+        measure: arm,
+    },
+    Row {
+        name: "universal joint",
+        figure: "distance from the circle of a conical pendulum, 2 s (radii)",
+        source: "w^2 = g / l cos a; 1 % of Newton's tests",
+        limit: 0.01,
+        reddens: &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity],
+        measure: conical,
     },
     Row {
         name: "inner torques",
@@ -140,4 +156,25 @@ fn falling(trial: &Trial) -> Result<f64, String> {
     let state = start(&system, Start::Sample, &mut stream(7, 0));
     let motion = trial.passive(&system, "free", &state, 60)?;
     Ok(kept(&motion))
+}
+
+fn arm(trial: &Trial) -> Result<f64, String> {
+    let mut system = (*System::named("franka").map_err(|e| e.to_string())?).clone();
+    for joint in system.robot.joints_mut() {
+        (joint.armature, joint.damping, joint.limit) = (0.0, 0.0, None);
+    }
+    system.spec.gravity = [0.0, 0.0, -G];
+    let mut state = system.default_state();
+    state[7..].fill(0.0);
+    Ok(kept(&trial.passive(&std::sync::Arc::new(system), "free", &state, 120)?))
+}
+
+fn conical(trial: &Trial) -> Result<f64, String> {
+    let cone = 0.5f64;
+    let omega = (G / cone.cos()).sqrt();
+    let motion = trial.passive(&universal()?, "free", &[0.0, -cone, cone.tan() * omega, 0.0], 120)?;
+    let [a, b] = [motion.last()[0], motion.last()[1]];
+    let (x, y) = (-b.sin(), a.sin() * b.cos());
+    let (s, c) = (2.0 * omega).sin_cos();
+    Ok((x - cone.sin() * c).hypot(y - cone.sin() * s) / cone.sin())
 }

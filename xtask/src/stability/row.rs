@@ -16,7 +16,7 @@ pub struct Row {
     pub limit: f64,
     /// The faults that must turn this row red; all others must leave it green.
     pub reddens: &'static [Fault],
-    /// Measures; an error is a motion that the solver could not finish.
+    /// Measures; an error is a scene that could not be made.
     pub measure: fn(&Trial) -> Result<f64, String>,
 }
 
@@ -32,8 +32,8 @@ pub enum Verdict {
 /// A measured cell.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
-    /// The figure; none if the solver gave up.
-    pub figure: Option<f64>,
+    /// The figure; of the motion before the solver gave up, if it did.
+    pub figure: f64,
     /// What the solver said then.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost: Option<String>,
@@ -43,18 +43,18 @@ pub struct Cell {
 impl Row {
     /// Measures this row.
     pub fn cell(&self, trial: &Trial) -> Cell {
-        match (self.measure)(trial) {
-            Ok(x) if x.is_finite() => {
-                let verdict = match x {
-                    x if x <= self.limit => Verdict::Pass,
-                    x if x <= 10.0 * self.limit => Verdict::Degraded,
-                    _ => Verdict::Fail,
-                };
-                Cell { figure: Some(x), lost: None, verdict }
-            }
-            Ok(_) => Cell { figure: None, lost: Some("the figure is no number".into()), verdict: Verdict::Fail },
-            Err(said) => Cell { figure: None, lost: Some(said), verdict: Verdict::Fail },
-        }
+        // Beyond all limits, and still a number.
+        const HUGE: f64 = 1e300;
+        let measured = (self.measure)(trial);
+        let lost = measured.as_ref().err().cloned().or_else(|| trial.lost.take());
+        let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
+        let verdict = match figure {
+            _ if lost.is_some() => Verdict::Fail,
+            x if x <= self.limit => Verdict::Pass,
+            x if x <= 10.0 * self.limit => Verdict::Degraded,
+            _ => Verdict::Fail,
+        };
+        Cell { figure, lost, verdict }
     }
 }
 

@@ -1,5 +1,6 @@
 //! One motion under one method, and the faults that show a row can go red.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use nerd_core::dynamics::{Data, Totals, totals};
@@ -35,6 +36,8 @@ pub enum Fault {
 pub struct Trial<'a> {
     pub method: &'a Method,
     pub fault: Option<Fault>,
+    /// What the solver said when it gave up, if it did; from there on the motion stands still.
+    pub lost: RefCell<Option<String>>,
 }
 
 /// A motion: states after 0, 1, 2, ... frames.
@@ -65,7 +68,11 @@ impl Motion {
 /// Sets the torques of a frame: `(frame, state, torques)`.
 pub type Drive<'a> = dyn FnMut(usize, &[f64], &mut [f64]) + 'a;
 
-impl Trial<'_> {
+impl<'a> Trial<'a> {
+    pub fn new(method: &'a Method, fault: Option<Fault>) -> Self {
+        Self { method, fault, lost: RefCell::new(None) }
+    }
+
     /// Whether the method's contacts give way as the material says; rapier's do not.
     pub fn compliant(&self) -> bool {
         !self.method.name.starts_with("rapier")
@@ -76,8 +83,38 @@ impl Trial<'_> {
         self.driven(system, scene, start, frames, &mut |_, _, _| ())
     }
 
-    /// Rolls out under torques set by `drive(frame, state, torques)`. An error of the solver ends the row.
+    /// The same under the method with four times the substeps.
+    pub fn finer(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, String> {
+        self.under((self.method.finer)(system), system, scene, start, frames, &mut |_, _, _| ())
+    }
+
+    /// The same by a solver that has stepped another motion, and was then told to forget it.
+    pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, String> {
+        let mut solver = (self.method.make)(system);
+        let mut batch = Batch::new(system, &system.scene(scene).map_err(|e| e.to_string())?, 1);
+        batch.reset(0, other);
+        let torques = vec![0.0; system.robot.joint_count()];
+        for _ in 0..10 {
+            solver.step(&mut batch, &torques).map_err(|e| e.to_string())?;
+        }
+        solver.reset(0);
+        self.under(solver, system, scene, start, frames, &mut |_, _, _| ())
+    }
+
+    /// Rolls out under torques set by `drive(frame, state, torques)`. An error of the solver is kept in `lost`.
     pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, String> {
+        self.under((self.method.make)(system), system, scene, start, frames, drive)
+    }
+
+    fn under(
+        &self,
+        mut solver: Box<dyn Solver>,
+        system: &Arc<System>,
+        scene: &str,
+        start: &[f64],
+        frames: usize,
+        drive: &mut Drive,
+    ) -> Result<Motion, String> {
         let mut scene = (*system.scene(scene).map_err(|e| e.to_string())?).clone();
         let gravity = scene.gravity;
         match self.fault {
@@ -87,14 +124,17 @@ impl Trial<'_> {
         }
         let mut batch = Batch::new(system, &Arc::new(scene), 1);
         batch.reset(0, start);
-        let mut solver = (self.method.make)(system);
         let (nq, floating) = (system.robot.nq(), system.robot.floating());
         let mut torques = vec![0.0; system.robot.joint_count()];
         let mut states = vec![start.to_vec()];
         for frame in 0..frames {
             drive(frame, batch.state(0), &mut torques);
             match solver.step(&mut batch, &torques) {
-                Err(error) if self.fault != Some(Fault::SwallowedErrors) => return Err(error.to_string()),
+                Err(error) if self.fault != Some(Fault::SwallowedErrors) => {
+                    self.lost.borrow_mut().get_or_insert(error.to_string());
+                    states.resize(frames + 1, batch.state(0).to_vec());
+                    break;
+                }
                 _ => {}
             }
             let state = batch.state_mut(0);

@@ -8,6 +8,8 @@ use nerd_sim::prelude::*;
 pub struct Body {
     /// URDF geometry, such as `<sphere radius="0.1"/>`.
     pub shape: String,
+    /// Four feet in its place: balls of 0.02 m at these half distances in x and y, and this far below.
+    pub feet: Option<[f64; 3]>,
     /// Mass (kg).
     pub mass: f64,
     /// Principal inertia (kg m^2).
@@ -28,6 +30,7 @@ impl Default for Body {
     fn default() -> Self {
         Self {
             shape: r#"<box size="0.2 0.2 0.2"/>"#.into(),
+            feet: None,
             mass: 1.0,
             inertia: [1.0 / 150.0; 3],
             com: [0.0; 3],
@@ -44,9 +47,18 @@ impl Body {
     /// The system; its scenes are `free` and `ground`.
     pub fn system(&self) -> Result<Arc<System>, String> {
         let (i, c, r, m) = (self.inertia, self.com, self.rpy, self.material);
+        let collision = |at: [f64; 3], shape: &str| {
+            format!(r#"<collision><origin xyz="{} {} {}"/><geometry>{shape}</geometry></collision>"#, at[0], at[1], at[2])
+        };
+        let collisions = match self.feet {
+            None => collision([0.0; 3], &self.shape),
+            Some([x, y, z]) => {
+                [[x, y], [x, -y], [-x, y], [-x, -y]].map(|[x, y]| collision([x, y, -z], r#"<sphere radius="0.02"/>"#)).concat()
+            }
+        };
         let urdf = format!(
-            r#"<robot name="body"><link name="body"><inertial><origin xyz="{} {} {}" rpy="{} {} {}"/><mass value="{}"/><inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial><collision><geometry>{}</geometry></collision></link></robot>"#,
-            c[0], c[1], c[2], r[0], r[1], r[2], self.mass, i[0], i[1], i[2], self.shape
+            r#"<robot name="body"><link name="body"><inertial><origin xyz="{} {} {}" rpy="{} {} {}"/><mass value="{}"/><inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>{}</link></robot>"#,
+            c[0], c[1], c[2], r[0], r[1], r[2], self.mass, i[0], i[1], i[2], collisions
         );
         let toml = format!(
             "urdf = \"\"\nfloating = true\nframe_time = \"{}\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n\
@@ -91,4 +103,27 @@ pub fn slider() -> Result<Arc<System>, String> {
     let urdf = r#"<robot name="slider"><link name="rail"/><link name="box"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="slide" type="prismatic"><parent link="rail"/><child link="box"/><axis xyz="1 0 0"/><limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint></robot>"#;
     let toml = "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, 0.0]\nsubsteps = 16\n[[joint]]\nname = \"slide\"\nlimit = { stiffness = 1e4, damping = 0.0 }\nsample = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\nreset = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\n";
     System::from_text("slider", urdf, Some(toml)).map(Arc::new).map_err(|e| e.to_string())
+}
+
+/// A bob of 1 kg, 1 m below a pivot that turns about x and about y: a joint of two angular degrees of freedom; up is z.
+pub fn universal() -> Result<Arc<System>, String> {
+    let link = |name: &str, at: &str, mass: f64| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial></link>"#
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, axis: &str| {
+        format!(
+            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/></joint>"#
+        )
+    };
+    let urdf = [
+        r#"<robot name="universal"><link name="base"/>"#.to_string(),
+        link("cross", "0 0 0", 1e-3),
+        link("bob", "0 0 -1", 1.0),
+        joint("x", "base", "cross", "1 0 0"),
+        joint("y", "cross", "bob", "0 1 0"),
+        "</robot>".to_string(),
+    ];
+    System::from_text("universal", &urdf.concat(), None).map(Arc::new).map_err(|e| e.to_string())
 }
