@@ -204,6 +204,11 @@ impl System {
         std::iter::once("free").chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
     }
 
+    /// Scenes that motion is judged in: that of the training data if it is one, else all of the robot's.
+    pub fn usual_scenes(&self) -> Vec<&str> {
+        self.spec.data_scene.as_deref().map_or_else(|| self.scene_names(), |scene| vec![scene])
+    }
+
     /// A scene by name: `free` is empty space, then the robot's own, then [`WORLDS`] of the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let mut scene = Scene::free(self.gravity());

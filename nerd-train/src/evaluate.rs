@@ -1,14 +1,17 @@
-//! Passive motion: how far a solver drifts from the truth, from equal starts, without torques (paper 5.1; protocol of
+//! Passive motion: how far a solver drifts from the truth, from equal starts, without actions (paper 5.1; protocol of
 //! the reference system: starts from the reset law, mean over every step and every trajectory of the absolute
-//! difference by coordinate, endless angles wrapped).
+//! difference, endless angles wrapped; a position law holds its target, elsewhere there is no torque).
 //!
 //! Beside each figure stand two floors, predictors that know no dynamics: `hold` repeats the start, `glide` goes on
 //! at the start's velocity. A rollout that diverges is counted and stays in every mean.
 
 use std::sync::Arc;
 
-use nerd_core::state::wrap;
+use nalgebra::UnitQuaternion;
+use nerd_core::dynamics::to_local;
+use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::batch::Batch;
+use nerd_sim::control::Controller;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
@@ -26,10 +29,10 @@ pub struct PassiveConfig {
     pub seed: u64,
 }
 
-/// Errors of one solver against the truth.
+/// Errors of one solver against the truth; figures in the order of [`quantities`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassiveReport {
-    /// Mean |difference| by coordinate of q over all steps and trajectories (rad or m).
+    /// Mean |difference| over all steps and trajectories.
     pub error: Vec<f64>,
     /// Standard error of that mean over trajectories.
     pub standard_error: Vec<f64>,
@@ -37,12 +40,77 @@ pub struct PassiveReport {
     pub hold: Vec<f64>,
     /// The same mean for the predictor that keeps the start's velocity.
     pub glide: Vec<f64>,
-    /// Mean |difference| averaged over q by step, from step 1.
+    /// Mean |difference| averaged over the quantities by step, from step 1.
     pub curve: Vec<f64>,
-    /// Rollouts whose speed in some coordinate passed three times the truth's largest, or that left 1e5.
+    /// Rollouts whose joints, turning or travel passed three times the truth's largest speed, or that left 1e5.
     pub diverged: usize,
     /// First step at which a rollout diverged.
     pub first_divergence: Option<usize>,
+}
+
+/// What is compared: a floating root's position (m, Euclidean distance) and orientation (rad, angle between), then the joints.
+pub fn quantities(system: &System) -> Vec<String> {
+    let root = ["position", "orientation"].into_iter().filter(|_| system.robot.floating()).map(String::from);
+    root.chain(system.robot.joints().map(|j| j.name.clone())).collect()
+}
+
+/// Figures in the order of [`quantities`] as a table shows them: the joints of a robot with more than two by their mean.
+pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
+    let joints = system.robot.joint_count();
+    if joints <= 2 {
+        return figures.to_vec();
+    }
+    let (root, angles) = figures.split_at(figures.len() - joints);
+    [root, &[angles.iter().sum::<f64>() / joints as f64]].concat()
+}
+
+/// Distances between two states, by quantity.
+struct Gaps {
+    system: Arc<System>,
+    wraps: Vec<bool>,
+}
+
+impl Gaps {
+    fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        let coords = self.system.robot.root_coords();
+        let mut at = 0;
+        if self.system.robot.floating() {
+            out[0] = (vector(a) - vector(b)).norm();
+            out[1] = quaternion(&a[3..7]).angle_to(&quaternion(&b[3..7]));
+            at = 2;
+        }
+        for (k, wraps) in self.wraps.iter().enumerate() {
+            let gap = a[coords + k] - b[coords + k];
+            out[at + k] = if *wraps { wrap(gap) } else { gap }.abs();
+        }
+    }
+
+    /// Where `time` at constant velocity leads.
+    fn glide(&self, state: &[f64], time: f64, out: &mut Vec<f64>) {
+        let robot = &self.system.robot;
+        let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
+        out.clear();
+        out.extend_from_slice(state);
+        let (q, qd) = out.split_at_mut(nq);
+        to_local(robot, q, qd);
+        q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
+        if robot.floating() {
+            let p = vector(q) + vector(&qd[3..6]) * time;
+            let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
+            q[..3].copy_from_slice(p.as_slice());
+            nerd_core::state::write_quaternion(&mut q[3..7], &turned);
+        }
+    }
+
+    /// Largest joint speed, turning speed and speed of the root.
+    fn speeds(&self, state: &[f64]) -> [f64; 3] {
+        let robot = &self.system.robot;
+        let mut state = state.to_vec();
+        let (q, qd) = state.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        let joints = qd[robot.root_dofs()..].iter().fold(0.0f64, |a, v| a.max(v.abs()));
+        if robot.floating() { [joints, vector(qd).norm(), vector(&qd[3..6]).norm()] } else { [joints, 0.0, 0.0] }
+    }
 }
 
 /// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.
@@ -55,7 +123,7 @@ pub fn passive(
     progress: &mut dyn FnMut(usize),
 ) -> Result<PassiveReport, StepError> {
     let robot = &system.robot;
-    let (n, joints, coords) = (config.starts, robot.joint_count(), robot.root_coords());
+    let (n, joints) = (config.starts, robot.joint_count());
     let mut real = Batch::new(system, scene, n);
     for env in 0..n {
         let state = start(system, Start::Reset, &mut stream(config.seed, env as u64));
@@ -67,35 +135,46 @@ pub fn passive(
         solver.reset(env);
     });
     let first = real.clone();
-    let wraps: Vec<bool> = robot.joints().map(|j| j.wraps()).collect();
-    let gap = |k: usize, a: f64, b: f64| if wraps[k] { wrap(a - b).abs() } else { (a - b).abs() };
-    let torques = vec![0.0; n * joints];
-    // Sums of |difference| over steps, by trajectory and joint: of the solver, of hold, of glide.
-    let mut sums = [vec![0.0; n * joints], vec![0.0; n * joints], vec![0.0; n * joints]];
+    let gaps = Gaps { system: system.clone(), wraps: robot.joints().map(|j| j.wraps()).collect() };
+    let width = quantities(system).len();
+    let mut controller = Controller::new(system);
+    let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
+    // Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold, of glide.
+    let mut sums = [vec![0.0; n * width], vec![0.0; n * width], vec![0.0; n * width]];
     let mut curve = Vec::with_capacity(config.steps);
-    let (mut fastest, mut speeds) = (0.0f64, vec![0.0f64; n]);
+    let (mut fastest, mut speeds) = ([0.0f64; 3], vec![[0.0f64; 3]; n]);
     let mut gone: Vec<Option<usize>> = vec![None; n];
     // |difference| of a rollout that is gone, as it was when it went: it stays in the mean at that.
-    let mut frozen = vec![0.0; n * joints];
-    let rates = robot.nq() + robot.root_dofs();
+    let mut last = vec![0.0; n * width];
+    let (mut gap, mut glided) = (vec![0.0; width], Vec::new());
     for step in 1..=config.steps {
-        truth.step(&mut real, &torques)?;
-        solver.step(&mut learned, &torques)?;
+        for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
+            for env in 0..n {
+                controller.torques(batch.state(env), &action, &mut torques[env * joints..(env + 1) * joints]);
+            }
+        }
+        truth.step(&mut real, &torques[0])?;
+        solver.step(&mut learned, &torques[1])?;
         let time = step as f64 * system.frame_time;
         let mut total = 0.0;
         for env in 0..n {
             let (a, b, s) = (real.state(env), learned.state(env), first.state(env));
-            for k in 0..joints {
-                let (q, q0) = (a[coords + k], s[coords + k]);
-                let e = if gone[env].is_some() { frozen[env * joints + k] } else { gap(k, q, b[coords + k]) };
-                frozen[env * joints + k] = e;
-                total += e;
-                sums[0][env * joints + k] += e;
-                sums[1][env * joints + k] += gap(k, q, q0);
-                sums[2][env * joints + k] += gap(k, q, q0 + s[rates + k] * time);
-                fastest = fastest.max(a[rates + k].abs());
-                speeds[env] = speeds[env].max(b[rates + k].abs());
+            let row = env * width..(env + 1) * width;
+            let add = |sums: &mut Vec<f64>, gap: &[f64]| sums[row.clone()].iter_mut().zip(gap).for_each(|(s, g)| *s += g);
+            if gone[env].is_none() {
+                gaps.between(a, b, &mut last[row.clone()]);
+                let now = gaps.speeds(b);
+                speeds[env].iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
             }
+            let now = gaps.speeds(a);
+            fastest.iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
+            total += last[row.clone()].iter().sum::<f64>();
+            add(&mut sums[0], &last[row.clone()]);
+            gaps.between(a, s, &mut gap);
+            add(&mut sums[1], &gap);
+            gaps.glide(s, time, &mut glided);
+            gaps.between(a, &glided, &mut gap);
+            add(&mut sums[2], &gap);
             if gone[env].is_none() && b.iter().any(|x| x.abs() > 1e5) {
                 gone[env] = Some(step);
             }
@@ -106,21 +185,21 @@ pub fn passive(
                 solver.reset(env);
             }
         }
-        curve.push(total / (n * joints) as f64);
+        curve.push(total / (n * width) as f64);
         progress(step);
     }
-    let mean = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(joints).sum::<f64>() / (n * config.steps) as f64;
+    let mean = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(width).sum::<f64>() / (n * config.steps) as f64;
     let spread = |k: usize| {
         let m = mean(&sums[0], k);
         let square = |s: &f64| (s / config.steps as f64 - m).powi(2);
-        (sums[0].iter().skip(k).step_by(joints).map(square).sum::<f64>() / (n.max(2) - 1) as f64 / n as f64).sqrt()
+        (sums[0].iter().skip(k).step_by(width).map(square).sum::<f64>() / (n.max(2) - 1) as f64 / n as f64).sqrt()
     };
-    let fast = |env: &usize| speeds[*env] > 3.0 * fastest || gone[*env].is_some();
+    let fast = |env: &usize| gone[*env].is_some() || speeds[*env].iter().zip(fastest).any(|(v, most)| *v > 3.0 * most.max(1e-3));
     Ok(PassiveReport {
-        error: (0..joints).map(|k| mean(&sums[0], k)).collect(),
-        standard_error: (0..joints).map(spread).collect(),
-        hold: (0..joints).map(|k| mean(&sums[1], k)).collect(),
-        glide: (0..joints).map(|k| mean(&sums[2], k)).collect(),
+        error: (0..width).map(|k| mean(&sums[0], k)).collect(),
+        standard_error: (0..width).map(spread).collect(),
+        hold: (0..width).map(|k| mean(&sums[1], k)).collect(),
+        glide: (0..width).map(|k| mean(&sums[2], k)).collect(),
         curve,
         diverged: (0..n).filter(fast).count(),
         first_divergence: gone.iter().flatten().min().copied(),

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
+use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
 use crate::common::{Device, bar};
@@ -105,7 +105,7 @@ pub fn run(args: ChartArgs) -> Result<()> {
             p.series.clone(),
             setting,
             digits(p.microseconds),
-            pair(&p.by_coordinate),
+            pair(&summary(&system, &p.by_coordinate)),
             p.diverged.to_string(),
             if p.front { "*" } else { "" }.into(),
         ]
@@ -149,8 +149,8 @@ fn measure(
     methods.push(Method::Paper);
     methods.extend(models.into_iter().map(Method::Neural));
 
-    let (finest, reference) = if contact { (16 * args.substeps, "articulated, symplectic Euler") } else { (128, "articulated, RK4") };
-    let exact = |n: usize| if contact { Method::Euler(n) } else { Method::Rk4(n) };
+    let (finest, reference) = if contact { (4 * args.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
+    let exact = |n: usize| if contact { Method::Implicit(n) } else { Method::Rk4(n) };
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed };
     let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
+use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
 use crate::paper;
@@ -54,7 +54,7 @@ pub struct Row {
     /// Errors and floors.
     pub report: PassiveReport,
     /// What the paper says.
-    pub paper: Option<[f64; 2]>,
+    pub paper: Option<Vec<f64>>,
 }
 
 /// Runs the verb.
@@ -76,7 +76,7 @@ pub fn write(path: &Path, rows: &[Row], seed: u64) -> Result<()> {
 /// Measures every scene asked for.
 pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     let system = System::named(&args.robot)?;
-    let scenes = if args.scene.is_empty() { system.scene_names().into_iter().map(String::from).collect() } else { args.scene.clone() };
+    let scenes = if args.scene.is_empty() { system.usual_scenes().into_iter().map(String::from).collect() } else { args.scene.clone() };
     let steps = args.steps.unwrap_or_else(|| paper::horizon(&system.name));
     if args.starts == 0 || steps == 0 {
         anyhow::bail!("--starts and --steps are at least 1");
@@ -114,13 +114,14 @@ fn measure(
 pub fn table(rows: &[Row]) -> String {
     let cells = rows.iter().map(|r| {
         let p = &r.report;
+        let pair = |x: &[f64]| System::named(&r.robot).map_or_else(|_| pair(x), |system| pair(&summary(&system, x)));
         vec![
             r.robot.clone(),
             r.scene.clone(),
             format!("{} x {}", r.protocol.starts, r.protocol.steps),
             pair(&p.error),
             pair(&p.standard_error),
-            r.paper.map_or_else(|| "-".into(), |x| pair(&x)),
+            r.paper.as_deref().map_or_else(|| "-".into(), crate::table::pair),
             pair(&p.hold),
             pair(&p.glide),
             p.diverged.to_string(),

@@ -226,7 +226,7 @@ fn engine(
 fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weights: Weights, args: &TrainArgs) -> Result<f64> {
     let steps = paper::horizon(&system.name);
     let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed };
-    let scenes: Vec<&str> = system.scene_names().into_iter().take(2).collect();
+    let scenes: Vec<&str> = system.usual_scenes().into_iter().take(2).collect();
     let mut total = 0.0;
     for scene in &scenes {
         let model = Model { config: model_config(run, &Default::default()), normalizer: normalizer.clone(), weights: weights.clone() };
