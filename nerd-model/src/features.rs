@@ -3,8 +3,8 @@
 //! A token of a robot that can touch something or move its base:
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
 //! quantities masked to zero beyond `xi`; of any other robot: `[state, torques]`. A scene pays only for what it has.
-//! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and
-//! velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
+//! The target is the change over the frame from its base ([`crate::base::Base`]), seen from the frame of the token: additive
+//! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
 
 use std::sync::Arc;
 
@@ -88,15 +88,15 @@ impl Features {
         cast((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice(), down);
     }
 
-    /// Writes the target of the frame from `state` to `next`.
-    pub fn target(&mut self, state: &[f64], next: &[f64], out: &mut [f32]) {
+    /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`.
+    pub fn target(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
         let system = self.system.clone();
         let robot = &system.robot;
-        let frame = if robot.floating() { Some(RootFrame::of(state)) } else { None };
-        self.near.copy_from_slice(state);
+        self.near.copy_from_slice(base);
         self.far.copy_from_slice(next);
-        if let Some(frame) = frame {
-            frame.state_in(robot, state, &mut self.near);
+        if robot.floating() {
+            let frame = RootFrame::of(state);
+            frame.state_in(robot, base, &mut self.near);
             frame.state_in(robot, next, &mut self.far);
         }
         for (o, (a, b)) in out.iter_mut().zip(self.near.iter().zip(&self.far)) {
@@ -112,16 +112,16 @@ impl Features {
         }
     }
 
-    /// Writes the state that lies `change` (as in [`Self::target`]) from `state`.
-    pub fn apply(&mut self, state: &[f64], change: &[f64], next: &mut [f64]) {
+    /// Writes the state that lies `change` (as in [`Self::target`]) from `base`.
+    pub fn apply(&mut self, state: &[f64], base: &[f64], change: &[f64], next: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
         if !robot.floating() {
-            next.iter_mut().zip(state.iter().zip(change)).for_each(|(n, (s, c))| *n = s + c);
+            next.iter_mut().zip(base.iter().zip(change)).for_each(|(n, (s, c))| *n = s + c);
             return;
         }
         let frame = RootFrame::of(state);
-        frame.state_in(robot, state, &mut self.near);
+        frame.state_in(robot, base, &mut self.near);
         self.far.iter_mut().zip(self.near.iter().zip(change)).for_each(|(f, (n, c))| *f = n + c);
         let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
         write_quaternion(&mut self.far[3..7], &turned);

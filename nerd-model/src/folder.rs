@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
+use crate::base::Base;
 use crate::features::Features;
 use crate::normalizer::Normalizer;
 use crate::transformer::{TransformerConfig, Weights, WeightsError};
@@ -51,6 +52,9 @@ pub struct ModelConfig {
     pub robot: String,
     /// The solver and preset that is the truth, for example `articulated paper coulomb`.
     pub truth: String,
+    /// What its predictions are added to.
+    #[serde(default)]
+    pub base: Base,
     /// Shape of the network.
     pub network: TransformerConfig,
     /// SHA-256 of the training data.

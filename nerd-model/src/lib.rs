@@ -1,5 +1,6 @@
 //! Learned dynamics: features, normaliser, causal Transformer, the `Neural` solver and model folders.
 
+pub mod base;
 pub mod features;
 pub mod folder;
 pub mod neural;

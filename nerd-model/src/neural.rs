@@ -3,6 +3,9 @@
 //! Contacts are found by the scene's geometry, as for every solver. Of each environment the last h tokens are
 //! remembered, each in its own frame; the window grows from one token at a reset. A gap in an environment's frames
 //! (a reset, or frames stepped by another solver) empties its window, so history can never be another motion's.
+//!
+//! With [`Base::Flight`] the prediction is what contact adds to a frame of flight, and environments that can touch nothing
+//! within the frame do not evaluate the network.
 
 use std::sync::Arc;
 
@@ -11,6 +14,7 @@ use nerd_sim::batch::{Batch, contacts};
 use nerd_sim::solver::{Solver, StepError, check_torques, commit};
 use nerd_sim::system::System;
 
+use crate::base::{Base, Flight};
 use crate::features::Features;
 use crate::folder::Model;
 use crate::transformer::Forward;
@@ -20,6 +24,7 @@ pub struct Neural {
     model: Model,
     forward: Box<dyn Forward>,
     features: Features,
+    flight: Option<Flight>,
     data: Data,
     events: Vec<nerd_core::contact::ContactEvent>,
     /// Normalised tokens `[env][h][inputs]`, oldest first.
@@ -28,6 +33,8 @@ pub struct Neural {
     held: Vec<usize>,
     /// Frame of each environment's newest token.
     newest: Vec<u64>,
+    /// Environments whose network is evaluated in this frame.
+    asked: Vec<usize>,
     window: Vec<f32>,
     output: Vec<f32>,
     next: Vec<f64>,
@@ -37,16 +44,19 @@ impl Neural {
     /// A model of `system`, evaluated by `forward`.
     pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
         let (features, data) = (Features::new(system), Data::new(&system.robot));
+        let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
         let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
         Self {
             model,
             forward,
             features,
+            flight,
             data,
             events: Vec::new(),
             tokens,
             held,
             newest,
+            asked: Vec::new(),
             window: Vec::new(),
             output: Vec::new(),
             next: Vec::new(),
@@ -100,26 +110,42 @@ impl Solver for Neural {
             self.tokens = vec![0.0; n * h * width];
             (self.held, self.newest) = (vec![0; n], vec![u64::MAX - 1; n]);
         }
+        if let Some(flight) = &mut self.flight {
+            flight.step(&batch.states, &batch.scenes, torques)?;
+        }
+        self.asked.clear();
         for env in 0..n {
             self.remember(batch, env, torques);
+            if self.flight.as_mut().is_none_or(|f| f.touches(env, &batch.scenes[env], &self.events)) {
+                self.asked.push(env);
+            }
         }
         // Windows shorter than the longest are padded behind their newest token, which a causal network cannot see.
-        let longest = self.held.iter().copied().max().unwrap_or(0);
+        let longest = self.asked.iter().map(|env| self.held[*env]).max().unwrap_or(0);
         self.window.clear();
-        for ring in self.tokens.chunks_exact(h * width) {
+        for env in &self.asked {
+            let ring = &self.tokens[env * h * width..];
             self.window.extend_from_slice(&ring[..longest * width]);
         }
-        let last: Vec<u32> = self.held.iter().map(|k| *k as u32 - 1).collect();
-        self.forward.forward(&self.window, longest, &last, &mut self.output).map_err(|e| StepError::Solver(e.to_string()))?;
-        self.next.clone_from(&batch.states);
+        let last: Vec<u32> = self.asked.iter().map(|env| self.held[*env] as u32 - 1).collect();
+        self.output.clear();
+        if !last.is_empty() {
+            self.forward.forward(&self.window, longest, &last, &mut self.output).map_err(|e| StepError::Solver(e.to_string()))?;
+        }
+        let d = network.outputs;
+        self.next.clear();
+        for env in 0..n {
+            self.next.extend_from_slice(self.flight.as_ref().map_or(batch.state(env), |f| f.state(env)));
+        }
         let (scale, mean) = (self.model.normalizer.outputs.scale(), &self.model.normalizer.outputs.mean);
-        let mut change = vec![0.0; network.outputs];
-        for (env, out) in self.output.chunks_exact(network.outputs).enumerate() {
+        let (mut change, mut base) = (vec![0.0; d], vec![0.0; d]);
+        for (env, out) in self.asked.iter().zip(self.output.chunks_exact(d)) {
             for (k, c) in change.iter_mut().enumerate() {
                 *c = f64::from(out[k]) * scale[k] + mean[k];
             }
-            let d = network.outputs;
-            self.features.apply(batch.state(env), &change, &mut self.next[env * d..(env + 1) * d]);
+            let next = &mut self.next[env * d..(env + 1) * d];
+            base.copy_from_slice(next);
+            self.features.apply(batch.state(*env), &base, &change, next);
         }
         commit(batch, &mut self.next)
     }

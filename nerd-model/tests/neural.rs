@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
+use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::neural::Neural;
@@ -23,6 +24,7 @@ fn model(system: &Arc<System>) -> Model {
     let config = ModelConfig {
         robot,
         truth,
+        base: Base::State,
         network,
         data_sha256: "none".into(),
         transitions: 0,
@@ -147,7 +149,7 @@ fn the_network_sees_neither_place_nor_heading() {
         features.token(&state, &[event], &[], &Vector3::new(0.0, 0.0, -9.81), &mut out);
         let mut change = vec![0.0; Features::outputs(&system)];
         let (next, _) = placed(p + heading * Vector3::new(0.01, 0.02, 0.0), turn + 0.03);
-        features.target(&state, &next, &mut change);
+        features.target(&state, &state, &next, &mut change);
         [out, change].concat()
     };
     let here = token(Vector3::zeros(), 0.0);

@@ -5,59 +5,99 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
+use nerd_model::base::{Base, Flight};
 use nerd_model::features::Features;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, read_shard, record, sha256_of};
+use nerd_sim::scene::Scene;
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
 use crate::windows::Windows;
 
-/// Tokens and targets of every frame of a recording, not normalised yet.
-pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize) -> Windows {
+/// Tokens and targets of every frame of a recording, not normalised yet; targets are changes from `base`.
+///
+/// # Errors
+/// Of the flight of [`Base::Flight`].
+pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, base: Base) -> Result<Windows, DatasetError> {
     let (inputs, outputs) = (Features::inputs(system), Features::outputs(system));
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
     let mut y = vec![0.0; recording.trajectories * f * outputs];
-    x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate().for_each_init(
-        || Features::new(system),
-        |features, (trajectory, (x, y))| {
+    let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate();
+    rows.try_for_each_init(
+        || (Features::new(system), (base == Base::Flight).then(|| Flight::new(system))),
+        |(features, flight), (trajectory, (x, y))| {
+            let row = Row::of(system, recording, trajectory);
+            let bases = match flight {
+                None => &row.states,
+                Some(flight) => {
+                    let scenes = vec![Arc::new(Scene::free(row.gravity)); f];
+                    flight
+                        .step(&row.states[..f * outputs], &scenes, &row.torques)
+                        .map_err(|source| DatasetError::Step { first: trajectory as u64, source })?
+                }
+            };
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * outputs..][..outputs]);
-                frame_of(system, recording, trajectory, frame, features, x, y);
+                row.frame(system, recording, frame, &bases[frame * outputs..][..outputs], features, x, y);
             }
+            Ok(())
         },
-    );
-    Windows { inputs, outputs, frames: f, history, x, y }
+    )?;
+    Ok(Windows { inputs, outputs, frames: f, history, x, y })
 }
 
-fn frame_of(
-    system: &System,
-    recording: &Recording,
+/// A trajectory in f64.
+struct Row {
     trajectory: usize,
-    frame: usize,
-    features: &mut Features,
-    x: &mut [f32],
-    y: &mut [f32],
-) {
-    let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
-    let vector = |x: &[f32]| Vector3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]));
-    let at = (trajectory * (recording.frames + 1) + frame) * d;
-    let (state, next) = (wide(&recording.states[at..at + d]), wide(&recording.states[at + d..at + 2 * d]));
-    let row = trajectory * recording.frames + frame;
-    let event = |k: usize| {
-        let i = row * points + k;
-        let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
-        let distance = f64::from(recording.depths[i]);
-        // The point on the robot follows from the rest and is no input of the network.
-        ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
-    };
-    let events: Vec<_> = (0..points).map(event).collect();
-    let torques = wide(&recording.torques[row * joints..(row + 1) * joints]);
-    features.token(&state, &events, &torques, &vector(&recording.gravity[3 * trajectory..]), x);
-    features.target(&state, &next, y);
+    states: Vec<f64>,
+    torques: Vec<f64>,
+    gravity: Vector3<f64>,
+}
+
+impl Row {
+    fn of(system: &System, recording: &Recording, trajectory: usize) -> Self {
+        let (f, d, joints) = (recording.frames, system.robot.state_dim(), system.robot.joint_count());
+        let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
+        Self {
+            trajectory,
+            states: wide(&recording.states[trajectory * (f + 1) * d..][..(f + 1) * d]),
+            torques: wide(&recording.torques[trajectory * f * joints..][..f * joints]),
+            gravity: vector(&recording.gravity[3 * trajectory..]),
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn frame(
+        &self,
+        system: &System,
+        recording: &Recording,
+        frame: usize,
+        base: &[f64],
+        features: &mut Features,
+        x: &mut [f32],
+        y: &mut [f32],
+    ) {
+        let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
+        let (state, next) = (&self.states[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
+        let row = self.trajectory * recording.frames + frame;
+        let event = |k: usize| {
+            let i = row * points + k;
+            let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
+            let distance = f64::from(recording.depths[i]);
+            // The point on the robot follows from the rest and is no input of the network.
+            ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
+        };
+        let events: Vec<_> = (0..points).map(event).collect();
+        features.token(state, &events, &self.torques[frame * joints..][..joints], &self.gravity, x);
+        features.target(state, base, next, y);
+    }
+}
+
+fn vector(x: &[f32]) -> Vector3<f64> {
+    Vector3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]))
 }
 
 /// A data set ready to be normalised, and the hash of the recordings it was made from.
@@ -75,13 +115,14 @@ pub fn generate(
     solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
     config: &GenerateConfig,
     history: usize,
+    base: Base,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared, DatasetError> {
     let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
         let recording = record(system, &mut *solver(), config, first as u64, count)?;
-        let done = (tokens(system, &recording, history), recording.sha256());
+        let done = (tokens(system, &recording, history, base)?, recording.sha256());
         progress(count * config.frames);
         Ok(done)
     };
@@ -89,7 +130,7 @@ pub fn generate(
 }
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote.
-pub fn read(system: &Arc<System>, folder: &Path, history: usize) -> Result<Prepared, DatasetError> {
+pub fn read(system: &Arc<System>, folder: &Path, history: usize, base: Base) -> Result<Prepared, DatasetError> {
     let path = folder.join("manifest.json");
     let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
     let text = std::fs::read_to_string(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
@@ -97,7 +138,10 @@ pub fn read(system: &Arc<System>, folder: &Path, history: usize) -> Result<Prepa
     if manifest.robot != system.name {
         return Err(wrong(format!("holds robot `{}`, not `{}`", manifest.robot, system.name)));
     }
-    let shard = |name: &String| read_shard(&folder.join(name)).map(|(r, _)| (tokens(system, &r, history), r.sha256()));
+    let shard = |name: &String| -> Result<_, DatasetError> {
+        let (recording, _) = read_shard(&folder.join(name))?;
+        Ok((tokens(system, &recording, history, base)?, recording.sha256()))
+    };
     let prepared = joined(manifest.shards.par_iter().map(shard).collect::<Result<_, DatasetError>>()?);
     if prepared.sha256 != manifest.sha256 {
         return Err(wrong("the shards are not those it was written for (SHA-256 differs)".into()));

@@ -6,8 +6,8 @@ use nerd_core::robot::{JointKind, Robot};
 use nerd_core::state::{quaternion, vector, write_quaternion};
 use rapier3d_f64::prelude::*;
 
-use super::{Joints, RapierConfig};
 use super::template::{Template, axis, insert_scene};
+use super::{Joints, RapierConfig};
 use crate::parallel::Frame;
 use crate::scene::{Scene, from_parry, pose_from_parry, pose_to_parry, to_parry};
 use crate::system::System;

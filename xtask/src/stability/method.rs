@@ -41,7 +41,11 @@ pub const METHODS: [Method; 10] = [
     Method { name: "Euler x64", make: |_| euler(64), finer: |_| euler(256) },
     Method { name: "implicit x4", make: |_| implicit(4), finer: |_| implicit(16) },
     Method { name: "implicit x16", make: |_| implicit(16), finer: |_| implicit(64) },
-    Method { name: CONVERGED, make: |_| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))), finer: |_| implicit(512) },
+    Method {
+        name: CONVERGED,
+        make: |_| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))),
+        finer: |_| implicit(512),
+    },
     Method { name: "rapier 4x4", make: |_| rapier(Joints::Multibody, 4), finer: |_| rapier(Joints::Multibody, 16) },
     Method { name: "rapier 16x4", make: |_| rapier(Joints::Multibody, 16), finer: |_| rapier(Joints::Multibody, 64) },
     Method { name: "rapier impulse", make: |_| rapier(Joints::Impulse, 4), finer: |_| rapier(Joints::Impulse, 16) },

@@ -113,9 +113,7 @@ pub fn universal() -> Result<Arc<System>, String> {
         )
     };
     let joint = |name: &str, parent: &str, child: &str, axis: &str| {
-        format!(
-            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/></joint>"#
-        )
+        format!(r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/></joint>"#)
     };
     let urdf = [
         r#"<robot name="universal"><link name="base"/>"#.to_string(),

@@ -16,6 +16,9 @@ pub struct TrainArgs {
     /// Size of the network and of the run: `paper` (E 192, 6 layers, batch 512) or `small` (E 48, 2 layers, batch 128)
     #[arg(long, value_enum, default_value_t = Preset::Paper)]
     pub preset: Preset,
+    /// What predictions are added to: state (the paper) or flight (one contact-free frame; the residual form)
+    #[arg(long, value_enum, default_value_t = BaseName::State)]
+    pub base: BaseName,
     /// Folder of shards made by `dataset`; recorded in memory if absent
     #[arg(long)]
     pub data: Option<PathBuf>,
@@ -79,6 +82,7 @@ impl TrainArgs {
             robot: robot.into(),
             out,
             preset: Preset::Small,
+            base: BaseName::State,
             data: None,
             from: None,
             transitions: None,
@@ -117,4 +121,13 @@ pub enum OptimizerName {
     Adam,
     /// Orthogonalised momentum.
     Muon,
+}
+
+/// What predictions are added to.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BaseName {
+    /// The state before the frame.
+    State,
+    /// The state after a frame without contact.
+    Flight,
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::Result;
+use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{TransformerConfig, Weights};
@@ -19,6 +20,7 @@ use crate::provenance::Provenance;
 pub struct Run {
     pub robot: String,
     pub truth: String,
+    pub base: Base,
     pub network: TransformerConfig,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
@@ -34,6 +36,7 @@ pub fn model_config(run: &Run, provenance: &HashMap<String, String>) -> ModelCon
     ModelConfig {
         robot: run.robot.clone(),
         truth: run.truth.clone(),
+        base: run.base,
         network: run.network,
         data_sha256: run.data_sha256.clone(),
         transitions: run.transitions,
@@ -97,13 +100,14 @@ pub fn export(
     let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
     let config = model_config(run, &provenance);
     let mut card = format!(
-        "# NeRD of `{}`\n\nA causal Transformer ({} parameters, E {}, {} layers, window {}) that learned one frame of `{}`.\n\
+        "# NeRD of `{}`\n\nA causal Transformer ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
          {} updates of {} windows on {} random transitions (SHA-256 `{}`).\n\n| | |\n|---|---|\n",
         run.robot,
         run.network.parameters(),
         run.network.embedding,
         run.network.layers,
         run.network.history,
+        if run.base == Base::State { "one frame" } else { "what contact adds to one frame of flight" },
         run.truth,
         run.trainer.updates,
         run.learner.batch,

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
@@ -30,7 +31,7 @@ mod args;
 mod card;
 
 pub use args::TrainArgs;
-use args::{OptimizerName, Preset};
+use args::{BaseName, OptimizerName, Preset};
 use card::{Run, export, history, log_time, model_config};
 
 use crate::common::Device;
@@ -74,6 +75,16 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let started = Instant::now();
     let system = System::named(&args.robot)?;
     let small = args.preset == Preset::Small;
+    let base = match args.base {
+        BaseName::State => Base::State,
+        BaseName::Flight if system.robot.contact_points.is_empty() => {
+            bail!(
+                "`{}` has nothing to touch: a frame of flight is its whole motion and needs no network; use --solver articulated",
+                args.robot
+            )
+        }
+        BaseName::Flight => Base::Flight,
+    };
     let (inputs, outputs) = (Features::inputs(&system), Features::outputs(&system));
     let mut network = TransformerConfig::paper(inputs, outputs, 192);
     if small {
@@ -108,13 +119,13 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
     let mut data = match &args.data {
-        Some(folder) => read(&system, folder, network.history)?,
-        None => recorded(&system, args, transitions, args.seed, network.history)?,
+        Some(folder) => read(&system, folder, network.history, base)?,
+        None => recorded(&system, args, transitions, args.seed, network.history, base)?,
     };
-    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.history)?.windows;
+    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.history, base)?.windows;
     let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(TRUTH))).transpose()?;
-    if let Some(parent) = parent.as_ref().filter(|p| p.config.network != network) {
-        bail!("--from: its network is {:?}, this run's {network:?}", parent.config.network);
+    if let Some(parent) = parent.as_ref().filter(|p| (p.config.network, p.config.base) != (network, base)) {
+        bail!("--from: its network is {:?} on {:?}, this run's {network:?} on {base:?}", parent.config.network, parent.config.base);
     }
     let normalizer = parent.as_ref().map_or_else(|| moments(&data.windows), |p| p.normalizer.clone());
     normalize(&mut data.windows, &normalizer);
@@ -123,6 +134,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let run = Run {
         robot: system.name.clone(),
         truth: TRUTH.into(),
+        base,
         network,
         learner,
         trainer,
@@ -174,13 +186,13 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     Ok(Some(folder))
 }
 
-fn recorded(system: &Arc<System>, args: &TrainArgs, transitions: usize, seed: u64, history: usize) -> Result<Prepared> {
+fn recorded(system: &Arc<System>, args: &TrainArgs, transitions: usize, seed: u64, history: usize, base: Base) -> Result<Prepared> {
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     let config = GenerateConfig { transitions, seed, torque_scale, shard_trajectories: 512, ..Default::default() };
     let bar = crate::common::bar("recording transitions", (config.trajectories() * config.frames) as u64);
     let done = AtomicUsize::new(0);
     let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-    let prepared = generate(system, &|| truth(system), &config, history, &tell)?;
+    let prepared = generate(system, &|| truth(system), &config, history, base, &tell)?;
     bar.finish();
     Ok(prepared)
 }

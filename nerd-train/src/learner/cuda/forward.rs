@@ -12,8 +12,8 @@ use crate::learner::LearnError;
 
 /// Inference on GPU 0.
 pub struct CudaForward {
-    /// The pass over as many windows as last asked for.
-    graph: Option<(usize, CudaGraph)>,
+    /// Passes by their number of windows: a few sizes, since the number asked for may change every frame.
+    graphs: Vec<(usize, CudaGraph)>,
     network: Network,
     weights: Buffer<f32>,
     last: Buffer<u32>,
@@ -39,7 +39,7 @@ impl CudaForward {
         let (flat, last) = (d.upload(&weights.flat)?, d.zeros(max_windows)?);
         let (selected, predictions) = (d.zeros(max_windows * c.embedding)?, d.zeros(max_windows * c.outputs)?);
         network.fold(flat.ptr)?;
-        Ok(Self { graph: None, network, weights: flat, last, selected, predictions, staging: Vec::new() })
+        Ok(Self { graphs: Vec::new(), network, weights: flat, last, selected, predictions, staging: Vec::new() })
     }
 
     /// Prediction for the newest token of each window.
@@ -65,21 +65,25 @@ impl CudaForward {
                 c.inputs, self.network.rows, c.history
             )));
         }
+        let size = windows.next_multiple_of(self.network.rows.div_ceil(8)).min(self.network.rows);
         self.staging.clear();
-        self.staging.resize(windows * c.history * padded, 0.0);
+        self.staging.resize(size * c.history * padded, 0.0);
         for (token, row) in inputs.chunks_exact(c.inputs).enumerate() {
             let at = (token / tokens * c.history + token % tokens) * padded;
             self.staging[at..at + c.inputs].copy_from_slice(row);
         }
         let d = &self.network.device;
         d.write(&self.network.inputs, &self.staging)?;
-        d.write(&self.last, last)?;
-        if self.graph.as_ref().is_none_or(|(n, _)| *n != windows) {
-            self.pass(windows)?;
+        let mut rows = last.to_vec();
+        rows.resize(size, 0);
+        d.write(&self.last, &rows)?;
+        if self.graphs.iter().all(|(n, _)| *n != size) {
+            self.pass(size)?;
             d.wait()?;
-            self.graph = Some((windows, d.capture(|| self.pass(windows))?));
+            let graph = d.capture(|| self.pass(size))?;
+            self.graphs.push((size, graph));
         }
-        if let Some((_, graph)) = &self.graph {
+        if let Some((_, graph)) = self.graphs.iter().find(|(n, _)| *n == size) {
             graph.launch().map_err(super::device::failed("forward pass"))?;
         }
         let mut out = vec![0.0; windows * c.outputs];
