@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
-use nerd_core::dynamics::to_local;
+use nerd_core::dynamics::{to_local, to_world};
 use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::batch::Batch;
 use nerd_sim::control::Controller;
@@ -85,23 +85,6 @@ impl Gaps {
         }
     }
 
-    /// Where `time` at constant velocity leads.
-    fn glide(&self, state: &[f64], time: f64, out: &mut Vec<f64>) {
-        let robot = &self.system.robot;
-        let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
-        out.clear();
-        out.extend_from_slice(state);
-        let (q, qd) = out.split_at_mut(nq);
-        to_local(robot, q, qd);
-        q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
-        if robot.floating() {
-            let p = vector(q) + vector(&qd[3..6]) * time;
-            let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
-            q[..3].copy_from_slice(p.as_slice());
-            nerd_core::state::write_quaternion(&mut q[3..7], &turned);
-        }
-    }
-
     /// Largest joint speed, turning speed and speed of the root.
     fn speeds(&self, state: &[f64]) -> [f64; 3] {
         let robot = &self.system.robot;
@@ -111,6 +94,22 @@ impl Gaps {
         let joints = qd[robot.root_dofs()..].iter().fold(0.0f64, |a, v| a.max(v.abs()));
         if robot.floating() { [joints, vector(qd).norm(), vector(&qd[3..6]).norm()] } else { [joints, 0.0, 0.0] }
     }
+}
+
+/// Moves a state on by `time` (s) at constant joint velocities, angular velocity and velocity of the root.
+pub fn glide(system: &System, state: &mut [f64], time: f64) {
+    let robot = &system.robot;
+    let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
+    let (q, qd) = state.split_at_mut(nq);
+    to_local(robot, q, qd);
+    q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
+    if robot.floating() {
+        let p = vector(q) + vector(&qd[3..6]) * time;
+        let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
+        q[..3].copy_from_slice(p.as_slice());
+        nerd_core::state::write_quaternion(&mut q[3..7], &turned);
+    }
+    to_world(robot, q, qd);
 }
 
 /// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.
@@ -172,7 +171,9 @@ pub fn passive(
             add(&mut sums[0], &last[row.clone()]);
             gaps.between(a, s, &mut gap);
             add(&mut sums[1], &gap);
-            gaps.glide(s, time, &mut glided);
+            glided.clear();
+            glided.extend_from_slice(s);
+            glide(system, &mut glided, time);
             gaps.between(a, &glided, &mut gap);
             add(&mut sums[2], &gap);
             if gone[env].is_none() && b.iter().any(|x| x.abs() > 1e5) {

@@ -107,6 +107,14 @@ pub fn build(args: &SolverArgs, system: &Arc<System>, n: usize) -> Result<Box<dy
     })
 }
 
+/// The solver that a model's card calls its truth.
+pub fn truth(name: &str, system: &Arc<System>) -> Result<Box<dyn Solver>> {
+    match name {
+        crate::train::TRUTH => Ok(crate::train::truth(system)),
+        _ => bail!("no truth is called `{name}`; known is `{}`", crate::train::TRUTH),
+    }
+}
+
 /// Folder of the model that comes with the project.
 pub fn shipped(robot: &str) -> PathBuf {
     Path::new("models").join(robot)

@@ -7,7 +7,6 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::Line;
-use super::method::METHODS;
 use crate::table::digits;
 
 const LEFT: i32 = 200;
@@ -15,12 +14,16 @@ const TOP: i32 = 70;
 const CELL: (i32, i32) = (104, 24);
 
 /// Writes `stem.svg` and `stem.png`.
-pub fn draw(lines: &[Line], stem: &Path) -> Result<()> {
-    let size = ((LEFT + CELL.0 * METHODS.len() as i32 + 20) as u32, (TOP + CELL.1 * lines.len() as i32 + 40) as u32);
-    crate::plot::save(stem, size, &Heat(lines))
+pub fn draw(title: &str, columns: &[String], lines: &[Line], stem: &Path) -> Result<()> {
+    let size = ((LEFT + (CELL.0 * columns.len() as i32 + 20).max(740)) as u32, (TOP + CELL.1 * lines.len() as i32 + 40) as u32);
+    crate::plot::save(stem, size, &Heat { title, columns, lines })
 }
 
-struct Heat<'a>(&'a [Line]);
+struct Heat<'a> {
+    title: &'a str,
+    columns: &'a [String],
+    lines: &'a [Line],
+}
 
 impl crate::plot::Picture for Heat<'_> {
     fn draw<B: DrawingBackend>(&self, area: &plotters::drawing::DrawingArea<B, plotters::coord::Shift>) -> Result<()> {
@@ -28,11 +31,11 @@ impl crate::plot::Picture for Heat<'_> {
         let style = |size: i32, colour: RGBColor, h: HPos| ("sans-serif", size).into_font().color(&colour).pos(Pos::new(h, VPos::Center));
         let text = |words: &str, at: (i32, i32), style: TextStyle| area.draw(&Text::new(words.to_string(), at, style)).map_err(failed);
         area.fill(&WHITE).map_err(failed)?;
-        text("Where methods fail: figure of each row, coloured by figure / limit", (LEFT, 20), style(17, BLACK, HPos::Left))?;
-        for (k, method) in METHODS.iter().enumerate() {
-            text(method.name, (LEFT + CELL.0 * k as i32 + CELL.0 / 2, TOP - 14), style(13, BLACK, HPos::Center))?;
+        text(self.title, (LEFT, 20), style(17, BLACK, HPos::Left))?;
+        for (k, name) in self.columns.iter().enumerate() {
+            text(name, (LEFT + CELL.0 * k as i32 + CELL.0 / 2, TOP - 14), style(13, BLACK, HPos::Center))?;
         }
-        for (r, line) in self.0.iter().enumerate() {
+        for (r, line) in self.lines.iter().enumerate() {
             let y = TOP + CELL.1 * r as i32;
             text(line.row, (LEFT - 10, y + CELL.1 / 2), style(13, BLACK, HPos::Right))?;
             for (k, cell) in line.cells.iter().enumerate() {
@@ -45,7 +48,7 @@ impl crate::plot::Picture for Heat<'_> {
                 text(&words, (x + CELL.0 / 2, y + CELL.1 / 2), style(12, WHITE, HPos::Center))?;
             }
         }
-        let y = TOP + CELL.1 * self.0.len() as i32 + 20;
+        let y = TOP + CELL.1 * self.lines.len() as i32 + 20;
         let legend =
             [("a tenth of the limit", 0.05), ("the limit", 0.5), ("10 times", 5.0), ("1000 times", 50.0), ("more, or lost", f64::MAX)];
         text("figure up to", (LEFT - 10, y), style(13, BLACK, HPos::Right))?;

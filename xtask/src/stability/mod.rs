@@ -5,7 +5,7 @@
 //! ten times the limit degraded, beyond it, or with an error of the solver (the figure is then that of the motion before), a
 //! failure. Failures are the point.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use rayon::prelude::*;
@@ -15,6 +15,7 @@ mod contact;
 mod flight;
 mod heat;
 mod joints;
+mod learned;
 mod method;
 mod robots;
 mod row;
@@ -37,6 +38,9 @@ pub struct StabilityArgs {
     /// Break every method on purpose, to see the rows that can tell go red; nothing is written
     #[arg(long, value_enum)]
     pub fault: Option<Fault>,
+    /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER.*
+    #[arg(long, value_delimiter = ',')]
+    pub model: Vec<PathBuf>,
     /// Folder for stability.json, .md, .svg and .png
     #[arg(long, default_value = "results")]
     pub out: PathBuf,
@@ -54,6 +58,14 @@ struct Line {
 
 /// Runs the verb.
 pub fn run(args: StabilityArgs) -> Result<()> {
+    if !args.model.is_empty() {
+        for (folder, (title, columns, lines)) in args.model.iter().zip(learned::tables(&args.model, &args.rows)?) {
+            let name = folder.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
+            println!("{title}\n");
+            write(&args.out.join(format!("stability-{name}")), &format!("Where it holds: {title}"), &columns, &lines)?;
+        }
+        return Ok(());
+    }
     let chosen: Vec<&Row> = rows().filter(|r| args.rows.is_empty() || args.rows.iter().any(|w| r.name.contains(w.as_str()))).collect();
     if chosen.is_empty() {
         bail!("--rows {}: no row is called so; known are {}", args.rows.join(","), rows().map(|r| r.name).collect::<Vec<_>>().join(", "));
@@ -76,24 +88,30 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         })
         .collect();
     bar.finish();
-    let text = table(&lines);
-    println!("{text}");
+    let names: Vec<String> = METHODS.iter().map(|m| m.name.to_string()).collect();
     if let Some(fault) = args.fault {
+        println!("{}", table(&names, &lines));
         let named = chosen.iter().filter(|r| r.reddens.contains(&fault)).map(|r| r.name).collect::<Vec<_>>();
         println!("rows that {fault:?} must turn red: {}", named.join(", "));
         return Ok(());
     }
+    write(&args.out.join("stability"), "Where methods fail: figure of each row, coloured by figure / limit", &names, &lines)
+}
+
+/// Prints the table and writes `stem.json`, `.md`, `.svg` and `.png`.
+fn write(stem: &Path, title: &str, columns: &[String], lines: &[Line]) -> Result<()> {
+    let text = table(columns, lines);
+    println!("{text}");
     let stamp = Provenance::now(0);
-    let names: Vec<_> = METHODS.iter().map(|m| m.name).collect();
-    let json = serde_json::json!({ "provenance": stamp, "methods": names, "rows": lines });
-    crate::files::write(&args.out.join("stability.json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
+    let json = serde_json::json!({ "provenance": stamp, "methods": columns, "rows": lines });
+    crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
     let from = format!("\n`{}`, commit {}, {}, {}\n", stamp.command, stamp.commit, stamp.machine, stamp.date);
-    crate::files::write(&args.out.join("stability.md"), (text + &from).as_bytes())?;
-    heat::draw(&lines, &args.out.join("stability"))
+    crate::files::write(&stem.with_extension("md"), (text + &from).as_bytes())?;
+    heat::draw(title, columns, lines, stem)
 }
 
 /// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed, `lost` where the solver gave up.
-fn table(lines: &[Line]) -> String {
+fn table(columns: &[String], lines: &[Line]) -> String {
     let mark = |c: &Cell| match c.verdict {
         _ if c.lost.is_some() => " lost",
         Verdict::Pass => "",
@@ -105,7 +123,7 @@ fn table(lines: &[Line]) -> String {
         let start = [l.row.to_string(), l.figure.to_string(), digits(l.limit)];
         start.into_iter().chain(l.cells.iter().map(cell)).collect()
     });
-    let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(METHODS.iter().map(|m| m.name)).collect();
+    let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(columns.iter().map(String::as_str)).collect();
     markdown(&header, &rows.collect::<Vec<_>>())
 }
 
