@@ -24,6 +24,16 @@ pub enum Start {
     Reset,
 }
 
+impl Start {
+    /// Its name in a specification.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sample => "sample",
+            Self::Reset => "reset",
+        }
+    }
+}
+
 /// The random stream of a trajectory.
 pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -31,20 +41,23 @@ pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
     rng
 }
 
-/// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose.
+/// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose, until it stands clear if it must.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
-    let robot = &system.robot;
-    let clear = system.spec.root.as_ref().and_then(|root| of(root, which).clearance);
-    let ground = system.spec.data_scene.as_ref().filter(|_| clear.is_some()).and_then(|name| system.scene(name).ok());
-    let (mut data, mut events) = (Data::new(robot), Vec::new());
     loop {
-        let state = draw(system, which, rng);
-        let (Some(least), Some(scene)) = (clear, &ground) else { return state };
-        contacts(system, scene, &state, &mut data, &mut events);
-        if events.iter().all(|e| e.distance >= least) {
+        if let Some(state) = clear_start(system, which, rng) {
             return state;
         }
     }
+}
+
+/// One draw of a start, if it stands as clear of the data's scene as the specification asks.
+pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
+    let state = draw(system, which, rng);
+    let Some(least) = system.spec.root.as_ref().and_then(|root| of(root, which).clearance) else { return Some(state) };
+    let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
+    let mut events = Vec::new();
+    contacts(system, &scene, &state, &mut Data::new(&system.robot), &mut events);
+    events.iter().all(|e| e.distance >= least).then_some(state)
 }
 
 fn of(root: &RootSpec, which: Start) -> &RootStart {

@@ -8,6 +8,7 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Link, Robot, UrdfError};
 
 use crate::law::{Law, number};
+use crate::sampling::{Start, clear_start, stream};
 use crate::scene::{Collider, Scene, turned_plane};
 use crate::spec::{JointSpec, Spec, StartSpec};
 use crate::worlds::{WORLDS, world};
@@ -167,6 +168,12 @@ impl System {
         let system = Self { name: name.into(), robot, spec, frame_time, joint_specs };
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
+        }
+        for which in [Start::Sample, Start::Reset] {
+            let mut rng = stream(0, 0);
+            if !(0..10_000).any(|_| clear_start(&system, which, &mut rng).is_some()) {
+                return Err(wrong(format!("none of 10000 starts of [root.{}] has the clearance it asks for", which.name())));
+            }
         }
         Ok(system)
     }

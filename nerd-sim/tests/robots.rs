@@ -144,3 +144,21 @@ fn every_robot_is_recorded() {
         assert!(system.spec.data_scene.is_none() || nearest < 0.1, "{name}: nothing comes nearer to the ground than {nearest} m");
     }
 }
+
+/// A start under the ground is drawn again; one that always is, is refused when the robot is made.
+#[test]
+fn a_clearance_that_no_start_has_is_refused() {
+    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial><collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
+    let toml = |low: f64| {
+        let zero = r#"["U(0, 0)", "U(0, 0)", "U(0, 0)"]"#;
+        format!(
+            "urdf = \"\"\nfloating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\ndata_scene = \"ground\"\n[root]\nposition = [0.0, 0.0, 1.0]\nquaternion = [0.0, 0.0, 0.0, 1.0]\n[root.sample]\nposition = [\"U(0, 0)\", \"U(0, 0)\", \"U({low}, 0.5)\"]\ntilt = \"U(0, 0)\"\nangular = {zero}\nlinear = {zero}\nclearance = 0.3\n[[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n"
+        )
+    };
+    let system = System::from_text("ball", urdf, Some(&toml(-1.0))).expect("some starts are clear");
+    let lowest = (0..200).map(|env| start(&system, Start::Sample, &mut stream(0, env))[2]).fold(f64::INFINITY, f64::min);
+    assert!((0.3..0.35).contains(&lowest), "lowest of 200 starts {lowest} m, the contact law's distance is to the centre");
+    let toml = toml(-1.0).replace("clearance = 0.3", "clearance = 0.6");
+    let error = System::from_text("ball", urdf, Some(&toml)).err().expect("no start is clear").to_string();
+    assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
+}
