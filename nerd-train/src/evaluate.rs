@@ -12,6 +12,7 @@ use nerd_core::dynamics::{to_local, to_world};
 use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::batch::Batch;
 use nerd_sim::control::Controller;
+use nerd_sim::dataset::Drive;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
@@ -19,7 +20,7 @@ use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
 /// What to run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassiveConfig {
     /// Trajectories (paper: 2048).
     pub starts: usize,
@@ -27,6 +28,9 @@ pub struct PassiveConfig {
     pub steps: usize,
     /// Seed of the starts (reference: 500).
     pub seed: u64,
+    /// Factor on the random torques of the training data, drawn at the truth's state and given to both; 0: no action.
+    #[serde(default)]
+    pub drive: f64,
 }
 
 /// Errors of one solver against the truth; figures in the order of [`quantities`].
@@ -136,7 +140,8 @@ pub fn passive(
     let first = real.clone();
     let gaps = Gaps { system: system.clone(), wraps: robot.joints().map(|j| j.wraps()).collect() };
     let width = quantities(system).len();
-    let mut controller = Controller::new(system);
+    let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
+    let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed + 1, env)).collect();
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
     // Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold, of glide.
     let mut sums = [vec![0.0; n * width], vec![0.0; n * width], vec![0.0; n * width]];
@@ -151,6 +156,12 @@ pub fn passive(
             for env in 0..n {
                 controller.torques(batch.state(env), &action, &mut torques[env * joints..(env + 1) * joints]);
             }
+        }
+        if config.drive != 0.0 {
+            for (env, rng) in streams.iter_mut().enumerate() {
+                drive.draw(real.state(env), config.drive, rng, &mut torques[0][env * joints..(env + 1) * joints]);
+            }
+            torques[1] = torques[0].clone();
         }
         truth.step(&mut real, &torques[0])?;
         solver.step(&mut learned, &torques[1])?;

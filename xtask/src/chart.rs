@@ -118,7 +118,7 @@ pub fn run(args: ChartArgs) -> Result<()> {
         "provenance": Provenance::now(args.seed),
         "robot": system.name,
         "scene": scene.name,
-        "protocol": PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed },
+        "protocol": PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, drive: 0.0 },
         "reference": reference,
         "reference_error": mean(&base.error),
         "hold": mean(&base.hold),
@@ -151,7 +151,7 @@ fn measure(
 
     let (finest, reference) = if contact { (4 * args.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if contact { Method::Implicit(n) } else { Method::Rk4(n) };
-    let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed };
+    let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, drive: 0.0 };
     let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).build(system, 1)?.1, frames: Vec::new() };

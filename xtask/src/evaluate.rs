@@ -37,6 +37,9 @@ pub struct EvaluateArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500)]
     pub seed: u64,
+    /// Random torques of the training data times this, in place of passive motion
+    #[arg(long, default_value_t = 0.0)]
+    pub drive: f64,
     /// JSON file to write
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -85,7 +88,7 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
     let mut rows = Vec::new();
     for (k, scene) in found.iter().enumerate() {
-        let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed };
+        let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed, drive: args.drive };
         let mut solver = build(&args.solver, &system, args.starts)?;
         let report = measure(&system, scene, &mut *solver, protocol, &mut |step| bar.set((k * steps + step) as u64))?;
         rows.push(Row {

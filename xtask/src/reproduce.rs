@@ -59,6 +59,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
             starts: args.starts,
             steps: None,
             seed: args.seed,
+            drive: 0.0,
             out: None,
         })?);
         models.push(model);

@@ -5,6 +5,7 @@ mod generate;
 mod recording;
 mod shard;
 
+pub use drive::Drive;
 pub use generate::{GenerateConfig, Manifest, generate, record};
 pub use recording::{Recording, sha256_of};
 pub use shard::{DatasetError, read_shard, write_shard};

@@ -99,14 +99,14 @@ fn table(folder: &PathBuf, words: &[String]) -> Result<(String, Vec<String>, Vec
 }
 
 fn horizon(case: &Case, maker: &Maker, steps: usize) -> Result<f64> {
-    let config = PassiveConfig { starts: STARTS, steps, seed: 21 };
+    let config = PassiveConfig { starts: STARTS, steps, seed: 21, drive: 0.0 };
     let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
     let report = passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?;
     Ok(report.error.iter().sum::<f64>() / report.hold.iter().sum::<f64>().max(1e-12))
 }
 
 fn gone(case: &Case, maker: &Maker) -> Result<f64> {
-    let config = PassiveConfig { starts: STARTS, steps: 1000, seed: 22 };
+    let config = PassiveConfig { starts: STARTS, steps: 1000, seed: 22, drive: 0.0 };
     let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
     Ok(passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?.diverged as f64)
 }

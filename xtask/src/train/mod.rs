@@ -237,7 +237,7 @@ fn engine(
 /// Mean error by coordinate over the paper's horizon in free space and, where there is one, on the first ground.
 fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weights: Weights, args: &TrainArgs) -> Result<f64> {
     let steps = paper::horizon(&system.name);
-    let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed };
+    let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed, drive: 0.0 };
     let scenes: Vec<&str> = system.usual_scenes().into_iter().take(2).collect();
     let mut total = 0.0;
     for scene in &scenes {
