@@ -18,6 +18,7 @@ mod rollout;
 mod solvers;
 mod stability;
 mod table;
+mod tosses;
 mod train;
 
 /// NeRD in Rust: data, training, rollouts, measurement.
@@ -38,6 +39,8 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Show where each method stays right, bends and breaks
     Stability(stability::StabilityArgs),
+    /// Predict real tosses of a cube, open loop
+    Tosses(tosses::TossesArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -63,6 +66,7 @@ fn main() -> ExitCode {
         Verb::Chart(args) => chart::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Stability(args) => stability::run(args),
+        Verb::Tosses(args) => tosses::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

@@ -81,7 +81,7 @@ impl Workspace {
             multibody_joints: joints.clone(),
             ..PhysicsWorld::new()
         };
-        insert_scene(scene, &mut self.world.colliders);
+        insert_scene(scene, config.restitution, &mut self.world.colliders);
     }
 
     /// The multibody with the bodies it moves.
