@@ -10,6 +10,7 @@ mod common;
 mod dataset;
 mod evaluate;
 mod files;
+mod inspect;
 mod paper;
 mod plot;
 mod provenance;
@@ -27,6 +28,8 @@ mod train;
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),
+    /// Show what a data set holds, as a learner will see it
+    Inspect(inspect::InspectArgs),
     /// Train a model from nothing, or go on training
     Train(Box<train::TrainArgs>),
     /// Roll a solver out from the states of a CSV file
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
     provenance::Provenance::begin();
     let done = match verb {
         Verb::Dataset(args) => dataset::run(args),
+        Verb::Inspect(args) => inspect::run(args),
         Verb::Train(args) => train::run(*args),
         Verb::Rollout(args) => rollout::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
