@@ -113,8 +113,10 @@ pub fn run(args: InspectArgs) -> Result<()> {
     });
     let stem = args.out.as_ref().unwrap_or(folder).join("inspect");
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
-    let title =
-        format!("{}: {} tokens, every input and target (bars over mean ± 4 standard deviations at most)", system.name, counts.tokens);
+    let title = format!(
+        "{}: {} tokens, every input and target, over mean ± 4 standard deviations at most, heights by the root of the count",
+        system.name, counts.tokens
+    );
     picture::draw(&title, &all, counts.tokens, &stem)
 }
 

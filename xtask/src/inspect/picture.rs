@@ -60,12 +60,13 @@ impl crate::plot::Picture for Sheet<'_> {
                 text(&note, (right, y + 9), 10, HPos::Right)?;
             }
             area.draw(&PathElement::new([(left, floor), (right, floor)], BLACK.mix(0.4).stroke_width(1))).map_err(failed)?;
+            // Roots, so that a peak of what rests leaves something to see of what moves.
             let most = column.bars.iter().copied().max().unwrap_or(0);
             if most == 0 {
                 continue;
             }
             let at = |i: usize| left + (right - left) * i as i32 / BINS as i32;
-            let up = |n: u64| floor - ((floor - top) as f64 * n as f64 / most as f64).round() as i32;
+            let up = |n: u64| floor - ((floor - top) as f64 * (n as f64 / most as f64).sqrt()).round() as i32;
             let steps = column.bars.iter().enumerate().flat_map(|(i, n)| [(at(i), up(*n)), (at(i + 1), up(*n))]);
             let outline: Vec<(i32, i32)> = [(left, floor)].into_iter().chain(steps).chain([(right, floor)]).collect();
             area.draw(&Polygon::new(outline, colour.mix(0.8).filled())).map_err(failed)?;

@@ -162,8 +162,8 @@ mod tests {
     use super::*;
     use crate::tosses::cube::Cube;
 
-    /// Measured over all windows: rapier 0.0115 m and 0.248 rad (elsewhere, with a world that goes on: 0.0119 and 0.242 on
-    /// half of the tosses), articulated 0.0109 and 0.243; here over every tenth.
+    /// Measured over all windows: rapier 0.0115 m and 0.248 rad (elsewhere, with a world that goes on, 0.0119 and 0.242 on half of
+    /// the tosses, here 0.0118 and 0.250 on that half), articulated 0.0110 and 0.228; here over every tenth window.
     #[test]
     fn real_tosses_are_predicted_as_well_as_was_measured() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/cube-toss");
@@ -181,7 +181,7 @@ mod tests {
             let (motions, lost) = roll(method, &trials).expect("rollouts");
             let found = against(&trials, &motions);
             println!("{}: {:.4} m, {:.3} rad", method.name, found.position, found.rotation);
-            assert!(lost == 0 && found.position < 0.0135 && found.rotation < 0.30, "{}: {found:?}", method.name);
+            assert!(lost == 0 && found.position < 0.0125 && found.rotation < 0.27, "{}: {found:?}", method.name);
         }
     }
 }
