@@ -10,6 +10,7 @@ mod common;
 mod dataset;
 mod evaluate;
 mod files;
+mod inspect;
 mod paper;
 mod plot;
 mod provenance;
@@ -18,6 +19,7 @@ mod rollout;
 mod solvers;
 mod stability;
 mod table;
+mod tosses;
 mod train;
 
 /// NeRD in Rust: data, training, rollouts, measurement.
@@ -26,6 +28,8 @@ mod train;
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),
+    /// Show what a data set holds, as a learner will see it
+    Inspect(inspect::InspectArgs),
     /// Train a model from nothing, or go on training
     Train(Box<train::TrainArgs>),
     /// Roll a solver out from the states of a CSV file
@@ -38,6 +42,8 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Show where each method stays right, bends and breaks
     Stability(stability::StabilityArgs),
+    /// Predict real tosses of a cube, open loop
+    Tosses(tosses::TossesArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -57,12 +63,14 @@ fn main() -> ExitCode {
     provenance::Provenance::begin();
     let done = match verb {
         Verb::Dataset(args) => dataset::run(args),
+        Verb::Inspect(args) => inspect::run(args),
         Verb::Train(args) => train::run(*args),
         Verb::Rollout(args) => rollout::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Chart(args) => chart::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Stability(args) => stability::run(args),
+        Verb::Tosses(args) => tosses::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

@@ -10,7 +10,7 @@ use plotters::style::{FontStyle, register_font};
 /// Width and height (px).
 const SIZE: (u32, u32) = (1000, 640);
 /// Okabe and Ito's colours, which the colour-blind tell apart.
-const COLOURS: [RGBColor; 7] = [
+pub const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),

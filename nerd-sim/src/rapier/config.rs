@@ -42,6 +42,8 @@ pub struct RapierConfig {
     pub joints: Joints,
     /// Typical length of the scene (m), which scales rapier's tolerances. Default 0.1, the size of a robot's parts.
     pub length_unit: f64,
+    /// Restitution of every contact, from 0 to 1. Default 0; it takes the place of the compliant law's damping.
+    pub restitution: f64,
 }
 
 impl Default for RapierConfig {
@@ -54,6 +56,7 @@ impl Default for RapierConfig {
             friction: FrictionModel::Coulomb,
             joints: Joints::Multibody,
             length_unit: 0.1,
+            restitution: 0.0,
         }
     }
 }
@@ -77,6 +80,9 @@ impl RapierConfig {
             if !(value.is_finite() && value > 0.0) {
                 return Err(format!("rapier: {what} is {value}, a positive number is needed"));
             }
+        }
+        if !(0.0..=1.0).contains(&self.restitution) {
+            return Err(format!("rapier: restitution is {}, a number from 0 to 1 is needed", self.restitution));
         }
         Ok(())
     }

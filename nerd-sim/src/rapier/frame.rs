@@ -92,7 +92,7 @@ impl Workspace {
             impulse_joints,
             ..PhysicsWorld::new()
         };
-        insert_scene(scene, &mut self.world.colliders);
+        insert_scene(scene, config.restitution, &mut self.world.colliders);
     }
 
     /// The multibody with the bodies it moves.

@@ -101,12 +101,13 @@ fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBui
     out
 }
 
-/// Puts a scene's colliders into a world.
-pub(super) fn insert_scene(scene: &Scene, colliders: &mut ColliderSet) {
+/// Puts a scene's colliders into a world. A pair's restitution is the larger one, that of the scene.
+pub(super) fn insert_scene(scene: &Scene, restitution: f64, colliders: &mut ColliderSet) {
     for body in &scene.colliders {
         let scene::Collider { shape, pose, material, .. } = body;
         let builder = ColliderBuilder::new(shape.clone()).position(pose_to_parry(pose));
-        colliders.insert(surface(builder, material.friction, SCENE));
+        let builder = surface(builder, material.friction, SCENE).restitution(restitution);
+        colliders.insert(builder.restitution_combine_rule(CoefficientCombineRule::Max));
     }
 }
 
@@ -115,7 +116,7 @@ pub(super) fn axis(joint: &Joint) -> usize {
     if joint.kind == JointKind::Prismatic { 0 } else { 3 }
 }
 
-/// Friction by the mean of the pair, no restitution.
+/// Friction by the mean of the pair, no restitution of its own.
 fn surface(builder: ColliderBuilder, friction: f64, groups: InteractionGroups) -> ColliderBuilder {
     builder
         .friction(friction)

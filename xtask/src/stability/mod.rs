@@ -20,7 +20,7 @@ mod method;
 mod robots;
 mod row;
 mod trial;
-mod worlds;
+pub mod worlds;
 
 use method::{METHODS, Method};
 use row::{Cell, Row, Verdict, rows};

@@ -1,0 +1,206 @@
+//! Open-loop rollouts from measured states, and their distance from what was measured.
+//!
+//! A window is 80 samples, the measured start among them; windows begin at every fourth sample of a toss. An error is the mean
+//! of |dp| and of the angle between the orientations over all samples of a rollout, then over rollouts. The whole toss is one
+//! more rollout, from the first sample to the last.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nerd_core::state::{quaternion, vector};
+use nerd_sim::prelude::*;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::cube::lowest;
+use super::data::{DT, Sample, Toss};
+use super::method::Method;
+
+/// Samples of a window.
+pub const WINDOW: usize = 80;
+/// What a metre of the files is short of a metre, as rest height and free fall say.
+pub const METRIC: f64 = 0.979;
+
+/// Poses, one a frame.
+pub type Motion = Vec<Isometry3<f64>>;
+
+/// A start and what was measured from there on.
+#[derive(Clone)]
+pub struct Trial {
+    /// Toss it is of.
+    pub toss: u64,
+    /// Whether the start is before the first contact.
+    pub flying: bool,
+    /// The start.
+    pub start: Sample,
+    /// Poses, the start's first.
+    pub measured: Motion,
+}
+
+/// Windows of all tosses that begin at every `every`-th sample; lengths divided by `scale`.
+pub fn windows(tosses: &[Toss], every: usize, scale: f64) -> Vec<Trial> {
+    let cut = |toss: &Toss| {
+        let all = (0..(toss.samples.len() + 1).saturating_sub(WINDOW)).step_by(every);
+        all.map(|first| trial(toss, first, WINDOW, scale)).collect::<Vec<_>>()
+    };
+    tosses.iter().flat_map(cut).collect()
+}
+
+/// Whole tosses.
+pub fn whole(tosses: &[Toss], scale: f64) -> Vec<Trial> {
+    tosses.iter().map(|toss| trial(toss, 0, toss.samples.len(), scale)).collect()
+}
+
+fn trial(toss: &Toss, first: usize, length: usize, scale: f64) -> Trial {
+    let samples = &toss.samples[first..first + length];
+    let measured = samples.iter().map(|s| s.scaled(scale).pose).collect();
+    Trial { toss: toss.id, flying: first < toss.first_contact, start: samples[0].scaled(scale), measured }
+}
+
+/// Raises starts out of the table, until the lowest corner touches it: a compliant table throws a cube out that begins within.
+pub fn lifted(trials: &[Trial]) -> Vec<Trial> {
+    let lift = |trial: &Trial| {
+        let mut trial = trial.clone();
+        trial.start.pose.translation.z += (-lowest(&trial.start.pose)).max(0.0);
+        trial
+    };
+    trials.iter().map(lift).collect()
+}
+
+/// Distance of two sets of motions.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Score {
+    /// Mean |dp| (m) and mean angle (rad).
+    pub position: f64,
+    pub rotation: f64,
+    /// Standard deviations over rollouts.
+    pub position_spread: f64,
+    pub rotation_spread: f64,
+    /// Medians over rollouts.
+    pub position_median: f64,
+    pub rotation_median: f64,
+    /// Share of rollouts that end on another face, and their share of all the angles.
+    pub other_face: f64,
+    pub other_face_angles: f64,
+    /// Both means by sample, of motions of equal length.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub by_step: Vec<[f64; 2]>,
+}
+
+impl Score {
+    /// Without the figures by step.
+    pub fn brief(self) -> Self {
+        Self { by_step: Vec::new(), ..self }
+    }
+}
+
+/// The distance of each motion from its like.
+pub fn score<'a>(pairs: impl Iterator<Item = (&'a Motion, &'a Motion)>) -> Score {
+    let (mut each, mut steps, mut equal) = (Vec::new(), Vec::<[f64; 2]>::new(), true);
+    let (mut others, mut angles) = (0.0, 0.0);
+    for (a, b) in pairs {
+        let gaps: Vec<[f64; 2]> = a.iter().zip(b).map(|(a, b)| gap(a, b)).collect();
+        equal &= each.is_empty() || steps.len() == gaps.len();
+        steps.resize(gaps.len().max(steps.len()), [0.0; 2]);
+        for (sum, gap) in steps.iter_mut().zip(&gaps) {
+            (sum[0], sum[1]) = (sum[0] + gap[0], sum[1] + gap[1]);
+        }
+        let means = [0, 1].map(|k| gaps.iter().map(|g| g[k]).sum::<f64>() / gaps.len() as f64);
+        if a.last().map(top) != b.last().map(top) {
+            (others, angles) = (others + 1.0, angles + means[1]);
+        }
+        each.push(means);
+    }
+    let n = each.len() as f64;
+    let [(position, position_spread, position_median), (rotation, rotation_spread, rotation_median)] = [0, 1].map(|k| {
+        let mean = each.iter().map(|e| e[k]).sum::<f64>() / n;
+        let spread = (each.iter().map(|e| (e[k] - mean).powi(2)).sum::<f64>() / n).sqrt();
+        each.sort_by(|a, b| a[k].total_cmp(&b[k]));
+        (mean, spread, each[each.len() / 2][k])
+    });
+    Score {
+        position,
+        rotation,
+        position_spread,
+        rotation_spread,
+        position_median,
+        rotation_median,
+        other_face: others / n,
+        other_face_angles: angles / (n * rotation).max(f64::MIN_POSITIVE),
+        by_step: if equal { steps.iter().map(|s| s.map(|x| x / n)).collect() } else { Vec::new() },
+    }
+}
+
+/// The body axis, and its side, nearest to up.
+fn top(pose: &Isometry3<f64>) -> (usize, bool) {
+    let up = pose.rotation.inverse() * Vector3::z();
+    (up.iamax(), up[up.iamax()] > 0.0)
+}
+
+fn gap(a: &Isometry3<f64>, b: &Isometry3<f64>) -> [f64; 2] {
+    [(a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation)]
+}
+
+/// The distance of `motions` from what was measured.
+pub fn against(trials: &[Trial], motions: &[Motion]) -> Score {
+    score(motions.iter().zip(trials.iter().map(|t| &t.measured)))
+}
+
+/// Rolls every trial out. A rollout that the solver cannot finish stands still from there on; how many did.
+pub fn roll(method: &Method, trials: &[Trial]) -> Result<(Vec<Motion>, usize)> {
+    let scene = method.system.scene("ground").context("the cube has no table")?;
+    let begin = || (method.solver(), Batch::new(&method.system, &scene, 1));
+    let done: Vec<(Motion, bool)> = trials
+        .par_iter()
+        .map_init(begin, |(solver, batch), trial| {
+            batch.reset(0, &trial.start.state());
+            solver.reset(0);
+            let mut lost = false;
+            let mut motion = vec![trial.start.pose];
+            for _ in 1..trial.measured.len() {
+                lost = lost || solver.step(batch, &[]).is_err();
+                let state = batch.state(0);
+                motion.push(Isometry3::from_parts(vector(state).into(), quaternion(&state[3..7])));
+            }
+            (motion, lost)
+        })
+        .collect();
+    let lost = done.iter().filter(|d| d.1).count();
+    Ok((done.into_iter().map(|d| d.0).collect(), lost))
+}
+
+/// Microseconds a frame on one core: the fastest of three passes over some of the trials.
+pub fn microseconds(method: &Method, trials: &[Trial]) -> Result<f64> {
+    let some: Vec<Trial> = trials.iter().step_by(trials.len().div_ceil(64)).cloned().collect();
+    let frames: usize = some.iter().map(|t| t.measured.len() - 1).sum();
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+    let mut best = f64::MAX;
+    for _ in 0..3 {
+        let started = Instant::now();
+        one.install(|| roll(method, &some))?;
+        best = best.min(started.elapsed().as_secs_f64());
+    }
+    Ok(best * 1e6 / frames as f64)
+}
+
+/// Predicts that nothing moves.
+pub fn still(trial: &Trial) -> Motion {
+    vec![trial.start.pose; trial.measured.len()]
+}
+
+/// Predicts flight, and that the first touch ends it.
+pub fn flight(trial: &Trial) -> Motion {
+    let Sample { pose, velocity, spin } = trial.start;
+    let at = |k: usize| {
+        let t = k as f64 * DT;
+        let p = pose.translation.vector + velocity * t - Vector3::z() * (0.5 * 9.81 * t * t);
+        Isometry3::from_parts(p.into(), UnitQuaternion::from_scaled_axis(spin * t) * pose.rotation)
+    };
+    let mut motion = vec![pose];
+    while motion.len() < trial.measured.len() {
+        let last = motion[motion.len() - 1];
+        motion.push(if lowest(&last) < 0.0 { last } else { at(motion.len()) });
+    }
+    motion
+}
