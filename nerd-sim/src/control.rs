@@ -21,14 +21,13 @@ pub struct Controller {
 impl Controller {
     /// The controller that `system.spec.control` describes.
     pub fn new(system: &Arc<System>) -> Self {
-        let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
-        let ahead = system.spec.control.as_ref().is_some_and(|c| c.ahead).then(|| Ahead::new(&system.robot));
-        Self { system: system.clone(), gains, ahead, gaps: Vec::new() }
+        Self::with_ahead(system, system.spec.control.as_ref().is_some_and(|c| c.ahead))
     }
 
-    /// The same with a PD law that looks a frame ahead, whatever the specification says; see [`Self::torques`].
-    pub fn ahead(system: &Arc<System>) -> Self {
-        Self { ahead: Some(Ahead::new(&system.robot)), ..Self::new(system) }
+    /// The same, but whether a PD law looks a frame ahead is said here; see [`Self::torques`].
+    pub fn with_ahead(system: &Arc<System>, ahead: bool) -> Self {
+        let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
+        Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(&system.robot)), gaps: Vec::new() }
     }
 
     /// Torques for an action at a state `[q, qd]`, one a joint (N m or N).

@@ -50,7 +50,7 @@ fn anymal_stands_as_the_reference_does() {
 /// The reference's files hold actions (`a_*`) beside the torques its controllers made of them.
 #[test]
 fn controllers_are_the_references() {
-    for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal", "anymal_random_action_warp1.8.1.csv")] {
+    for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal-paper", "anymal_random_action_warp1.8.1.csv")] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file);
         if !path.exists() {
             use std::io::Write;

@@ -76,7 +76,10 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
+            // Many errors already say their cause.
+            let said =
+                error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
+            eprintln!("error: {}", said.unwrap_or_default().replace('\n', " "));
             ExitCode::from(2)
         }
     }

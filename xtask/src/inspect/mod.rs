@@ -84,7 +84,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
             if pass == 0 {
                 count(&system, &recording, &kept, &mut counts);
             }
-            each(&system, &recording, &kept, &mut all, if pass == 0 { Column::add } else { Column::bin });
+            each(&system, &recording, &kept, &mut all, if pass == 0 { Column::add } else { Column::bin })?;
             bar.set((pass * manifest.shards.len() + k + 1) as u64);
         }
         if pass == 0 {
@@ -192,8 +192,8 @@ fn count(system: &System, recording: &Recording, kept: &[bool], counts: &mut Cou
 }
 
 /// Hands every number of every token and target to its column.
-fn each(system: &Arc<System>, recording: &Recording, kept: &[bool], all: &mut [Column], take: fn(&mut Column, f64)) {
-    let windows = tokens(system, recording, 1);
+fn each(system: &Arc<System>, recording: &Recording, kept: &[bool], all: &mut [Column], take: fn(&mut Column, f64)) -> Result<()> {
+    let windows = tokens(system, recording, 1, nerd_model::base::Base::State)?;
     let (inputs, points) = (Features::inputs(system), &system.robot.contact_points);
     let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
     for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
@@ -204,6 +204,7 @@ fn each(system: &Arc<System>, recording: &Recording, kept: &[bool], all: &mut [C
             }
         }
     }
+    Ok(())
 }
 
 /// The counts in words.

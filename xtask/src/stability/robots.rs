@@ -105,7 +105,7 @@ fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Resu
     let mut system = (*System::named("anymal").map_err(|e| e.to_string())?).clone();
     system.robot.joints_mut().for_each(|j| j.armature = armature);
     let system = Arc::new(system);
-    let mut controller = if ahead { Controller::ahead(&system) } else { Controller::new(&system) };
+    let mut controller = Controller::with_ahead(&system, ahead);
     controller.gains.fill([kp, kd]);
     let state = start(&system, Start::Reset, &mut stream(13, 0));
     let hold = vec![0.0; 12];

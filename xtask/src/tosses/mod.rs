@@ -3,7 +3,7 @@
 //! The body is the published one (edge 0.1048 m, 0.37 kg, 8.1e-4 kg m^2, mu 0.18, restitution 0.125); nothing is fitted but
 //! in the table that says so. Protocol in `protocol`: windows of 80 samples at every fourth sample, and whole tosses. Two
 //! scales of length: as published, and metric. Beside the methods two predictors that know no contact. Then, one change at a
-//! time, what the errors come from. Some fifteen minutes on two cores, most of it the 1024 substeps.
+//! time, what the errors come from. Some minutes on two cores.
 
 use std::path::PathBuf;
 
