@@ -34,6 +34,20 @@ impl TransformerConfig {
         Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64 }
     }
 
+    /// Says what of the shape cannot be, if anything.
+    pub fn check(&self) -> Result<(), String> {
+        let Self { embedding, layers, heads, block, history, .. } = *self;
+        if embedding == 0 || layers == 0 || heads == 0 || embedding % heads != 0 {
+            return Err(format!(
+                "a width of {embedding} in {heads} heads and {layers} layers: all at least 1, the width a multiple of heads"
+            ));
+        }
+        if history == 0 || history > block {
+            return Err(format!("a window of {history} tokens: 1 to {block}"));
+        }
+        Ok(())
+    }
+
     /// Parameter count: `E (D_in + 1) + block E + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
     pub fn parameters(&self) -> usize {
         self.tensors().iter().map(|t| t.len()).sum()

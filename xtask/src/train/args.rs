@@ -16,6 +16,15 @@ pub struct TrainArgs {
     /// Size of the network and of the run: `paper` (E 192, 6 layers, batch 512) or `small` (E 48, 2 layers, batch 128)
     #[arg(long, value_enum, default_value_t = Preset::Paper)]
     pub preset: Preset,
+    /// Tokens of a window, in place of the preset's
+    #[arg(long)]
+    pub history: Option<usize>,
+    /// Width of the network, in place of the preset's
+    #[arg(long)]
+    pub embedding: Option<usize>,
+    /// Layers of the network, in place of the preset's
+    #[arg(long)]
+    pub layers: Option<usize>,
     /// What predictions are added to: state (the paper) or flight (one contact-free frame; the residual form)
     #[arg(long, value_enum, default_value_t = BaseName::State)]
     pub base: BaseName,
@@ -82,6 +91,9 @@ impl TrainArgs {
             robot: robot.into(),
             out,
             preset: Preset::Small,
+            history: None,
+            embedding: None,
+            layers: None,
             base: BaseName::State,
             data: None,
             from: None,

@@ -90,6 +90,14 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if small {
         network = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..network };
     }
+    network.history = args.history.unwrap_or(network.history);
+    network.layers = args.layers.unwrap_or(network.layers);
+    if let Some(embedding) = args.embedding {
+        // Heads keep their width.
+        let heads = (embedding * network.heads).div_euclid(network.embedding).max(1);
+        network = TransformerConfig { embedding, heads, ..network };
+    }
+    network.check().map_err(anyhow::Error::msg)?;
     let updates = args.updates.unwrap_or(if small { 6_000 } else { 500_000 });
     let optimizer = match args.optimizer {
         OptimizerName::Adam => Optimizer::Adam,
