@@ -10,6 +10,7 @@ mod common;
 mod dataset;
 mod evaluate;
 mod files;
+mod mujoco;
 mod paper;
 mod plot;
 mod provenance;

@@ -260,4 +260,22 @@ impl Robot {
         let links = self.links.iter().enumerate();
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
+
+    /// What a link touches a scene with, for an engine that has shapes: boxes (pose, half edges) where all eight corners
+    /// are contact points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a
+    /// sliding plate stops within a frame.
+    pub fn touching(&self, link: usize) -> (Vec<(Isometry3<f64>, Vector3<f64>)>, Vec<ContactPoint>) {
+        let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).copied().collect();
+        let mut boxes = Vec::new();
+        for shape in &self.links[link].shapes {
+            let corners = shape.contact_points(link);
+            if let ShapeKind::Box { half } = shape.kind
+                && corners.iter().all(|c| points.contains(c))
+            {
+                points.retain(|p| !corners.contains(p));
+                boxes.push((shape.pose, half));
+            }
+        }
+        (boxes, points)
+    }
 }
