@@ -20,6 +20,7 @@ mod solvers;
 mod stability;
 mod table;
 mod train;
+mod urdf;
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -39,6 +40,8 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Show where each method stays right, bends and breaks
     Stability(stability::StabilityArgs),
+    /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
+    Urdf(urdf::UrdfArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -64,6 +67,7 @@ fn main() -> ExitCode {
         Verb::Chart(args) => chart::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Stability(args) => stability::run(args),
+        Verb::Urdf(args) => urdf::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {
