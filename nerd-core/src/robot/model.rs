@@ -66,6 +66,8 @@ pub struct Joint {
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
     pub damping: f64,
+    /// Dry friction (N m or N): its size while the joint slips, and what it holds at most.
+    pub friction: f64,
     /// Inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
     /// Largest effort (N m or N); infinite where none is given. Not enforced by solvers.
@@ -77,13 +79,25 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// A joint without limit, damping or armature.
+    /// A joint without limit, damping, friction or armature.
     pub fn new(name: impl Into<String>, kind: JointKind, origin: Isometry3<f64>, axis: Unit<Vector3<f64>>) -> Self {
         let r = origin.rotation.to_rotation_matrix();
         let aa = axis.into_inner() * axis.transpose();
         let turn = [r.matrix() * aa, r.matrix() * axis.cross_matrix(), r.matrix() * (Matrix3::identity() - aa)];
         let free = f64::INFINITY;
-        Self { name: name.into(), kind, origin, axis, limit: None, damping: 0.0, armature: 0.0, effort: free, velocity: free, turn }
+        Self {
+            name: name.into(),
+            kind,
+            origin,
+            axis,
+            limit: None,
+            damping: 0.0,
+            friction: 0.0,
+            armature: 0.0,
+            effort: free,
+            velocity: free,
+            turn,
+        }
     }
 
     /// Whether the coordinate is an angle kept in [-pi, pi): no limit, or one wider than a turn.
@@ -248,6 +262,12 @@ impl Robot {
     /// The same, to be changed (armature, damping, limits).
     pub fn joints_mut(&mut self) -> impl Iterator<Item = &mut Joint> {
         self.links.iter_mut().filter_map(|l| l.joint.as_mut())
+    }
+
+    /// Whether some joint has dry friction.
+    #[inline]
+    pub fn dry(&self) -> bool {
+        self.joints().any(|j| j.friction > 0.0)
     }
 
     /// Total mass (kg).

@@ -1,4 +1,4 @@
-//! A substep h with contact, limits and joint damping looking ahead, linearised, so that it is stable at any length.
+//! A substep h with contact, limits, joint damping and dry friction looking ahead, linearised, so that it is stable at any length.
 //!
 //! Spring, damper and friction of a point see the velocity `v + a (v' - v)` between the substep's start and its end, each
 //! with its own share a: none for a spring and half for a damper while that is stable, more as they grow stiff for the
@@ -13,14 +13,14 @@
 //!
 //! The drag c is the law's at the velocity seen, found by repetition. A point couples only the joints above it, so the
 //! matrix keeps the tree's zeros and the factorisation its cost. A point that would pull has parted; it is dropped and the
-//! system solved again. In a substep in which nothing
-//! touches the midpoint rule serves.
+//! system solved again. So is a system in which a joint's dry friction f, `f v' / 1 mm/s` while it holds and f against the
+//! motion while it slips, turns out to do the other. In a substep in which nothing touches the midpoint rule serves.
 
 use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::{bias, crba, kinematics, velocities};
-use nerd_core::robot::{Limit, Robot};
+use nerd_core::robot::{Joint, Limit, Robot};
 
-use super::frame::{INDEFINITE, Workspace, advance};
+use super::frame::{Workspace, advance};
 use super::law::drag;
 use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
@@ -47,6 +47,8 @@ pub(super) struct Touches {
     columns: Vec<(usize, Vector3<f64>)>,
     mass: DMatrix<f64>,
     right: Vec<f64>,
+    /// Way each joint with dry friction slips, see [`slip`].
+    slips: Vec<f64>,
 }
 
 impl Touches {
@@ -57,14 +59,22 @@ impl Touches {
             columns: Vec::with_capacity(points * nv),
             mass: DMatrix::zeros(nv, nv),
             right: vec![0.0; nv],
+            slips: Vec::with_capacity(nv),
         }
     }
 }
 
-/// Solves of a substep at most.
+/// Solves of a substep at most; four times as many with dry friction.
 const PASSES: usize = 4;
+/// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
+const CREEP: f64 = 1e-3;
 /// Change of a drag, relative, that asks for no other solve.
 const SETTLED: f64 = 0.02;
+
+/// Way a joint slips, -1 or 1; 0 where dry friction holds it.
+fn slip(v: f64) -> f64 {
+    if v.abs() > CREEP { v.signum() } else { 0.0 }
+}
 
 impl Workspace {
     /// One substep `h` (s), in local velocities, with whatever touches or stands in a limit at its end. `false`, and nothing
@@ -91,11 +101,11 @@ impl Workspace {
             limit.stiffness > 0.0 && !(limit.lower..=limit.upper).contains(&ahead)
         };
         let limited = robot.joints().enumerate().any(|(i, joint)| joint.limit.as_ref().is_some_and(|l| beyond(l, i)));
-        if self.touches.touches.is_empty() && !limited {
+        if self.touches.touches.is_empty() && !limited && !robot.dry() {
             return Ok(false);
         }
         crba(robot, &mut self.data);
-        self.weigh(h, config.friction)?;
+        self.weigh(robot, h, config.friction)?;
         bias(robot, qd, &scene.gravity, &mut self.data);
         for (i, joint) in robot.joints().enumerate() {
             let (x, v, k) = (q[coords + i], qd[dofs + i], dofs + i);
@@ -109,8 +119,11 @@ impl Workspace {
         }
         self.touches.mass.copy_from(&self.data.mass);
         self.touches.right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
-        for _ in 0..PASSES {
-            if !self.solve(h, config.friction)? {
+        let slips = |(joint, v): (&Joint, &f64)| if joint.friction > 0.0 { slip(*v) } else { 0.0 };
+        self.touches.slips.clear();
+        self.touches.slips.extend(robot.joints().zip(&qd[dofs..]).map(slips));
+        for _ in 0..if robot.dry() { 4 * PASSES } else { PASSES } {
+            if !self.solve(robot, qd, h, config.friction)? {
                 break;
             }
         }
@@ -156,9 +169,9 @@ impl Workspace {
     }
 
     /// How far ahead each force must look to be stable, from the point's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
-    fn weigh(&mut self, h: f64, friction: Friction) -> Result<(), String> {
+    fn weigh(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
         if !self.factor.refill(&self.data.mass) {
-            return Err(INDEFINITE.into());
+            return Err(self.factor.fault(robot));
         }
         let Touches { touches, columns, right, .. } = &mut self.touches;
         for touch in touches.iter_mut() {
@@ -185,10 +198,16 @@ impl Workspace {
 
     /// Accelerations with the active points. Then each point's drag is that of its force and slip at the end, and one that
     /// would pull is active no more; whether that changes anything.
-    fn solve(&mut self, h: f64, friction: Friction) -> Result<bool, String> {
-        let Touches { touches, columns, mass, right } = &mut self.touches;
+    fn solve(&mut self, robot: &Robot, qd: &[f64], h: f64, friction: Friction) -> Result<bool, String> {
+        let Touches { touches, columns, mass, right, slips } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
+        let dry = || robot.joints().map(|j| j.friction).enumerate().filter(|(_, f)| *f > 0.0);
+        for (i, f) in dry() {
+            let (k, drag) = (robot.root_dofs() + i, if slips[i] == 0.0 { f / CREEP } else { 0.0 });
+            self.data.mass[(k, k)] += h * drag;
+            self.data.qdd[k] -= drag * qd[k] + slips[i] * f;
+        }
         for touch in touches.iter().filter(|t| t.active) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let vn = n.dot(&touch.velocity);
@@ -205,10 +224,18 @@ impl Workspace {
             }
         }
         if !self.factor.refill(&self.data.mass) {
-            return Err(INDEFINITE.into());
+            return Err(self.factor.fault(robot));
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
         let mut changed = false;
+        for (i, _) in dry() {
+            let k = robot.root_dofs() + i;
+            let now = slip(qd[k] + h * self.data.qdd[k]);
+            // One that would turn round is held first.
+            let now = if slips[i] * now < 0.0 { 0.0 } else { now };
+            changed |= now != slips[i];
+            slips[i] = now;
+        }
         for touch in touches.iter_mut().filter(|t| t.active) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let change: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum();

@@ -32,6 +32,9 @@ pub(super) struct Template {
 impl Template {
     pub(super) fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
+        if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
+            return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
+        }
         let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
         let base = match robot.base {

@@ -84,10 +84,9 @@ fn joint(joint: &Joint, weight: f64) -> String {
     let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
     let (axis, limit) = (numbers(joint.axis.as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
     let name = escape(&joint.name);
-    format!(
-        "<joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" armature=\"{}\" damping=\"{}\" {limit}/>",
-        joint.armature, joint.damping
-    )
+    let Joint { armature, damping, friction, .. } = joint;
+    let forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");
+    format!("<joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" {forces} {limit}/>")
 }
 
 /// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with
@@ -108,7 +107,7 @@ fn weights(robot: &Robot) -> Result<Vec<f64>> {
     kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
     crba(robot, &mut data);
     if !factor.refill(&data.mass) {
-        bail!("the mass matrix is not positive definite at zero coordinates: a link without inertia");
+        bail!(factor.fault(robot));
     }
     let column = |i: usize| {
         let mut x = vec![0.0; robot.nv()];
