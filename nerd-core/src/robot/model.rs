@@ -140,6 +140,9 @@ impl Shape {
     }
 }
 
+/// A box by its pose in the link frame and its half edges (m).
+pub type PlacedBox = (Isometry3<f64>, Vector3<f64>);
+
 /// Primitive shapes; lengths in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShapeKind {
@@ -281,10 +284,10 @@ impl Robot {
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 
-    /// What a link touches a scene with, for an engine that has shapes: boxes (pose, half edges) where all eight corners
+    /// What a link touches a scene with, for an engine that has shapes: boxes where all eight corners
     /// are contact points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a
     /// sliding plate stops within a frame.
-    pub fn touching(&self, link: usize) -> (Vec<(Isometry3<f64>, Vector3<f64>)>, Vec<ContactPoint>) {
+    pub fn touching(&self, link: usize) -> (Vec<PlacedBox>, Vec<ContactPoint>) {
         let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).copied().collect();
         let mut boxes = Vec::new();
         for shape in &self.links[link].shapes {
