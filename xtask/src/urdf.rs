@@ -66,7 +66,8 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     let table = markdown(&["file", "links", "joints", "mass (kg)", "meshes passed over", "fixed base", "floating base"], &rows);
     let sum = format!(
         "{} files: {} move on a fixed base, {} on a floating one. `ok`: {FRAMES} frames from zero coordinates under gravity, \
-         `articulated`, preset `converged`, finite; else what is missing.\n",
+         `articulated`, preset `converged`, finite; else what is missing. Links and joints are those that move on a fixed base; \
+         a joint has one DoF, a floating base six more.\n",
         files.len(),
         fine[0],
         fine[1]
