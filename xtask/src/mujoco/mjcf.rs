@@ -91,7 +91,8 @@ fn joint(joint: &Joint, weight: f64) -> String {
 
 /// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with
 /// `a_ref = -b v - k' r` in accelerations: as weak as it may be, `R = A / 1e-4` outweighs A and a_0, and
-/// `k' = k A`, `b = d A` make it ours to 1e-4, except that it never pulls.
+/// `k' = k A`, `b = d A` make it ours to 1e-4, except that it never pulls. As weak as
+/// that it is as explicit as ours: too stiff for one substep, where MuJoCo's own limits would hold.
 fn limit(limit: &Limit, weight: f64) -> String {
     if limit.stiffness <= 0.0 {
         return "limited=\"false\"".into();
