@@ -101,4 +101,24 @@ fn without_inertia_there_is_no_answer() {
     assert!(!aba(&robot, &qd, &[0.0; 3], &GRAVITY.into(), &mut data), "ABA divided by no inertia");
     crba(&robot, &mut data);
     assert!(!factor.refill(&data.mass), "a zero mass matrix was factorised");
+    assert!(factor.fault(&robot).contains("joint2"), "the last joint is the first to be missed: {}", factor.fault(&robot));
+}
+
+/// A root without mass turns in its child for nothing. Rounding leaves something on the diagonal, positive or not.
+#[test]
+fn a_massless_root_is_named() {
+    for seed in 0..50 {
+        let mut rng = Rng::seed_from_u64(seed);
+        let mut robot = robot(&mut rng, 4, true);
+        robot.links[0].inertia = Default::default();
+        robot.joints_mut().for_each(|j| j.armature = 0.0);
+        let (q, _) = state(&mut rng, &robot);
+        let (mut data, mut factor) = (Data::new(&robot), Factor::new(&robot));
+        kinematics(&robot, &q, &mut data);
+        crba(&robot, &mut data);
+        if robot.links.iter().filter(|l| l.parent == Some(0)).count() == 1 {
+            assert!(!factor.refill(&data.mass), "seed {seed}: a singular mass matrix was factorised");
+            assert!(factor.fault(&robot).contains("`root`"), "{}", factor.fault(&robot));
+        }
+    }
 }

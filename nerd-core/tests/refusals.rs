@@ -28,7 +28,7 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
         (r#"type="revolute""#, r#"type="floating""#, "`shoulder`", "Floating"),
         (r#"type="revolute""#, r#"type="spherical""#, "`shoulder`", "Spherical"),
         (r#"<dynamics damping="0.5" friction="0"/>"#, r#"<mimic joint="weld"/>"#, "`shoulder`", "mimic"),
-        (r#"friction="0""#, r#"friction="0.1""#, "`shoulder`", "friction"),
+        (r#"friction="0""#, r#"friction="-0.1""#, "`shoulder`", "friction"),
         (r#"friction="0""#, r#"friction="nan""#, "`shoulder`", "friction"),
         (r#"damping="0.5""#, r#"damping="-1""#, "`shoulder`", "damping"),
         (r#"damping="0.5""#, r#"damping="inf""#, "`shoulder`", "damping"),
@@ -94,6 +94,37 @@ fn nesting_cannot_overflow_the_stack() {
         .collect();
     let chain = Robot::from_urdf(&format!(r#"<robot name="r">{links}{joints}</robot>"#), false).expect("valid");
     assert_eq!(chain.nv(), 2000);
+}
+
+#[test]
+fn dry_friction_is_read() {
+    let robot = Robot::from_urdf(&ARM.replacen(r#"friction="0""#, r#"friction="0.3""#, 1), false).expect("valid");
+    assert_eq!(robot.joints().next().map(|j| (j.damping, j.friction)), Some((0.5, 0.3)));
+    assert!(robot.dry());
+}
+
+#[test]
+fn what_things_look_like_is_not_looked_at() {
+    // urdf-rs wants a file's name of every texture; comments stay whole, whatever is in them.
+    for extra in [
+        r#"<material name="a"><texture/></material>"#,
+        r#"<material name="a"/><!-- <material> --><material name="b"><color rgba="1 1 1 1"/></material>"#,
+        r#"<link name="l"><visual><geometry><sphere radius="1"/></geometry><material name=""><texture /></material></visual></link>
+           <joint name="j" type="fixed"><parent link="tip"/><child link="l"/></joint>"#,
+    ] {
+        let robot = Robot::from_urdf(&ARM.replace("</robot>", &format!("{extra}</robot>")), false).expect(extra);
+        assert_eq!(robot.mass(), 2.0);
+    }
+    let open = ARM.replace("</robot>", r#"<material name="a"></robot>"#);
+    assert!(Robot::from_urdf(&open, false).is_err(), "an element that does not end");
+}
+
+#[test]
+fn a_rounding_error_is_no_negative_inertia() {
+    let tiny =
+        ARM.replacen(r#"ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1""#, r#"ixx="0" ixy="0" ixz="1e-20" iyy="0" iyz="0" izz="0""#, 1);
+    assert_ne!(tiny, ARM);
+    assert!(Robot::from_urdf(&tiny, false).is_ok());
 }
 
 /// Reads a text as both kinds of robot; a robot that comes out is finite.

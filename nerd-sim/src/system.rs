@@ -99,15 +99,25 @@ impl System {
         Self::from_text(&stem, &read(path)?, spec.as_deref()).map(Arc::new)
     }
 
-    /// From the text of a URDF and of a specification; without one, fixed base, gravity along -z, 1/60 s, no torque.
+    /// From the text of a URDF and of a specification; without one, see [`System::bare`], with a fixed base.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
+        let Some(text) = spec else { return Self::bare(name, urdf, false) };
+        let spec = toml::from_str::<Spec>(text);
+        let spec = spec.map_err(|e| SystemError::Spec(name.into(), e.to_string().trim().replace('\n', " ")))?;
+        let robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        Self::new(name, robot, spec, true)
+    }
+
+    /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
+    pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
+        let robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let spec = plain(&robot);
+        Self::new(name, robot, spec, false)
+    }
+
+    /// `told`: whether the specification is somebody's word, not made up.
+    fn new(name: &str, mut robot: Robot, mut spec: Spec, told: bool) -> Result<Self, SystemError> {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
-        let given =
-            spec.map(|text| toml::from_str::<Spec>(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))).transpose()?;
-        let floating = given.as_ref().is_some_and(|s| s.floating);
-        let mut robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        let told = given.is_some();
-        let mut spec = given.unwrap_or_else(|| plain(&robot));
         name_columns(&robot, &mut spec);
         let frame_time = number(&spec.frame_time).filter(|t| *t > 0.0);
         let frame_time = frame_time.ok_or_else(|| wrong(format!("frame_time `{}` is no positive number of seconds", spec.frame_time)))?;

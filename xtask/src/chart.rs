@@ -3,7 +3,7 @@
 //! x: microseconds a frame of one environment takes on one core. y: mean |difference| of q over the horizon from a
 //! converged reference, passive motion from the robot's reset law. Time and error come from the same steps, so a broken
 //! simulation cannot be fast. The reference's own error (its distance from half its substeps) is a dashed line, as are
-//! the two floors that know no dynamics.
+//! the two floors that know no dynamics. `--mujoco` asks another engine in, see [`crate::mujoco`].
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,6 +15,7 @@ use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
 use crate::common::{Device, bar};
+use crate::mujoco::series::{self, Against};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
 use crate::solvers::{neural, shipped};
@@ -44,6 +45,9 @@ pub struct ChartArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500)]
     pub seed: u64,
+    /// Python that has MuJoCo, to draw that engine too [default if no value is given: python3]
+    #[arg(long, value_name = "PYTHON", num_args = 0..=1, default_missing_value = "python3")]
+    pub mujoco: Option<PathBuf>,
     /// Folder for chart-ROBOT-SCENE.svg, .png and .json
     #[arg(long, default_value = "results")]
     pub out: PathBuf,
@@ -53,7 +57,8 @@ impl ChartArgs {
     /// A chart as the README shows it.
     pub fn new(robot: &str, scene: &str) -> Self {
         let (robot, scene) = (robot.into(), scene.into());
-        Self { robot, scene, model: Vec::new(), starts: 64, horizon: 100, substeps: 256, seed: 500, out: "results".into() }
+        let (model, mujoco, out) = (Vec::new(), None, "results".into());
+        Self { robot, scene, model, starts: 64, horizon: 100, substeps: 256, seed: 500, mujoco, out }
     }
 }
 
@@ -74,16 +79,33 @@ enum Method {
 
 /// One mark on the chart.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Point {
-    series: String,
-    substeps: Option<usize>,
+pub struct Point {
+    /// Name in the legend.
+    pub series: String,
+    /// Substeps a frame.
+    pub substeps: Option<usize>,
     /// Frame of one environment on one core: the fastest of a few runs.
-    microseconds: f64,
+    pub microseconds: f64,
     /// Mean over coordinates.
-    error: f64,
-    by_coordinate: Vec<f64>,
-    diverged: usize,
-    front: bool,
+    pub error: f64,
+    /// Mean |difference| of each.
+    pub by_coordinate: Vec<f64>,
+    /// Rollouts that left.
+    pub diverged: usize,
+    /// Whether no other point beats it in both.
+    pub front: bool,
+    /// Whether its error is against a reference of its own, so that it competes with no other series.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub own: bool,
+}
+
+/// What is drawn, and what it was held against.
+struct Measured {
+    points: Vec<Point>,
+    /// The reference's report: its error is that of half its substeps.
+    base: PassiveReport,
+    reference: String,
+    mujoco: Option<Against>,
 }
 
 /// Runs the verb.
@@ -98,7 +120,7 @@ pub fn run(args: ChartArgs) -> Result<()> {
         models.push(shipped(&system.name));
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
-    let (points, base, reference) = one.install(|| measure(&args, &system, &scene, models))?;
+    let Measured { points, base, reference, mujoco } = one.install(|| measure(&args, &system, &scene, models))?;
     let rows = points.iter().map(|p| {
         let setting = p.substeps.map_or_else(|| "-".into(), |n| n.to_string());
         vec![
@@ -113,8 +135,12 @@ pub fn run(args: ChartArgs) -> Result<()> {
     let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front"];
     println!("{} {}, mean |dq| over {} frames, reference: {reference}\n", system.name, scene.name, args.horizon);
     println!("{}", markdown(&header, &rows.collect::<Vec<_>>()));
+    if let Some(Against { version, reference, reference_error }) = &mujoco {
+        let error = reference_error.map_or_else(String::new, |e| format!(", whose own error is {}", digits(e)));
+        println!("MuJoCo {version} is held against {reference}{error}");
+    }
     let stem = args.out.join(format!("chart-{}-{}", system.name, scene.name));
-    let json = serde_json::json!({
+    let mut json = serde_json::json!({
         "provenance": Provenance::now(args.seed),
         "robot": system.name,
         "scene": scene.name,
@@ -125,17 +151,15 @@ pub fn run(args: ChartArgs) -> Result<()> {
         "glide": mean(&base.glide),
         "points": points,
     });
+    if let Some(mujoco) = mujoco {
+        json["mujoco"] = serde_json::to_value(mujoco)?;
+    }
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
     figure(&args, &system, &points, &base).save(&stem)
 }
 
-/// All points, the reference's report (its error is that of half its substeps), and its name.
-fn measure(
-    args: &ChartArgs,
-    system: &Arc<System>,
-    scene: &Arc<Scene>,
-    models: Vec<PathBuf>,
-) -> Result<(Vec<Point>, PassiveReport, String)> {
+/// Every method timed and held against the reference.
+fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: Vec<PathBuf>) -> Result<Measured> {
     let contact = !scene.colliders.is_empty();
     let powers = || std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= args.substeps);
     let mut methods: Vec<Method> = powers().map(Method::Euler).collect();
@@ -152,6 +176,8 @@ fn measure(
     let (finest, reference) = if contact { (4 * args.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if contact { Method::Implicit(n) } else { Method::Rk4(n) };
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, drive: 0.0 };
+    // Begun first, for it may not be there.
+    let mut referee = args.mujoco.as_ref().map(|python| series::referee(python, system, scene, config)).transpose()?;
     let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).build(system, 1)?.1, frames: Vec::new() };
@@ -182,14 +208,23 @@ fn measure(
             by_coordinate: report.error,
             diverged: report.diverged,
             front: false,
+            own: false,
         });
     }
     bar.finish();
-    for i in 0..points.len() {
-        let (t, e) = (points[i].microseconds, points[i].error);
-        points[i].front = !points.iter().any(|p| p.microseconds <= t && p.error <= e && (p.microseconds < t || p.error < e));
+    let reference = format!("{reference}, {finest} substeps");
+    let mut mujoco = None;
+    if let Some(referee) = &mut referee {
+        let (theirs, against) = series::points(referee, system, scene, config, args.substeps, (&truth.frames, &reference))?;
+        points.extend(theirs);
+        mujoco = Some(against);
     }
-    Ok((points, base, format!("{reference}, {finest} substeps")))
+    for i in 0..points.len() {
+        let Point { microseconds: t, error: e, own, .. } = points[i];
+        let beaten = |p: &Point| !p.own && p.microseconds <= t && p.error <= e && (p.microseconds < t || p.error < e);
+        points[i].front = !own && !points.iter().any(beaten);
+    }
+    Ok(Measured { points, base, reference, mujoco })
 }
 
 fn figure(args: &ChartArgs, system: &System, points: &[Point], base: &PassiveReport) -> Figure {
@@ -250,7 +285,8 @@ impl Method {
     }
 }
 
-fn mean(x: &[f64]) -> f64 {
+/// The mean.
+pub fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
@@ -288,9 +324,11 @@ impl Solver for Recorder {
 }
 
 /// Plays recorded states back.
-struct Replay<'a> {
-    frames: &'a [Vec<f64>],
-    next: usize,
+pub struct Replay<'a> {
+    /// States by frame.
+    pub frames: &'a [Vec<f64>],
+    /// The frame to come.
+    pub next: usize,
 }
 
 impl Solver for Replay<'_> {

@@ -11,6 +11,7 @@ mod dataset;
 mod evaluate;
 mod files;
 mod inspect;
+mod mujoco;
 mod paper;
 mod plot;
 mod provenance;
@@ -21,6 +22,7 @@ mod stability;
 mod table;
 mod tosses;
 mod train;
+mod urdf;
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -44,6 +46,8 @@ enum Verb {
     Stability(stability::StabilityArgs),
     /// Predict real tosses of a cube, open loop
     Tosses(tosses::TossesArgs),
+    /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
+    Urdf(urdf::UrdfArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -71,6 +75,7 @@ fn main() -> ExitCode {
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
+        Verb::Urdf(args) => urdf::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

@@ -9,8 +9,8 @@ use plotters::style::{FontStyle, register_font};
 
 /// Width and height (px).
 const SIZE: (u32, u32) = (1000, 640);
-/// Okabe and Ito's colours, which the colour-blind tell apart.
-pub const COLOURS: [RGBColor; 7] = [
+/// Okabe and Ito's colours, which the colour-blind tell apart, and for more than seven series black and brown.
+pub const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),
@@ -18,6 +18,8 @@ pub const COLOURS: [RGBColor; 7] = [
     RGBColor(213, 94, 0),
     RGBColor(86, 180, 233),
     RGBColor(120, 120, 120),
+    RGBColor(0, 0, 0),
+    RGBColor(120, 60, 20),
 ];
 
 /// Points that belong together, joined by a line.

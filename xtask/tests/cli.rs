@@ -103,6 +103,10 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         }
         args
     };
+    let chart_with = |python: &str| -> Vec<String> {
+        let short = ["--starts", "1", "--horizon", "1", "--substeps", "1"];
+        ["chart", "--robot", "ant", "--out", &out, "--mujoco", python].into_iter().chain(short).map(String::from).collect()
+    };
     let cases: Vec<(Vec<String>, &str)> = vec![
         (rollout(&path("absent.csv"), &[]), "absent.csv"),
         (rollout(&letters, &[]), "line 2"),
@@ -119,6 +123,7 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (rollout(&good, &["--nonsense"]), "--nonsense"),
         (["evaluate", "--robot", "cartpole", "--starts", "0", "--out", &out].map(String::from).into(), "--starts"),
         (["chart", "--robot", "cartpole", "--horizon", "0", "--out", &out].map(String::from).into(), "--horizon"),
+        (chart_with(&path("no-python")), "no-python"),
         (["dance"].map(String::from).into(), "dance"),
     ];
     for (args, culprit) in cases {

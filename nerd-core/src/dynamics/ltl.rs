@@ -12,7 +12,12 @@ pub struct Factor {
     rows: DMatrix<f64>,
     /// DoF above each DoF, or `usize::MAX`.
     parent: Vec<usize>,
+    /// DoF at which the last matrix was found wanting.
+    lost: usize,
 }
+
+/// What is left on the diagonal below this share of what was there is rounding.
+const ROUNDING: f64 = 1e-12;
 
 impl Factor {
     /// Room for the mass matrix of `robot`.
@@ -21,7 +26,7 @@ impl Factor {
         let root = (0..dofs).map(|k| k.wrapping_sub(1));
         let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
         let joints = robot.links[first..].iter().map(|l| l.parent.map_or(usize::MAX, above));
-        Self { rows: DMatrix::zeros(nv, nv), parent: root.chain(joints).collect() }
+        Self { rows: DMatrix::zeros(nv, nv), parent: root.chain(joints).collect(), lost: 0 }
     }
 
     /// Factorises `mass` (its lower triangle is read). `false` if it is not positive definite; then do not solve.
@@ -31,7 +36,8 @@ impl Factor {
         let (l, parent) = (&mut self.rows, &self.parent);
         for k in (0..parent.len()).rev() {
             let square = l[(k, k)];
-            if square.is_nan() || square <= 0.0 {
+            if square.is_nan() || square <= ROUNDING * mass[(k, k)] {
+                self.lost = k;
                 return false;
             }
             let inverse = square.sqrt().recip();
@@ -52,6 +58,13 @@ impl Factor {
             }
         }
         true
+    }
+
+    /// Why the last matrix was not positive definite.
+    pub fn fault(&self, robot: &Robot) -> String {
+        let joint = self.lost.checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
+        let place = joint.map_or_else(|| format!("the free root `{}`", robot.links[0].name), |j| format!("joint `{}`", j.name));
+        format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }
 
     /// Replaces `x` by `M^-1 x`: `L^T y = x`, then `L z = y`.

@@ -20,9 +20,9 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     if !mass.is_finite() || mass < 0.0 || inertia.iter().any(|x| !x.is_finite()) {
         return Err(wrong(format!("mass {mass} kg or inertia is negative or not finite")));
     }
-    // Scaled to 1, so that no finite numbers overflow.
+    // Scaled to 1, so that no finite numbers overflow; what is no more than rounding of a file's maker is no inertia.
     let scale = inertia.amax();
-    let least = if scale > 0.0 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
+    let least = if scale > 1e-15 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
     if least < -1e-9 {
         return Err(wrong(format!("inertia is not positive semi-definite (smallest eigenvalue {:.3e} kg m^2)", least * scale)));
     }
@@ -62,20 +62,19 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<J
     let axis = Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| wrong("axis has no direction or is not finite"))?;
     let mut joint = Joint::new(source.name.clone(), kind, origin, axis);
     if let Some(dynamics) = &source.dynamics {
-        if dynamics.friction != 0.0 {
-            return Err(wrong("dry friction in <dynamics> is not supported; set friction=\"0\""));
+        for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
+            if !value.is_finite() || value < 0.0 {
+                return Err(wrong(&format!("{what} is negative or not finite")));
+            }
         }
-        if !dynamics.damping.is_finite() || dynamics.damping < 0.0 {
-            return Err(wrong("damping is negative or not finite"));
-        }
-        joint.damping = dynamics.damping;
+        (joint.damping, joint.friction) = (dynamics.damping, dynamics.friction);
     }
     let (limit, given) = (&source.limit, |x: f64| if x.is_finite() && x > 0.0 { x } else { f64::INFINITY });
     (joint.effort, joint.velocity) = (given(limit.effort), given(limit.velocity));
     if kind != JointKind::Continuous {
         joint.limit = match (limit.lower, limit.upper) {
             (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
-                return Err(wrong("needs a <limit>; an endless one is continuous"));
+                return Err(wrong("<limit> is missing or all zero; an endless joint is continuous"));
             }
             (lower, upper) if lower > upper => return Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
             (lower, upper) if lower.is_finite() && upper.is_finite() => Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 }),

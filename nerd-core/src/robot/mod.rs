@@ -4,5 +4,5 @@ mod lump;
 mod model;
 mod urdf;
 
-pub use model::{Base, Joint, JointKind, Limit, Link, Robot, Shape, ShapeKind};
+pub use model::{Base, Joint, JointKind, Limit, Link, PlacedBox, Robot, Shape, ShapeKind};
 pub use urdf::UrdfError;

@@ -66,6 +66,8 @@ pub struct Joint {
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
     pub damping: f64,
+    /// Dry friction (N m or N): its size while the joint slips, and what it holds at most.
+    pub friction: f64,
     /// Inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
     /// Largest effort (N m or N); infinite where none is given. Not enforced by solvers.
@@ -77,13 +79,25 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// A joint without limit, damping or armature.
+    /// A joint without limit, damping, friction or armature.
     pub fn new(name: impl Into<String>, kind: JointKind, origin: Isometry3<f64>, axis: Unit<Vector3<f64>>) -> Self {
         let r = origin.rotation.to_rotation_matrix();
         let aa = axis.into_inner() * axis.transpose();
         let turn = [r.matrix() * aa, r.matrix() * axis.cross_matrix(), r.matrix() * (Matrix3::identity() - aa)];
         let free = f64::INFINITY;
-        Self { name: name.into(), kind, origin, axis, limit: None, damping: 0.0, armature: 0.0, effort: free, velocity: free, turn }
+        Self {
+            name: name.into(),
+            kind,
+            origin,
+            axis,
+            limit: None,
+            damping: 0.0,
+            friction: 0.0,
+            armature: 0.0,
+            effort: free,
+            velocity: free,
+            turn,
+        }
     }
 
     /// Whether the coordinate is an angle kept in [-pi, pi): no limit, or one wider than a turn.
@@ -125,6 +139,9 @@ impl Shape {
         }
     }
 }
+
+/// A box by its pose in the link frame and its half edges (m).
+pub type PlacedBox = (Isometry3<f64>, Vector3<f64>);
 
 /// Primitive shapes; lengths in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -250,6 +267,12 @@ impl Robot {
         self.links.iter_mut().filter_map(|l| l.joint.as_mut())
     }
 
+    /// Whether some joint has dry friction.
+    #[inline]
+    pub fn dry(&self) -> bool {
+        self.joints().any(|j| j.friction > 0.0)
+    }
+
     /// Total mass (kg).
     pub fn mass(&self) -> f64 {
         self.links.iter().map(|l| l.inertia.mass).sum()
@@ -259,5 +282,23 @@ impl Robot {
     pub fn default_contact_points(&self) -> Vec<ContactPoint> {
         let links = self.links.iter().enumerate();
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
+    }
+
+    /// What a link touches a scene with, for an engine that has shapes: boxes where all eight corners
+    /// are contact points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a
+    /// sliding plate stops within a frame.
+    pub fn touching(&self, link: usize) -> (Vec<PlacedBox>, Vec<ContactPoint>) {
+        let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).copied().collect();
+        let mut boxes = Vec::new();
+        for shape in &self.links[link].shapes {
+            let corners = shape.contact_points(link);
+            if let ShapeKind::Box { half } = shape.kind
+                && corners.iter().all(|c| points.contains(c))
+            {
+                points.retain(|p| !corners.contains(p));
+                boxes.push((shape.pose, half));
+            }
+        }
+        (boxes, points)
     }
 }

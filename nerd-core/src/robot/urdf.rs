@@ -64,7 +64,8 @@ impl Robot {
             return Err(UrdfError::Parse(format!("elements nested more than {DEEPEST} deep")));
         }
         // urdf-rs may panic on text that is no URDF at all; user input never does here.
-        let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(xml));
+        let plain = without_materials(xml);
+        let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
         let tree = Tree::new(&file)?;
         let mut robot = Self {
@@ -122,7 +123,8 @@ impl<'a> Tree<'a> {
         let name = |i: usize| &file.links[i].name;
         match roots[..] {
             [root] => Ok(Self { file, root, children }),
-            [] => Err(UrdfError::Tree("every link hangs on another (a cycle, or no link at all)".into())),
+            [] if file.links.is_empty() => Err(UrdfError::Tree("there is no link at all".into())),
+            [] => Err(UrdfError::Tree("every link hangs on another (a cycle)".into())),
             [a, b, ..] => Err(UrdfError::Tree(one_line(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b))))),
         }
     }
@@ -160,6 +162,35 @@ impl<'a> Tree<'a> {
 /// A link of the file, nothing lumped in yet.
 fn bare(source: &urdf_rs::Link, parent: Option<usize>, joint: Option<super::Joint>) -> Link {
     Link { name: source.name.clone(), parent, joint, inertia: BodyInertia::default(), shapes: Vec::new() }
+}
+
+/// A text without its <material> elements: nothing here looks at what things look like, and files leave them unfinished,
+/// which urdf-rs minds.
+fn without_materials(xml: &str) -> String {
+    const OPEN: &str = "<material";
+    let (mut rest, mut out) = (xml, String::with_capacity(xml.len()));
+    while let Some(start) = rest.find('<') {
+        let (before, tag) = rest.split_at(start);
+        out += before;
+        let end = |mark: &str| tag.find(mark).map(|at| at + mark.len());
+        let element = tag.strip_prefix(OPEN).is_some_and(|t| t.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'));
+        let (length, kept) = match end(">") {
+            _ if tag.starts_with("<!--") => (end("-->"), true),
+            Some(at) if element && tag[..at].ends_with("/>") => (Some(at), false),
+            _ if element => (end("</material>"), false),
+            at => (at, true),
+        };
+        // What does not end is left for the parser to refuse.
+        let Some(length) = length else {
+            rest = tag;
+            break;
+        };
+        if kept {
+            out += &tag[..length];
+        }
+        rest = &tag[length..];
+    }
+    out + rest
 }
 
 /// How deep the elements of a text stand in each other.

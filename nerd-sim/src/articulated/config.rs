@@ -25,7 +25,7 @@ pub enum Refresh {
     Substep,
 }
 
-/// How contact, limits and joint damping act within a substep.
+/// How contact, limits and joint damping act within a substep. A robot with dry friction is stepped implicitly in any case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactStep {
@@ -50,11 +50,11 @@ pub enum Friction {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArticulatedConfig {
-    /// Integrator where there is nothing to touch.
+    /// Integrator where there is nothing to touch, and no dry friction.
     pub integrator: Integrator,
     /// Substeps a frame where there is nothing to touch, at least 1.
     pub substeps: usize,
-    /// Substeps a frame where there is something to touch, at least 1.
+    /// Substeps a frame where there is something to touch, or dry friction, at least 1.
     pub contact_substeps: usize,
     /// When the mass matrix is renewed (symplectic Euler only).
     pub refresh: Refresh,

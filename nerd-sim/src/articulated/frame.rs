@@ -16,8 +16,6 @@ use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-pub(super) const INDEFINITE: &str = "the mass matrix is not positive definite: a link without inertia, or a state out of bounds";
-
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {
     pub(super) data: Data,
@@ -52,13 +50,15 @@ impl Frame for Workspace {
         // The environment stepped before this one may have touched something.
         self.data.external.fill(Wrench::default());
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
-        let substeps = if contact { config.contact_substeps } else { config.substeps };
+        // Dry friction is stiff at rest: the implicit step alone holds it.
+        let dry = robot.dry();
+        let substeps = if contact || dry { config.contact_substeps } else { config.substeps };
         let dt = system.frame_time / substeps as f64;
+        self.materials.clear();
         if contact {
-            self.materials.clear();
             self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
         }
-        if contact && config.contact_step == ContactStep::Implicit {
+        if dry || contact && config.contact_step == ContactStep::Implicit {
             return self.implicit(system, scene, config, state, tau);
         }
         if !contact && config.integrator == Integrator::Rk4 {
@@ -131,7 +131,7 @@ impl Workspace {
         if renew {
             crba(robot, &mut self.data);
             if !self.factor.refill(&self.data.mass) {
-                return Err(INDEFINITE.into());
+                return Err(self.factor.fault(robot));
             }
         }
         bias(robot, qd, &scene.gravity, &mut self.data);

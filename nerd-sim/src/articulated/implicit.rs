@@ -14,7 +14,8 @@
 //! The gap g is the mean over that part of the substep in which the point is inside, and k, d, c act with that part only,
 //! so that it matters little where in a substep a point lands. The drag c is the law's at the velocity seen, found by
 //! repetition. A point that would pull has parted; it is dropped and the system solved again. A joint beyond its limit is a
-//! touch without friction that may pull. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
+//! touch without friction that may pull; a joint's dry friction is one that rubs under a constant force, and holds up to
+//! 1 mm/s of creep. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
 //! the factorisation its cost.
 
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
@@ -22,7 +23,7 @@ use nerd_core::dynamics::{bias, crba, kinematics, to_local, to_world, velocities
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
-use super::frame::{INDEFINITE, Workspace};
+use super::frame::Workspace;
 use super::law::drag;
 use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
@@ -64,9 +65,9 @@ impl Touches {
     pub(super) fn new(robot: &Robot) -> Self {
         let (points, joints, nv) = (robot.contact_points.len(), robot.joint_count(), robot.nv());
         Self {
-            touches: Vec::with_capacity(points + joints),
-            columns: Vec::with_capacity(points * nv + joints),
-            weights: vec![None; points + joints],
+            touches: Vec::with_capacity(points + 2 * joints),
+            columns: Vec::with_capacity(points * nv + 2 * joints),
+            weights: vec![None; points + 2 * joints],
             mass: DMatrix::zeros(nv, nv),
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
@@ -75,6 +76,8 @@ impl Touches {
     }
 }
 
+/// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
+const CREEP: f64 = 1e-3;
 /// Solves of a substep at most.
 const PASSES: usize = 6;
 /// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
@@ -101,7 +104,7 @@ impl Workspace {
             self.query(system, scene);
             self.find(robot, q, qd, h);
             crba(robot, &mut self.data);
-            self.weigh(h, config.friction)?;
+            self.weigh(robot, h, config.friction)?;
             // The first substep of a frame knows no rate yet, and finds its middle by a second solve.
             if substep == 0 {
                 self.touches.rate.fill(0.0);
@@ -145,6 +148,15 @@ impl Workspace {
             let material = part_of(&self.materials[event.collider], part);
             touches.push(Touch::new(index, start..columns.len(), material, false, n, gap, velocity));
         }
+        let (points, joints) = (robot.contact_points.len(), robot.joint_count());
+        for (i, joint) in robot.joints().enumerate().filter(|(_, j)| j.friction > 0.0) {
+            // Pressed with its friction at a coefficient of 1.
+            let material = Material { stiffness: 1.0, damping: 0.0, friction_damping: joint.friction / CREEP, friction: 1.0 };
+            let velocity = Vector3::y() * qd[dofs + i];
+            columns.push((dofs + i, Vector3::y()));
+            let columns = columns.len() - 1..columns.len();
+            touches.push(Touch::new(points + joints + i, columns, material, false, Vector3::x(), -joint.friction, velocity));
+        }
         for (i, joint) in robot.joints().enumerate() {
             let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0) else { continue };
             let x = q[robot.root_coords() + i];
@@ -155,26 +167,28 @@ impl Workspace {
                 columns.push((dofs + i, n * side));
                 let material = Material { stiffness: limit.stiffness, damping: limit.damping, friction_damping: 0.0, friction: 0.0 };
                 let columns = columns.len() - 1..columns.len();
-                touches.push(Touch::new(robot.contact_points.len() + i, columns, part_of(&material, part), true, n, gap, velocity));
+                touches.push(Touch::new(points + i, columns, part_of(&material, part), true, n, gap, velocity));
             }
         }
     }
 
     /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
-    fn weigh(&mut self, h: f64, friction: Friction) -> Result<(), String> {
+    fn weigh(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
         let Touches { touches, columns, weights, right, .. } = &mut self.touches;
         let mut factored = false;
         for touch in touches.iter_mut() {
             let columns = &columns[touch.columns.clone()];
             if weights[touch.index].is_none() {
                 if !factored && !self.factor.refill(&self.data.mass) {
-                    return Err(INDEFINITE.into());
+                    return Err(self.factor.fault(robot));
                 }
                 factored = true;
                 right.fill(0.0);
                 columns.iter().for_each(|(k, a)| right[*k] = touch.normal.dot(a));
                 self.factor.solve(right);
-                weights[touch.index] = Some(columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum());
+                // What only rubs, as dry friction does, always looks all the way ahead.
+                let w: f64 = columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum();
+                weights[touch.index] = Some(if w > 0.0 { w } else { f64::INFINITY });
             }
             let Some(w) = weights[touch.index] else { continue };
             let vn = touch.normal.dot(&touch.velocity);
@@ -218,7 +232,7 @@ impl Workspace {
                     right[dofs + i] += tau[i] - joint.damping * qd[dofs + i];
                 }
             }
-            let changed = self.solve(h, config)?;
+            let changed = self.solve(robot, h, config)?;
             let Touches { middle, rate, .. } = &mut self.touches;
             rate.copy_from_slice(self.data.qdd.as_slice());
             if robot.floating() {
@@ -237,7 +251,7 @@ impl Workspace {
 
     /// Accelerations with the active touches. Then each one's drag is that of its force and slip at the end, and a point that
     /// would pull is active no more; whether that changes anything.
-    fn solve(&mut self, h: f64, config: &ArticulatedConfig) -> Result<bool, String> {
+    fn solve(&mut self, robot: &Robot, h: f64, config: &ArticulatedConfig) -> Result<bool, String> {
         let Touches { touches, columns, mass, right, .. } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
@@ -256,7 +270,7 @@ impl Workspace {
             }
         }
         if !self.factor.refill(&self.data.mass) {
-            return Err(INDEFINITE.into());
+            return Err(self.factor.fault(robot));
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
         let settled = SETTLED / config.contact_substeps as f64;

@@ -68,7 +68,7 @@ impl Workspace {
         kinematics(robot, q, &mut self.data);
         crba(robot, &mut self.data);
         if !self.factor.refill(&self.data.mass) {
-            return Err("the mass matrix is not positive definite: a link without inertia, or a state out of bounds".into());
+            return Err(self.factor.fault(robot));
         }
         bias(robot, qd, &scene.gravity, &mut self.data);
         if self.data.tau.iter().all(|x| x.is_finite()) {

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::robot::{Base, Joint, JointKind, Robot, ShapeKind};
+use nerd_core::robot::{Base, Joint, JointKind, Robot};
 use nerd_core::spatial::BodyInertia;
 use rapier3d_f64::prelude::*;
 
@@ -34,6 +34,9 @@ pub(super) struct Template {
 impl Template {
     pub(super) fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
+        if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
+            return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
+        }
         let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
         let mut impulse = ImpulseJointSet::new();
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
@@ -82,23 +85,14 @@ impl Template {
     }
 }
 
-/// What a link touches the scene with: a box where all its corners are contact points (as balls of 1e-5 m they would
-/// catch on the ground: a sliding plate stops within a frame), balls for all other points.
+/// What a link touches the scene with.
 fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBuilder> {
-    let mut points: Vec<_> = robot.contact_points.iter().filter(|p| p.link == link).copied().collect();
-    let mut out = Vec::new();
-    for shape in &robot.links[link].shapes {
-        let corners = shape.contact_points(link);
-        if let ShapeKind::Box { half } = shape.kind
-            && corners.iter().all(|c| points.contains(c))
-        {
-            points.retain(|p| !corners.contains(p));
-            let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * shape.pose;
-            out.push(ColliderBuilder::cuboid(half.x, half.y, half.z).position(pose_to_parry(&pose)));
-        }
-    }
-    out.extend(points.iter().map(|p| ColliderBuilder::ball(p.radius).translation(to_parry(&(p.local - shift)))));
-    out
+    let (boxes, points) = robot.touching(link);
+    let boxes = boxes.into_iter().map(|(pose, half)| {
+        let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * pose;
+        ColliderBuilder::cuboid(half.x, half.y, half.z).position(pose_to_parry(&pose))
+    });
+    boxes.chain(points.iter().map(|p| ColliderBuilder::ball(p.radius).translation(to_parry(&(p.local - shift))))).collect()
 }
 
 /// Puts a scene's colliders into a world. A pair's restitution is the larger one, that of the scene.
