@@ -3,32 +3,39 @@
 //! A token of a robot that can touch something or move its base:
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
 //! quantities masked to zero beyond `xi`; of any other robot: `[state, torques]`. A scene pays only for what it has.
-//! The target is the change over the frame from its base ([`crate::base::Base`]), seen from the frame of the token: additive
+//! Where predictions are added to a frame of flight ([`Base::Flight`]) a token also says how far flight carries each contact
+//! point (3 C, m, masked likewise), since what contact adds depends first on that, and kinematics is hard to learn.
+//! The target is the change over the frame from its base ([`Base`]), seen from the frame of the token: additive
 //! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, kinematics, link_pose};
+use nerd_core::dynamics::{Data, kinematics, link_pose, point_position};
 use nerd_core::frames::RootFrame;
 use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
 use nerd_sim::system::System;
+
+use crate::base::Base;
 
 /// Turns states into tokens and predictions into states, for one system.
 #[derive(Clone)]
 pub struct Features {
     system: Arc<System>,
+    base: Base,
     data: Data,
+    ways: Vec<Vector3<f64>>,
     near: Vec<f64>,
     far: Vec<f64>,
 }
 
 impl Features {
-    /// For a system.
-    pub fn new(system: &Arc<System>) -> Self {
+    /// For a system and what its predictions are added to.
+    pub fn new(system: &Arc<System>, base: Base) -> Self {
         let d = system.robot.state_dim();
-        Self { data: Data::new(&system.robot), system: system.clone(), near: vec![0.0; d], far: vec![0.0; d] }
+        let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
+        Self { data, system: system.clone(), base, ways: Vec::new(), near, far }
     }
 
     /// Whether the robot's surroundings matter: it has contact points or a free base.
@@ -37,9 +44,10 @@ impl Features {
     }
 
     /// Width of a token.
-    pub fn inputs(system: &System) -> usize {
+    pub fn inputs(system: &System, base: Base) -> usize {
         let plain = system.robot.state_dim() + system.robot.joint_count();
-        if Self::situated(system) { plain + 7 * system.robot.contact_points.len() + 3 } else { plain }
+        let a_point = if base == Base::Flight { 10 } else { 7 };
+        if Self::situated(system) { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
 
     /// Width of a prediction.
@@ -57,8 +65,17 @@ impl Features {
         RootFrame::at(&link_pose(&self.data, 0))
     }
 
-    /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector.
-    pub fn token(&mut self, state: &[f64], contacts: &[ContactEvent], torques: &[f64], gravity: &Vector3<f64>, out: &mut [f32]) {
+    /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector; `base` is
+    /// what its prediction is added to.
+    pub fn token(
+        &mut self,
+        state: &[f64],
+        base: &[f64],
+        contacts: &[ContactEvent],
+        torques: &[f64],
+        gravity: &Vector3<f64>,
+        out: &mut [f32],
+    ) {
         let d = state.len();
         if !Self::situated(&self.system) {
             cast(state, &mut out[..d]);
@@ -67,6 +84,9 @@ impl Features {
         }
         let frame = self.frame(state);
         let system = self.system.clone();
+        if self.base == Base::Flight {
+            self.carry(state, base);
+        }
         frame.state_in(&system.robot, state, &mut self.near);
         wrap_state(&system.robot, &mut self.near);
         cast(&self.near, &mut out[..d]);
@@ -82,10 +102,28 @@ impl Features {
             cast(keep(frame.point(&event.p1)).as_slice(), &mut points[3 * k..3 * k + 3]);
             depths[k] = if seen { event.distance as f32 } else { 0.0 };
         }
+        let (ways, rest) = rest.split_at_mut(3 * self.ways.len());
+        for (way, (out, (event, point))) in
+            self.ways.iter().zip(ways.chunks_exact_mut(3).zip(contacts.iter().zip(&system.robot.contact_points)))
+        {
+            let seen = event.distance < point.threshold();
+            cast(if seen { frame.direction(way) } else { Vector3::zeros() }.as_slice(), out);
+        }
         let (tau, down) = rest.split_at_mut(torques.len());
         cast(torques, tau);
         let norm = gravity.norm();
         cast((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice(), down);
+    }
+
+    /// How far each contact point travels from `state` to `base`, world axes, into `ways`.
+    fn carry(&mut self, state: &[f64], base: &[f64]) {
+        let robot = &self.system.robot;
+        let place = |data: &Data, k: usize| point_position(data, robot.contact_points[k].link, &robot.contact_points[k].local);
+        kinematics(robot, state, &mut self.data);
+        self.ways.clear();
+        self.ways.extend((0..robot.contact_points.len()).map(|k| place(&self.data, k)));
+        kinematics(robot, base, &mut self.data);
+        self.ways.iter_mut().enumerate().for_each(|(k, way)| *way = place(&self.data, k) - *way);
     }
 
     /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`.

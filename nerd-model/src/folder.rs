@@ -96,7 +96,7 @@ impl Model {
         let normalizer: Normalizer = read_json(&folder.join("normalizer.json"))?;
         let path = folder.join("model.safetensors");
         let wrong = |reason: String| ModelError::Format { path: path.clone(), reason };
-        let (inputs, outputs) = (Features::inputs(system), Features::outputs(system));
+        let (inputs, outputs) = (Features::inputs(system, config.base), Features::outputs(system));
         let network = config.network;
         if (network.inputs, network.outputs) != (inputs, outputs) {
             return Err(wrong(format!(

@@ -43,7 +43,7 @@ pub struct Neural {
 impl Neural {
     /// A model of `system`, evaluated by `forward`.
     pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
-        let (features, data) = (Features::new(system), Data::new(&system.robot));
+        let (features, data) = (Features::new(system, model.config.base), Data::new(&system.robot));
         let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
         let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
         Self {
@@ -95,7 +95,8 @@ impl Neural {
             contacts(&batch.system, scene, batch.state(env), &mut self.data, &mut self.events);
         }
         let tau = &torques[env * joints..(env + 1) * joints];
-        self.features.token(batch.state(env), &self.events, tau, &scene.gravity, token);
+        let base = self.flight.as_ref().map_or(batch.state(env), |f| f.state(env));
+        self.features.token(batch.state(env), base, &self.events, tau, &scene.gravity, token);
         self.model.normalizer.inputs.normalize(token);
         self.held[env] += 1;
     }

@@ -17,7 +17,7 @@ use nerd_sim::prelude::*;
 const BOUND: f64 = 1e-5;
 
 fn model(system: &Arc<System>) -> Model {
-    let (inputs, outputs) = (Features::inputs(system), Features::outputs(system));
+    let (inputs, outputs) = (Features::inputs(system, Base::State), Features::outputs(system));
     let network = TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, ..TransformerConfig::paper(inputs, outputs, 192) };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n] };
     let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
@@ -140,13 +140,13 @@ fn placed(p: Vector3<f64>, turn: f64) -> (Vec<f64>, UnitQuaternion<f64>) {
 #[test]
 fn the_network_sees_neither_place_nor_heading() {
     let system = Arc::new(System::from_text("cube", CUBE, Some(SPEC)).expect("valid"));
-    let mut features = Features::new(&system);
+    let mut features = Features::new(&system, Base::State);
     let mut token = |p: Vector3<f64>, turn: f64| {
         let (state, heading) = placed(p, turn);
         let event =
             ContactEvent { p0: p, p1: p + heading * Vector3::new(0.2, 0.1, -0.3), normal: Vector3::z(), distance: 0.05, collider: 0 };
-        let mut out = vec![0.0; Features::inputs(&system)];
-        features.token(&state, &[event], &[], &Vector3::new(0.0, 0.0, -9.81), &mut out);
+        let mut out = vec![0.0; Features::inputs(&system, Base::State)];
+        features.token(&state, &state, &[event], &[], &Vector3::new(0.0, 0.0, -9.81), &mut out);
         let mut change = vec![0.0; Features::outputs(&system)];
         let (next, _) = placed(p + heading * Vector3::new(0.01, 0.02, 0.0), turn + 0.03);
         features.target(&state, &state, &next, &mut change);

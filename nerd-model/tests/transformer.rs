@@ -112,7 +112,7 @@ fn inputs_and_outputs_are_as_wide_as_the_papers() {
     let widths = [("cartpole", 6, 4), ("pendulum", 37, 4), ("cube", 72, 13), ("franka", 21, 14), ("ant", 215, 29), ("anymal", 150, 37)];
     for (name, inputs, outputs) in widths {
         let system = nerd_sim::system::System::named(name).expect("built in");
-        let features = nerd_model::features::Features::inputs(&system);
+        let features = nerd_model::features::Features::inputs(&system, nerd_model::base::Base::State);
         assert_eq!((features, nerd_model::features::Features::outputs(&system)), (inputs, outputs), "{name}");
     }
 }

@@ -6,7 +6,6 @@
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
-use nerd_sim::articulated::{Integrator, Refresh};
 use nerd_sim::prelude::*;
 
 fn pendulum() -> Arc<System> {

@@ -21,13 +21,13 @@ use crate::windows::Windows;
 /// # Errors
 /// Of the flight of [`Base::Flight`].
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, base: Base) -> Result<Windows, DatasetError> {
-    let (inputs, outputs) = (Features::inputs(system), Features::outputs(system));
+    let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
     let mut y = vec![0.0; recording.trajectories * f * outputs];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate();
     rows.try_for_each_init(
-        || (Features::new(system), (base == Base::Flight).then(|| Flight::new(system))),
+        || (Features::new(system, base), (base == Base::Flight).then(|| Flight::new(system))),
         |(features, flight), (trajectory, (x, y))| {
             let row = Row::of(system, recording, trajectory);
             let bases = match flight {
@@ -91,7 +91,7 @@ impl Row {
             ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
         };
         let events: Vec<_> = (0..points).map(event).collect();
-        features.token(state, &events, &self.torques[frame * joints..][..joints], &self.gravity, x);
+        features.token(state, base, &events, &self.torques[frame * joints..][..joints], &self.gravity, x);
         features.target(state, base, next, y);
     }
 }

@@ -1,5 +1,6 @@
 //! The columns of a data set: what each is called, and what its numbers are like.
 
+use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_sim::prelude::*;
 use serde::Serialize;
@@ -122,7 +123,7 @@ pub fn columns(system: &System) -> Vec<Column> {
     let (mut out, axes) = (Vec::new(), ["x", "y", "z"]);
     let mut push = |name: String, block: Block, contact: Option<usize>| out.push(Column::new(name, block, contact));
     spec.state_columns.iter().for_each(|c| push(c.clone(), Block::State, None));
-    let situated = Features::inputs(system) > robot.state_dim() + robot.joint_count();
+    let situated = Features::inputs(system, Base::State) > robot.state_dim() + robot.joint_count();
     let points = if situated { robot.contact_points.len() } else { 0 };
     for block in [Block::Normal, Block::Point] {
         let letter = if block == Block::Normal { "n" } else { "p" };
@@ -145,7 +146,7 @@ mod tests {
     fn every_robot_has_a_name_for_every_input_and_target() {
         for robot in System::built_in() {
             let system = System::named(robot).expect("built in");
-            assert_eq!(columns(&system).len(), Features::inputs(&system) + Features::outputs(&system), "{robot}");
+            assert_eq!(columns(&system).len(), Features::inputs(&system, Base::State) + Features::outputs(&system), "{robot}");
         }
     }
 

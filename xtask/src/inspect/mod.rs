@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_sim::dataset::{Manifest, Recording, read_shard};
 use nerd_sim::prelude::*;
@@ -193,8 +194,8 @@ fn count(system: &System, recording: &Recording, kept: &[bool], counts: &mut Cou
 
 /// Hands every number of every token and target to its column.
 fn each(system: &Arc<System>, recording: &Recording, kept: &[bool], all: &mut [Column], take: fn(&mut Column, f64)) -> Result<()> {
-    let windows = tokens(system, recording, 1, nerd_model::base::Base::State)?;
-    let (inputs, points) = (Features::inputs(system), &system.robot.contact_points);
+    let windows = tokens(system, recording, 1, Base::State)?;
+    let (inputs, points) = (Features::inputs(system, Base::State), &system.robot.contact_points);
     let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
     for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
         for (k, column) in all.iter_mut().enumerate() {
@@ -215,7 +216,7 @@ fn words(system: &System, all: &[Column], counts: &Counts, bound: f64) -> String
         "{}: {} tokens of {} inputs and {} targets; {} of {} trajectories left out ({} not finite, {} beyond {bound})\n",
         system.name,
         counts.tokens,
-        Features::inputs(system),
+        Features::inputs(system, Base::State),
         Features::outputs(system),
         counts.not_finite + counts.beyond,
         counts.trajectories,
