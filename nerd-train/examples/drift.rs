@@ -2,7 +2,7 @@
 
 use nerd_model::{folder::Model, neural::Neural};
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveConfig, passive};
+use nerd_train::evaluate::{Action, PassiveConfig, passive};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let system = System::named("pendulum")?;
@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = Model::load(std::path::Path::new("models/pendulum"), &system, Some("articulated paper coulomb"))?;
     let mut learned = Neural::on_cpu(model, &system);
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-    let config = PassiveConfig { starts: 64, steps: 100, seed: 500, drive: 0.0 };
+    let config = PassiveConfig { starts: 64, steps: 100, seed: 500, action: Action::Zero };
     let report = passive(&system, &scene, &mut truth, &mut learned, config, &mut |_step| ())?;
     println!("{:?} rad, hold-last {:?}, {} diverged", report.error, report.hold, report.diverged);
     Ok(())

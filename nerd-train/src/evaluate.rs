@@ -28,9 +28,22 @@ pub struct PassiveConfig {
     pub steps: usize,
     /// Seed of the starts (reference: 500).
     pub seed: u64,
-    /// Factor on the random torques of the training data, drawn at the truth's state and given to both; 0: no action.
+    /// What drives the joints.
     #[serde(default)]
-    pub drive: f64,
+    pub action: Action,
+}
+
+/// What drives the joints of a rollout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// Action 0 of the robot's controller: its position law holds the default pose; elsewhere no torque (the paper).
+    #[default]
+    Zero,
+    /// No torque, whatever the controller.
+    Limp,
+    /// The training data's random torques times this factor, drawn at the truth's state and given to both.
+    Random(f64),
 }
 
 /// Errors of one solver against the truth; figures in the order of [`quantities`].
@@ -152,16 +165,21 @@ pub fn passive(
     let mut last = vec![0.0; n * width];
     let (mut gap, mut glided) = (vec![0.0; width], Vec::new());
     for step in 1..=config.steps {
-        for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
-            for env in 0..n {
-                controller.torques(batch.state(env), &action, &mut torques[env * joints..(env + 1) * joints]);
+        match config.action {
+            Action::Limp => {}
+            Action::Zero => {
+                for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
+                    for env in 0..n {
+                        controller.torques(batch.state(env), &action, &mut torques[env * joints..(env + 1) * joints]);
+                    }
+                }
             }
-        }
-        if config.drive != 0.0 {
-            for (env, rng) in streams.iter_mut().enumerate() {
-                drive.draw(real.state(env), config.drive, rng, &mut torques[0][env * joints..(env + 1) * joints]);
+            Action::Random(factor) => {
+                for (env, rng) in streams.iter_mut().enumerate() {
+                    drive.draw(real.state(env), factor, rng, &mut torques[0][env * joints..(env + 1) * joints]);
+                }
+                torques[1] = torques[0].clone();
             }
-            torques[1] = torques[0].clone();
         }
         truth.step(&mut real, &torques[0])?;
         solver.step(&mut learned, &torques[1])?;

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive, summary};
+use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
 use crate::common::{Device, bar};
@@ -144,7 +144,7 @@ pub fn run(args: ChartArgs) -> Result<()> {
         "provenance": Provenance::now(args.seed),
         "robot": system.name,
         "scene": scene.name,
-        "protocol": PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, drive: 0.0 },
+        "protocol": PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp },
         "reference": reference,
         "reference_error": mean(&base.error),
         "hold": mean(&base.hold),
@@ -175,7 +175,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
 
     let (finest, reference) = if contact { (4 * args.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if contact { Method::Implicit(n) } else { Method::Rk4(n) };
-    let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, drive: 0.0 };
+    let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp };
     // Begun first, for it may not be there.
     let mut referee = args.mujoco.as_ref().map(|python| series::referee(python, system, scene, config)).transpose()?;
     let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive, summary};
+use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
 use crate::paper;
@@ -84,11 +84,12 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     if args.starts == 0 || steps == 0 {
         anyhow::bail!("--starts and --steps are at least 1");
     }
+    let action = if args.drive == 0.0 { Action::Zero } else { Action::Random(args.drive) };
     let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
     let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
     let mut rows = Vec::new();
     for (k, scene) in found.iter().enumerate() {
-        let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed, drive: args.drive };
+        let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed, action };
         let mut solver = build(&args.solver, &system, args.starts)?;
         let report = measure(&system, scene, &mut *solver, protocol, &mut |step| bar.set((k * steps + step) as u64))?;
         rows.push(Row {

@@ -11,10 +11,10 @@ use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::robot::Base;
 use nerd_model::folder::ModelConfig;
+use nerd_sim::dataset::Drive;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_train::evaluate::{PassiveConfig, passive};
-use rand::RngExt;
+use nerd_train::evaluate::{Action, PassiveConfig, passive};
 
 use super::Line;
 use super::row::{Cell, Verdict};
@@ -99,19 +99,19 @@ fn table(folder: &PathBuf, words: &[String]) -> Result<(String, Vec<String>, Vec
 }
 
 fn horizon(case: &Case, maker: &Maker, steps: usize) -> Result<f64> {
-    let config = PassiveConfig { starts: STARTS, steps, seed: 21, drive: 0.0 };
+    let config = PassiveConfig { starts: STARTS, steps, seed: 21, action: Action::Zero };
     let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
     let report = passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?;
     Ok(report.error.iter().sum::<f64>() / report.hold.iter().sum::<f64>().max(1e-12))
 }
 
 fn gone(case: &Case, maker: &Maker) -> Result<f64> {
-    let config = PassiveConfig { starts: STARTS, steps: 1000, seed: 22, drive: 0.0 };
+    let config = PassiveConfig { starts: STARTS, steps: 1000, seed: 22, action: Action::Zero };
     let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
     Ok(passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?.diverged as f64)
 }
 
-/// Starts of the training box with all velocities times `factor`, and random torques of `drive` times the data's amplitude.
+/// Starts of the training box with all velocities times `factor`, driven as the training data times `drive`.
 fn outside(case: &Case, maker: &Maker, factor: f64, drive: f64) -> Result<f64> {
     let (nq, joints) = (case.system.robot.nq(), case.system.robot.joint_count());
     let mut batch = starts(&case.system, &case.scene);
@@ -119,10 +119,12 @@ fn outside(case: &Case, maker: &Maker, factor: f64, drive: f64) -> Result<f64> {
         batch.state_mut(env)[nq..].iter_mut().for_each(|v| *v *= factor);
     }
     let (first, mut real, mut solvers) = (batch.clone(), batch.clone(), (truth(&case.truth, &case.system)?, maker(&case.system)?));
-    let (mut rng, amplitudes) = (stream(23, 0), case.system.torque_amplitudes());
+    let (mut rng, mut law, mut torques) = (stream(23, 0), Drive::new(&case.system), vec![0.0; STARTS * joints]);
     let (mut error, mut hold) = (0.0, 0.0);
     for _ in 0..50 {
-        let torques: Vec<f64> = (0..STARTS * joints).map(|i| drive * amplitudes[i % joints] * (2.0 * rng.random::<f64>() - 1.0)).collect();
+        for env in 0..STARTS {
+            law.draw(real.state(env), drive, &mut rng, &mut torques[env * joints..(env + 1) * joints]);
+        }
         solvers.0.step(&mut real, &torques)?;
         solvers.1.step(&mut batch, &torques)?;
         error += distance(&case.system, &real, &batch);

@@ -21,7 +21,7 @@ use nerd_model::transformer::{Forward, TransformerConfig, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveConfig, passive};
+use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::prepare::{Prepared, generate, moments, normalize, read};
 use nerd_train::schedule::Schedule;
@@ -246,7 +246,7 @@ fn engine(
 /// all grounds.
 fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weights: Weights, args: &TrainArgs) -> Result<f64> {
     let steps = paper::horizon(&system.name);
-    let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed, drive: 0.0 };
+    let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed, action: Action::Zero };
     // Flight has no error where there is nothing to touch.
     let scenes: Vec<&str> = match run.base {
         Base::State => system.usual_scenes().into_iter().take(2).collect(),
