@@ -17,7 +17,7 @@ use nerd_sim::system::System;
 use crate::base::{Base, Flight};
 use crate::features::Features;
 use crate::folder::Model;
-use crate::transformer::Forward;
+use crate::transformer::{Forward, PackedForward};
 
 /// A model as a [`Solver`].
 pub struct Neural {
@@ -63,10 +63,9 @@ impl Neural {
         }
     }
 
-    /// The same, evaluated by burn on the CPU.
-    #[cfg(feature = "flex")]
+    /// The same, evaluated on the CPU.
     pub fn on_cpu(model: Model, system: &Arc<System>) -> Self {
-        let forward = crate::transformer::BurnForward::new(&model.weights, &burn::tensor::Device::flex());
+        let forward = PackedForward::new(&model.weights);
         Self::new(model, system, Box::new(forward))
     }
 

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::transformer::{BurnForward, Forward, Transformer, TransformerConfig, Weights};
+use nerd_model::transformer::{BurnForward, Forward, PackedForward, Transformer, TransformerConfig, Weights};
 
 const SMALL: TransformerConfig =
     TransformerConfig { inputs: 5, outputs: 3, embedding: 24, layers: 3, heads: 4, block: 8, history: 6, head: 7 };
@@ -178,6 +178,28 @@ fn the_predictor_gives_the_newest_tokens_prediction_whatever_the_padding_and_the
             assert!(worst < 1e-5, "chunks of {chunk} on {threads} threads: {worst:.2e}");
         }
     }
+}
+
+/// Two engines, one network: burn's, and the one without a framework.
+#[test]
+fn the_packed_network_equals_burns() {
+    let mut worst = 0.0f32;
+    for (w, windows, tokens) in
+        [(lively(7), 37usize, 6usize), (lively(8), 1, 1), (Weights::init(TransformerConfig::paper(37, 4, 192), 9), 50, 10)]
+    {
+        let width = w.config.inputs;
+        let x: Vec<f32> = (0..windows * tokens * width).map(|i| (1.7 * i as f32).sin() * 2.0).collect();
+        let last: Vec<u32> = (0..windows).map(|i| (i % tokens) as u32).collect();
+        let (mut a, mut b) = (Vec::new(), vec![7.0; 3]);
+        BurnForward::new(&w, &Device::flex()).forward(&x, tokens, &last, &mut a).unwrap();
+        let mut packed = PackedForward::new(&w);
+        for _ in 0..2 {
+            packed.forward(&x, tokens, &last, &mut b).unwrap();
+            let scale = a.iter().fold(1.0f32, |m, x| m.max(x.abs()));
+            worst = worst.max(largest_difference(&a, &b) / scale);
+        }
+    }
+    assert!(worst < 1e-5, "the engines differ by {worst:.1e}");
 }
 
 #[test]

@@ -40,25 +40,6 @@ impl BurnForward {
         self
     }
 
-    fn check(&self, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
-        let expected = last.len() * tokens * self.config.inputs;
-        let message = if tokens == 0 || tokens > self.config.block {
-            format!("{tokens} tokens in a window, the position table has {}", self.config.block)
-        } else if inputs.len() != expected {
-            format!(
-                "{} input values, expected {} windows x {tokens} tokens x {} = {expected}",
-                inputs.len(),
-                last.len(),
-                self.config.inputs
-            )
-        } else if let Some(w) = last.iter().position(|&l| l as usize >= tokens) {
-            format!("window {w}: newest token {} of {tokens}", last[w])
-        } else {
-            return Ok(());
-        };
-        Err(ForwardError { message })
-    }
-
     fn chunk(&self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut [f32]) -> Result<(), ForwardError> {
         let data = TensorData::new(inputs.to_vec(), [last.len(), tokens, self.config.inputs]);
         let y = self.network.forward_last(Tensor::from_data(data, &self.device), last);
@@ -70,7 +51,7 @@ impl BurnForward {
 
 impl Forward for BurnForward {
     fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        self.check(inputs, tokens, last)?;
+        check(&self.config, inputs, tokens, last)?;
         out.clear();
         out.resize(last.len() * self.config.outputs, 0.0);
         // Even chunks, so that no thread is left with a small one; at least 8 windows, or threads cost more than they give.
@@ -100,4 +81,19 @@ impl Forward for BurnForward {
             })
         })
     }
+}
+
+/// Refuses windows that do not fit a network.
+pub(super) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
+    let expected = last.len() * tokens * config.inputs;
+    let message = if tokens == 0 || tokens > config.block {
+        format!("{tokens} tokens in a window, the position table has {}", config.block)
+    } else if inputs.len() != expected {
+        format!("{} input values, expected {} windows x {tokens} tokens x {} = {expected}", inputs.len(), last.len(), config.inputs)
+    } else if let Some(w) = last.iter().position(|&l| l as usize >= tokens) {
+        format!("window {w}: newest token {} of {tokens}", last[w])
+    } else {
+        return Ok(());
+    };
+    Err(ForwardError { message })
 }

@@ -48,7 +48,7 @@ pub fn truth(system: &System) -> Box<dyn Solver> {
 /// A network on a device.
 pub fn forward(weights: &Weights, device: Device, windows: usize) -> Result<Box<dyn Forward>> {
     match device {
-        Device::Flex => Ok(Box::new(nerd_model::transformer::BurnForward::new(weights, &burn_device()))),
+        Device::Flex => Ok(Box::new(nerd_model::transformer::PackedForward::new(weights))),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             Ok(Box::new(nerd_train::learner::cuda::CudaForward::new(weights, nerd_train::learner::cuda::Precision::F32, windows)?))
