@@ -159,6 +159,6 @@ fn a_clearance_that_no_start_has_is_refused() {
     let lowest = (0..200).map(|env| start(&system, Start::Sample, &mut stream(0, env))[2]).fold(f64::INFINITY, f64::min);
     assert!((0.3..0.35).contains(&lowest), "lowest of 200 starts {lowest} m, the contact law's distance is to the centre");
     let toml = toml(-1.0).replace("clearance = 0.3", "clearance = 0.6");
-    let error = System::from_text("ball", urdf, Some(&toml)).err().expect("no start is clear").to_string();
+    let error = System::from_text("ball", urdf, Some(&toml)).expect_err("no start is clear").to_string();
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
 }

@@ -33,7 +33,8 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, base:
             let bases = match flight {
                 None => &row.states,
                 Some(flight) => {
-                    let scenes = vec![Arc::new(Scene::free(row.gravity)); f];
+                    let free = Arc::new(Scene::free(row.gravity));
+                    let scenes = vec![free; f];
                     flight
                         .step(&row.states[..f * outputs], &scenes, &row.torques)
                         .map_err(|source| DatasetError::Step { first: trajectory as u64, source })?

@@ -3,7 +3,7 @@
 //!
 //! Errors are shares of the hold-last floor's: 1 is a predictor that knows nothing.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -56,18 +56,21 @@ const ASKS: [Ask; 14] = [
     ("energy in flight", "change beyond the truth's in 100 frames (of the largest kinetic)", "energy is the truth's", 0.05, flight),
 ];
 
-/// Tables of all models: title, names of the columns, lines.
-pub fn tables(models: &[PathBuf], words: &[String]) -> Result<Vec<(String, Vec<String>, Vec<Line>)>> {
+/// Title, names of the columns, lines.
+type Table = (String, Vec<String>, Vec<Line>);
+
+/// Tables of all models.
+pub fn tables(models: &[PathBuf], words: &[String]) -> Result<Vec<Table>> {
     models.iter().map(|folder| table(folder, words)).collect()
 }
 
-fn table(folder: &PathBuf, words: &[String]) -> Result<(String, Vec<String>, Vec<Line>)> {
+fn table(folder: &Path, words: &[String]) -> Result<Table> {
     let path = folder.join("config.json");
     let text = std::fs::read_to_string(&path).with_context(|| format!("{}: no model here", path.display()))?;
     let config: ModelConfig = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
     let system = System::named(&config.robot)?;
     let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
-    let case = Case { system, scene, model: folder.clone(), truth: config.truth };
+    let case = Case { system, scene, model: folder.into(), truth: config.truth };
     let makers: [(&str, &Maker); 4] = [
         ("learned", &|system| Ok(Box::new(neural(&case.model, system, None, Device::Flex, STARTS)?))),
         ("hold last", &|_| Ok(Box::new(Blind { glide: false }))),
@@ -146,7 +149,8 @@ fn moved(case: &Case, maker: &Maker, by: f64) -> Result<f64> {
         pose.translation.vector += by;
     }
     let (here, system) = (starts(&case.system, &case.scene), Arc::new(system));
-    let mut there = Batch { system: system.clone(), scenes: vec![Arc::new(scene); STARTS], ..here.clone() };
+    let scene = Arc::new(scene);
+    let mut there = Batch { system: system.clone(), scenes: vec![scene; STARTS], ..here.clone() };
     shift(&mut there, &by);
     let (here, mut there) = (run(here, &mut *maker(&case.system)?, 20)?, run(there, &mut *maker(&system)?, 20)?);
     shift(&mut there, &-by);
