@@ -1,5 +1,5 @@
-//! Predictions for windows of ten tokens on the CPU, through burn and without it (paper network, E 192, double pendulum's
-//! widths).
+//! Predictions on the CPU (double pendulum's widths): windows of ten tokens through burn and without it, one token a frame
+//! with kept keys and values, and that of a small network.
 //!
 //! `cargo bench -p nerd-model`.
 
@@ -7,22 +7,31 @@ use std::hint::black_box;
 
 use burn::tensor::Device;
 use criterion::{Criterion, criterion_group, criterion_main};
-use nerd_model::transformer::{BurnForward, Forward, PackedForward, TransformerConfig, Weights};
+use nerd_model::transformer::{
+    BurnForward, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed,
+};
 
 fn inference(c: &mut Criterion) {
-    let config = TransformerConfig::paper(37, 4, 192);
-    let weights = Weights::init(config, 0);
-    let engines: [(&str, Box<dyn Forward>); 2] =
-        [("burn", Box::new(BurnForward::new(&weights, &Device::flex()))), ("packed", Box::new(PackedForward::new(&weights)))];
-    let mut group = c.benchmark_group("E192");
+    let table = TransformerConfig::paper(37, 4, 192);
+    let rotary = TransformerConfig { positions: Positions::Rotary, ..table };
+    let small = TransformerConfig { embedding: 48, layers: 2, heads: 3, ..rotary };
+    let (windows, stream) = (Weights::init(table, 0), Weights::init(rotary, 0));
+    let streams: [(&str, &[usize], Box<dyn Stream>); 4] = [
+        ("windows, burn", &[512], Box::new(Windowed::new(BurnForward::new(&windows, &Device::flex()), table))),
+        ("windows, packed", &[512], Box::new(Windowed::new(PackedForward::new(&windows), table))),
+        ("stream, E192", &[1, 512, 2048], Box::new(PackedStream::new(&stream))),
+        ("stream, E48", &[1, 2048], Box::new(PackedStream::new(&Weights::init(small, 0)))),
+    ];
+    let mut group = c.benchmark_group("frame");
     group.sample_size(10);
-    for (name, mut network) in engines {
-        for windows in [1usize, 512] {
-            let inputs: Vec<f32> = (0..windows * 10 * 37).map(|i| (i as f32 * 0.37).sin()).collect();
-            let (last, mut out) = (vec![9; windows], Vec::new());
-            group.bench_function(format!("{name}, {windows} windows"), |b| {
-                b.iter(|| network.forward(black_box(&inputs), 10, &last, &mut out).expect("well-formed windows"));
-            });
+    for (name, sizes, mut network) in streams {
+        for envs in sizes {
+            let tokens: Vec<f32> = (0..envs * 37).map(|i| (i as f32 * 0.37).sin()).collect();
+            let (asked, mut out): (Vec<usize>, _) = ((0..*envs).collect(), Vec::new());
+            let mut frame = || network.push(black_box(&tokens), &asked, &mut out).expect("well-formed frames");
+            // The past is full.
+            (0..10).for_each(|_| frame());
+            group.bench_function(format!("{name}, {envs} environments"), |b| b.iter(&mut frame));
         }
     }
     group.finish();

@@ -1,8 +1,8 @@
 //! The learned solver: one network evaluation a frame in place of dynamics, contact and integration.
 //!
-//! Contacts are found by the scene's geometry, as for every solver. Of each environment the last h tokens are
-//! remembered, each in its own frame; the window grows from one token at a reset. A gap in an environment's frames
-//! (a reset, or frames stepped by another solver) empties its window, so history can never be another motion's.
+//! Contacts are found by the scene's geometry, as for every solver. Each frame of an environment is a token in its own
+//! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, or
+//! frames stepped by another solver) makes it forget them, so history can never be another motion's.
 //!
 //! With [`Base::Flight`] the prediction is what contact adds to a frame of flight, and environments that can touch nothing
 //! within the frame do not evaluate the network.
@@ -17,56 +17,40 @@ use nerd_sim::system::System;
 use crate::base::{Base, Flight};
 use crate::features::Features;
 use crate::folder::Model;
-use crate::transformer::{Forward, PackedForward};
+use crate::transformer::{Stream, packed};
 
 /// A model as a [`Solver`].
 pub struct Neural {
     model: Model,
-    forward: Box<dyn Forward>,
+    network: Box<dyn Stream>,
     features: Features,
     flight: Option<Flight>,
     data: Data,
     events: Vec<nerd_core::contact::ContactEvent>,
-    /// Normalised tokens `[env][h][inputs]`, oldest first.
+    /// Normalised tokens of the frame, `[env][inputs]`.
     tokens: Vec<f32>,
-    /// Tokens held of each environment.
-    held: Vec<usize>,
     /// Frame of each environment's newest token.
     newest: Vec<u64>,
     /// Environments whose network is evaluated in this frame.
     asked: Vec<usize>,
-    window: Vec<f32>,
     output: Vec<f32>,
     next: Vec<f64>,
 }
 
 impl Neural {
-    /// A model of `system`, evaluated by `forward`.
-    pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
+    /// A model of `system`, evaluated by `network`.
+    pub fn new(model: Model, system: &Arc<System>, network: Box<dyn Stream>) -> Self {
         let (features, data) = (Features::new(system, model.config.base), Data::new(&system.robot));
         let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
-        let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
-        Self {
-            model,
-            forward,
-            features,
-            flight,
-            data,
-            events: Vec::new(),
-            tokens,
-            held,
-            newest,
-            asked: Vec::new(),
-            window: Vec::new(),
-            output: Vec::new(),
-            next: Vec::new(),
-        }
+        let (tokens, newest, asked) = (Vec::new(), Vec::new(), Vec::new());
+        let (events, output, next) = (Vec::new(), Vec::new(), Vec::new());
+        Self { model, network, features, flight, data, events, tokens, newest, asked, output, next }
     }
 
     /// The same, evaluated on the CPU.
     pub fn on_cpu(model: Model, system: &Arc<System>) -> Self {
-        let forward = PackedForward::new(&model.weights);
-        Self::new(model, system, Box::new(forward))
+        let network = packed(&model.weights);
+        Self::new(model, system, network)
     }
 
     /// What was learned, from what.
@@ -74,21 +58,15 @@ impl Neural {
         &self.model
     }
 
-    /// Appends the token of this frame to an environment's window.
-    fn remember(&mut self, batch: &Batch, env: usize, torques: &[f64]) {
-        let (h, width) = (self.model.config.network.history, self.model.config.network.inputs);
-        let (frame, joints) = (batch.frames[env], batch.system.robot.joint_count());
+    /// Writes the token of this frame.
+    fn tell(&mut self, batch: &Batch, env: usize, torques: &[f64]) {
+        let (width, joints) = (self.model.config.network.inputs, batch.system.robot.joint_count());
+        let frame = batch.frames[env];
         if frame == 0 || self.newest[env] + 1 != frame {
-            self.held[env] = 0;
+            self.network.clear(env);
         }
         self.newest[env] = frame;
-        let ring = &mut self.tokens[env * h * width..(env + 1) * h * width];
-        if self.held[env] == h {
-            ring.copy_within(width.., 0);
-            self.held[env] -= 1;
-        }
-        let at = self.held[env] * width;
-        let (scene, token) = (&batch.scenes[env], &mut ring[at..at + width]);
+        let (scene, token) = (&batch.scenes[env], &mut self.tokens[env * width..(env + 1) * width]);
         self.events.clear();
         if !batch.system.robot.contact_points.is_empty() {
             contacts(&batch.system, scene, batch.state(env), &mut self.data, &mut self.events);
@@ -97,7 +75,6 @@ impl Neural {
         let base = self.flight.as_ref().map_or(batch.state(env), |f| f.state(env));
         self.features.token(batch.state(env), base, &self.events, tau, &scene.gravity, token);
         self.model.normalizer.inputs.normalize(token);
-        self.held[env] += 1;
     }
 }
 
@@ -105,33 +82,22 @@ impl Solver for Neural {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         check_torques(batch, torques)?;
         let network = self.model.config.network;
-        let (n, h, width) = (batch.len(), network.history, network.inputs);
-        if self.held.len() != n {
-            self.tokens = vec![0.0; n * h * width];
-            (self.held, self.newest) = (vec![0; n], vec![u64::MAX - 1; n]);
+        let n = batch.len();
+        if self.newest.len() != n {
+            self.tokens = vec![0.0; n * network.inputs];
+            self.newest = vec![u64::MAX - 1; n];
         }
         if let Some(flight) = &mut self.flight {
             flight.step(&batch.states, &batch.scenes, torques)?;
         }
         self.asked.clear();
         for env in 0..n {
-            self.remember(batch, env, torques);
+            self.tell(batch, env, torques);
             if self.flight.as_mut().is_none_or(|f| f.touches(env, &batch.scenes[env], &self.events)) {
                 self.asked.push(env);
             }
         }
-        // Windows shorter than the longest are padded behind their newest token, which a causal network cannot see.
-        let longest = self.asked.iter().map(|env| self.held[*env]).max().unwrap_or(0);
-        self.window.clear();
-        for env in &self.asked {
-            let ring = &self.tokens[env * h * width..];
-            self.window.extend_from_slice(&ring[..longest * width]);
-        }
-        let last: Vec<u32> = self.asked.iter().map(|env| self.held[*env] as u32 - 1).collect();
-        self.output.clear();
-        if !last.is_empty() {
-            self.forward.forward(&self.window, longest, &last, &mut self.output).map_err(|e| StepError::Solver(e.to_string()))?;
-        }
+        self.network.push(&self.tokens, &self.asked, &mut self.output).map_err(|e| StepError::Solver(e.to_string()))?;
         let d = network.outputs;
         self.next.clear();
         for env in 0..n {
@@ -151,8 +117,6 @@ impl Solver for Neural {
     }
 
     fn reset(&mut self, env: usize) {
-        if let Some(held) = self.held.get_mut(env) {
-            *held = 0;
-        }
+        self.network.clear(env);
     }
 }

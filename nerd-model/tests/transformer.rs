@@ -3,14 +3,32 @@
 use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::transformer::{BurnForward, Forward, PackedForward, Transformer, TransformerConfig, Weights};
+use nerd_model::transformer::{
+    BurnForward, Forward, PackedForward, PackedStream, Positions, Stream, Transformer, TransformerConfig, Weights, Windowed,
+};
 
-const SMALL: TransformerConfig =
-    TransformerConfig { inputs: 5, outputs: 3, embedding: 24, layers: 3, heads: 4, block: 8, history: 6, head: 7 };
+const SMALL: TransformerConfig = TransformerConfig {
+    inputs: 5,
+    outputs: 3,
+    embedding: 24,
+    layers: 3,
+    heads: 4,
+    block: 8,
+    history: 6,
+    head: 7,
+    positions: Positions::Table,
+};
+
+/// The same without a position table; a token sees the last four.
+const ROTARY: TransformerConfig = TransformerConfig { block: 20, history: 4, positions: Positions::Rotary, ..SMALL };
 
 /// Parameters ten times the usual spread, so that attention is far from uniform and every term matters.
 fn lively(seed: u64) -> Weights {
-    let mut w = Weights::init(SMALL, seed);
+    lively_of(SMALL, seed)
+}
+
+fn lively_of(config: TransformerConfig, seed: u64) -> Weights {
+    let mut w = Weights::init(config, seed);
     let noise = Weights::init(TransformerConfig { inputs: w.flat.len(), embedding: 1, layers: 0, heads: 1, ..SMALL }, seed + 1);
     w.flat.iter_mut().zip(&noise.flat).for_each(|(w, n)| *w = 4.0 * *w + 8.0 * n);
     w
@@ -29,6 +47,11 @@ fn run(w: &Weights, x: &[f32], windows: usize, tokens: usize) -> Vec<f32> {
 fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// The largest difference, relative to the largest entry above 1.
+fn apart(a: &[f32], b: &[f32]) -> f32 {
+    largest_difference(a, b) / b.iter().fold(1.0f32, |m, x| m.max(x.abs()))
 }
 
 /// `erf` by its Maclaurin series, f64: exact to 1e-12 for the |x| < 5 seen here.
@@ -70,19 +93,32 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
         |a: &mut Vec<Vec<f64>>, b: Vec<Vec<f64>>| a.iter_mut().zip(b).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
     let rows: Vec<Vec<f64>> = x.chunks(c.inputs).map(|r| r.iter().map(|&v| f64::from(v)).collect()).collect();
     let mut h = linear(&rows, "embed");
-    let table = p["position.weight"].1.chunks(c.embedding).map(<[f64]>::to_vec).collect();
-    add(&mut h, table);
+    if let Some((_, table)) = p.get("position.weight") {
+        add(&mut h, table.chunks(c.embedding).map(<[f64]>::to_vec).collect());
+    }
     let d = c.embedding / c.heads;
+    let rotary = c.positions == Positions::Rotary;
+    let first = |i: usize| if rotary { (i + 1).saturating_sub(c.history) } else { 0 };
+    // Su et al. 2021 as complex numbers: columns m and m + d/2 times e^(i place angle).
+    let turned = |row: &dyn Fn(usize) -> f64, place: usize, k: usize| {
+        let (m, half) = (k % (d / 2), d / 2);
+        let (sin, cos) = (place as f64 * 100f64.powf(-2.0 * m as f64 / d as f64)).sin_cos();
+        match (rotary, k < half) {
+            (false, _) => row(k),
+            (true, true) => row(m) * cos - row(m + half) * sin,
+            (true, false) => row(m) * sin + row(m + half) * cos,
+        }
+    };
     for b in 0..c.layers {
         let qkv = linear(&norm(&h, &format!("blocks.{b}.norm_attn")), &format!("blocks.{b}.attn.qkv"));
         let mut mixed = vec![vec![0.0; c.embedding]; tokens];
         for (head, i) in (0..c.heads).flat_map(|head| (0..tokens).map(move |i| (head, i))) {
             let at = |t: usize, part: usize, k: usize| qkv[t][part * c.embedding + head * d + k];
-            let score: Vec<f64> =
-                (0..=i).map(|j| ((0..d).map(|k| at(i, 0, k) * at(j, 1, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
-            let total: f64 = score.iter().sum();
+            let product = |j: usize, k: usize| turned(&|k| at(i, 0, k), i, k) * turned(&|k| at(j, 1, k), j, k);
+            let score: Vec<f64> = (0..=i).map(|j| ((0..d).map(|k| product(j, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
+            let total: f64 = score[first(i)..].iter().sum();
             for k in 0..d {
-                mixed[i][head * d + k] = (0..=i).map(|j| score[j] / total * at(j, 2, k)).sum();
+                mixed[i][head * d + k] = (first(i)..=i).map(|j| score[j] / total * at(j, 2, k)).sum();
             }
         }
         add(&mut h, linear(&mixed, &format!("blocks.{b}.attn.proj")));
@@ -119,12 +155,76 @@ fn inputs_and_outputs_are_as_wide_as_the_papers() {
 
 #[test]
 fn forward_is_the_equations() {
-    let (w, x) = (lively(1), inputs(2, 6));
-    let y = run(&w, &x, 2, 6);
-    let expected: Vec<f64> = x.chunks(6 * SMALL.inputs).flat_map(|x| reference(&w, x, 6)).collect();
-    let scale = expected.iter().fold(0.0f64, |m, e| m.max(e.abs()));
-    let worst = y.iter().zip(&expected).map(|(&y, e)| (f64::from(y) - e).abs()).fold(0.0, f64::max);
-    assert!(scale > 0.1 && worst < 1e-5 * scale.max(1.0), "largest difference {worst:.2e} at outputs up to {scale:.2}");
+    for (config, tokens) in [(SMALL, 6), (ROTARY, 9)] {
+        let (w, x) = (lively_of(config, 1), inputs(2, tokens));
+        let y = run(&w, &x, 2, tokens);
+        let expected: Vec<f64> = x.chunks(tokens * config.inputs).flat_map(|x| reference(&w, x, tokens)).collect();
+        let scale = expected.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        let worst = y.iter().zip(&expected).map(|(&y, e)| (f64::from(y) - e).abs()).fold(0.0, f64::max);
+        let positions = config.positions;
+        assert!(scale > 0.1 && worst < 1e-5 * scale.max(1.0), "{positions:?}: largest difference {worst:.2e} at outputs up to {scale:.2}");
+    }
+}
+
+/// One token a frame with kept keys and values, against the whole banded pass, whatever the environments' beginnings.
+#[test]
+fn the_stream_equals_the_banded_pass() {
+    let (w, frames, envs) = (lively_of(ROTARY, 11), 17usize, 5usize);
+    let (x, width, outputs) = (inputs(envs, frames), ROTARY.inputs, ROTARY.outputs);
+    // Environment e is cleared before frame 3 e, and environment 4 not asked in frame 5, which it then forgets.
+    let begins = |env: usize, frame: usize| if env == 4 && frame >= 6 && 3 * env < frame { 6.max(3 * env) } else { 3 * env };
+    let mut stream = PackedStream::new(&w);
+    let (mut out, mut worst, mut burns, mut compared) = (Vec::new(), 0.0f32, 0.0f32, 0);
+    for frame in 0..frames {
+        let tokens: Vec<f32> = (0..envs).flat_map(|env| x[(env * frames + frame) * width..][..width].to_vec()).collect();
+        (0..envs).filter(|env| 3 * env == frame).for_each(|env| stream.clear(env));
+        let asked: Vec<usize> = (0..envs).filter(|env| !(*env == 4 && frame == 5)).collect();
+        stream.push(&tokens, &asked, &mut out).unwrap();
+        for (env, got) in asked.iter().zip(out.chunks_exact(outputs)) {
+            let first = if frame < 3 * env { if *env == 4 && frame > 5 { 6 } else { 0 } } else { begins(*env, frame) };
+            let seen = &x[(env * frames + first) * width..(env * frames + frame + 1) * width];
+            let exact: Vec<f32> = reference(&w, seen, frame + 1 - first).iter().map(|y| *y as f32).collect();
+            let exact = &exact[exact.len() - outputs..];
+            let whole = run(&w, seen, 1, frame + 1 - first);
+            worst = worst.max(apart(got, exact));
+            burns = burns.max(apart(&whole[whole.len() - outputs..], exact));
+            compared += 1;
+        }
+    }
+    // These weights magnify rounding; the yardstick is burn's own distance from the pass in f64.
+    println!("{compared} predictions: the stream is {worst:.1e} from the f64 pass, burn's banded pass {burns:.1e}");
+    assert!(compared > 80 && worst < 1e-5 + burns, "{compared} predictions: {worst:.1e}, burn's banded pass {burns:.1e}");
+}
+
+/// Keys and values may be kept only if a token's prediction does not depend on where the sequence began.
+#[test]
+fn rotary_predictions_depend_on_what_the_band_reaches() {
+    let (w, x) = (lively_of(ROTARY, 12), inputs(1, 16));
+    let whole = run(&w, &x, 1, 16);
+    let tail = |from: usize| run(&w, &x[from * ROTARY.inputs..], 1, 16 - from);
+    let newest = |y: &[f32]| y[y.len() - ROTARY.outputs..].to_vec();
+    // Three layers of four tokens reach nine tokens back.
+    let (inside, outside) = (apart(&newest(&tail(7)), &newest(&whole)), apart(&newest(&tail(6)), &newest(&whole)));
+    assert!(outside < 1e-5, "a token from beyond the band's reach changed a prediction by {outside:.1e}");
+    assert!(inside > 1e-5, "the ninth token back does not matter ({inside:.1e})");
+}
+
+/// An engine for windows as a stream: every token is remembered, also those of frames in which nothing was asked.
+#[test]
+fn windows_remember_frames_that_were_not_asked_for() {
+    let (w, frames) = (lively(13), 9usize);
+    let x = inputs(1, frames);
+    let mut stream = Windowed::new(PackedForward::new(&w), SMALL);
+    let mut out = Vec::new();
+    for frame in 0..frames {
+        let asked: &[usize] = if frame + 1 == frames { &[0] } else { &[] };
+        stream.push(&x[frame * SMALL.inputs..][..SMALL.inputs], asked, &mut out).unwrap();
+    }
+    let whole = run(&w, &x[(frames - 6) * SMALL.inputs..], 1, 6);
+    let worst = apart(&out, &whole[whole.len() - SMALL.outputs..]);
+    assert!(worst < 1e-5, "{worst:.1e}");
+    let error = stream.push(&x[..SMALL.inputs], &[1], &mut out).unwrap_err().to_string();
+    assert!(error.contains("below 1"), "{error}");
 }
 
 #[test]

@@ -123,6 +123,6 @@ pub fn shipped(robot: &str) -> PathBuf {
 /// A model as a solver for `n` environments.
 pub fn neural(folder: &Path, system: &Arc<System>, truth: Option<&str>, device: Device, n: usize) -> Result<Neural> {
     let model = Model::load(folder, system, truth)?;
-    let forward = crate::train::forward(&model.weights, device, n)?;
-    Ok(Neural::new(model, system, forward))
+    let network = crate::train::network(&model.weights, device, n)?;
+    Ok(Neural::new(model, system, network))
 }

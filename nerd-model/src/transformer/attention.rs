@@ -1,12 +1,14 @@
 //! Causal self-attention over the tokens of one window.
 //!
 //! `[q k v] = x W_qkv`, split in heads of width d = E / heads; `A = softmax(q k^T / sqrt(d) + M) v` with the mask
-//! M_ij = 0 for j <= i and -inf otherwise; the result is `A W_proj`. No biases, no dropout.
+//! M_ij = 0 where token i may look at token j and -inf elsewhere ([`Places`]); the result is `A W_proj`. No biases, no
+//! dropout.
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData, activation::softmax};
+use burn::tensor::{Tensor, activation::softmax};
 
 use super::network::Reader;
+use super::places::Places;
 
 /// Causal multi-head self-attention.
 #[derive(Module, Debug)]
@@ -21,25 +23,25 @@ impl Attention {
         Self { qkv: reader.param(), proj: reader.param(), heads }
     }
 
-    /// `[windows * tokens, E]` to the same shape; `mask` is [`causal_mask`] of `tokens`.
+    /// `[windows * tokens, E]` to the same shape; `places` are those of all `tokens`.
     ///
     /// The products with W run over flattened rows: burn's 3-D product makes one small product per window.
-    pub fn forward(&self, x: Tensor<2>, tokens: usize, mask: Tensor<4>) -> Tensor<2> {
+    pub fn forward(&self, x: Tensor<2>, tokens: usize, places: &Places) -> Tensor<2> {
         let [rows, e] = x.dims();
         let qkv = x.matmul(self.qkv.val());
         let part = |i: usize| self.split(qkv.clone().narrow(1, i * e, e), rows / tokens);
-        self.mix(part(0), part(1), part(2), mask).matmul(self.proj.val())
+        self.mix(part(0), part(1), part(2), places).matmul(self.proj.val())
     }
 
-    /// One query per window: `x` is `[windows * tokens, E]`, `newest` the row `[windows, E]` of `x` that asks, `mask`
-    /// is [`newest_mask`]; the result is `[windows, E]`.
-    pub fn forward_last(&self, x: Tensor<2>, newest: Tensor<2>, mask: Tensor<4>) -> Tensor<2> {
+    /// One query per window: `x` is `[windows * tokens, E]`, `newest` the row `[windows, E]` of `x` that asks,
+    /// `places` its places; the result is `[windows, E]`.
+    pub fn forward_last(&self, x: Tensor<2>, newest: Tensor<2>, places: &Places) -> Tensor<2> {
         let [windows, e] = newest.dims();
         let w = self.qkv.val();
         let q = newest.matmul(w.clone().narrow(1, 0, e));
         let kv = x.matmul(w.narrow(1, e, 2 * e));
         let part = |i: usize| self.split(kv.clone().narrow(1, i * e, e), windows);
-        self.mix(self.split(q, windows), part(0), part(1), mask).matmul(self.proj.val())
+        self.mix(self.split(q, windows), part(0), part(1), places).matmul(self.proj.val())
     }
 
     /// `[windows * tokens, E]` to `[windows, heads, tokens, d]`.
@@ -49,21 +51,8 @@ impl Attention {
     }
 
     /// `softmax(q k^T / sqrt(d) + mask) v`, heads joined again: `[windows * queries, E]`.
-    fn mix(&self, q: Tensor<4>, k: Tensor<4>, v: Tensor<4>, mask: Tensor<4>) -> Tensor<2> {
+    fn mix(&self, q: Tensor<4>, k: Tensor<4>, v: Tensor<4>, places: &Places) -> Tensor<2> {
         let [windows, heads, queries, d] = q.dims();
-        let scores = (q * (d as f64).powf(-0.5)).matmul(k.transpose()) + mask;
-        softmax(scores, 3).matmul(v).swap_dims(1, 2).reshape([windows * queries, heads * d])
+        softmax(places.scores(q, k), 3).matmul(v).swap_dims(1, 2).reshape([windows * queries, heads * d])
     }
-}
-
-/// `[1, 1, tokens, tokens]`: 0 where token i may look at token j, -inf where j is newer.
-pub fn causal_mask(tokens: usize, device: &Device) -> Tensor<4> {
-    let rows = (0..tokens * tokens).map(|n| if n % tokens <= n / tokens { 0.0 } else { f32::NEG_INFINITY });
-    Tensor::from_data(TensorData::new(rows.collect::<Vec<f32>>(), [1, 1, tokens, tokens]), device)
-}
-
-/// `[windows, 1, 1, tokens]`: -inf for the tokens behind `last[window]`.
-pub fn newest_mask(last: &[u32], tokens: usize, device: &Device) -> Tensor<4> {
-    let rows = last.iter().flat_map(|&l| (0..tokens).map(move |j| if j <= l as usize { 0.0 } else { f32::NEG_INFINITY }));
-    Tensor::from_data(TensorData::new(rows.collect::<Vec<f32>>(), [last.len(), 1, 1, tokens]), device)
 }

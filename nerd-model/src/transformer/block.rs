@@ -5,6 +5,7 @@ use burn::tensor::{Int, Tensor, activation::gelu};
 
 use super::attention::Attention;
 use super::network::Reader;
+use super::places::Places;
 
 /// Attention and MLP with their residuals.
 #[derive(Module, Debug)]
@@ -28,17 +29,17 @@ impl Block {
     }
 
     /// `[windows * tokens, E]` to the same shape.
-    pub fn forward(&self, x: Tensor<2>, tokens: usize, mask: Tensor<4>) -> Tensor<2> {
-        let x = x.clone() + self.attn.forward(norm(x, &self.norm_attn), tokens, mask);
+    pub fn forward(&self, x: Tensor<2>, tokens: usize, places: &Places) -> Tensor<2> {
+        let x = x.clone() + self.attn.forward(norm(x, &self.norm_attn), tokens, places);
         self.mlp(x)
     }
 
     /// The rows `newest` (`[windows]`) of the result alone: `[windows, E]`. Only keys and values of the older tokens
     /// are computed, which saves most of the last block.
-    pub fn forward_last(&self, x: Tensor<2>, newest: Tensor<1, Int>, mask: Tensor<4>) -> Tensor<2> {
+    pub fn forward_last(&self, x: Tensor<2>, newest: Tensor<1, Int>, places: &Places) -> Tensor<2> {
         let normed = norm(x.clone(), &self.norm_attn);
         let query = normed.clone().select(0, newest.clone());
-        let x = x.select(0, newest) + self.attn.forward_last(normed, query, mask);
+        let x = x.select(0, newest) + self.attn.forward_last(normed, query, places);
         self.mlp(x)
     }
 

@@ -3,6 +3,10 @@
 //! `x = W_in u + b_in + P[k]`, then per block `x += Attn(LN(x))`, `x += MLP(LN(x))`, a last `LN`, a linear
 //! `E -> E` without bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Inside the blocks no biases; `LN` has a
 //! weight only, epsilon 1e-5; the MLP's activation is the exact (erf) GELU.
+//!
+//! With [`Positions::Rotary`] there is no table P: queries and keys are turned by angles proportional to their place (Su et
+//! al. 2021), so that only distances in time count, and a token sees the last h tokens alone. Then keys and values never
+//! change once computed, and a rollout evaluates one token a frame.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,18 +24,52 @@ pub struct TransformerConfig {
     pub layers: usize,
     /// Attention heads; E is a multiple of it (paper: 12).
     pub heads: usize,
-    /// Rows of the learned position table (paper: 32); at least `history`.
+    /// Rows of the learned position table (paper: 32), or tokens of a training sequence where positions are rotary; at
+    /// least `history`.
     pub block: usize,
-    /// Tokens in a window, h (paper: 10).
+    /// Tokens that a token sees, itself included, h (paper: 10).
     pub history: usize,
     /// Hidden width of the head MLP (paper: 64).
     pub head: usize,
+    /// How a token's place in time is told.
+    #[serde(default)]
+    pub positions: Positions,
 }
+
+/// How a token's place in time is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Positions {
+    /// A learned table, one row for each place in the window (paper). Every frame recomputes the window.
+    #[default]
+    Table,
+    /// Rotated queries and keys under a banded causal mask. Every frame computes its own token only.
+    Rotary,
+}
+
+/// Angle per token of the pair of columns 0; that of pair m of a head of width d is `ROTARY_BASE^(-2m/d)`. Smaller than
+/// the 10 000 of language models, whose contexts are thousands of tokens long.
+const ROTARY_BASE: f64 = 100.0;
 
 impl TransformerConfig {
     /// The paper's network for a robot with `inputs` features and `outputs` state coordinates.
     pub fn paper(inputs: usize, outputs: usize, embedding: usize) -> Self {
-        Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64 }
+        Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64, positions: Positions::Table }
+    }
+
+    /// Tokens of a training sequence: the window, or a longer one where positions are rotary.
+    pub fn sequence(&self) -> usize {
+        match self.positions {
+            Positions::Table => self.history,
+            Positions::Rotary => self.block,
+        }
+    }
+
+    /// Cosine and sine of each pair's angle at `place`, `[d / 2]`: columns m and m + d/2 of a head are turned together.
+    pub fn turn(&self, place: usize) -> Vec<(f32, f32)> {
+        let half = self.embedding / self.heads / 2;
+        let angle = |m: usize| place as f64 * ROTARY_BASE.powf(-(m as f64) / half as f64);
+        (0..half).map(|m| (angle(m).cos() as f32, angle(m).sin() as f32)).collect()
     }
 
     /// Says what of the shape cannot be, if anything.
@@ -45,10 +83,13 @@ impl TransformerConfig {
         if history == 0 || history > block {
             return Err(format!("a window of {history} tokens: 1 to {block}"));
         }
+        if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {
+            return Err(format!("rotary positions in heads of {} columns: they are turned in pairs", embedding / heads));
+        }
         Ok(())
     }
 
-    /// Parameter count: `E (D_in + 1) + block E + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
+    /// Parameter count: `E (D_in + 1) + block E (of a table) + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
     pub fn parameters(&self) -> usize {
         self.tensors().iter().map(|t| t.len()).sum()
     }
@@ -60,8 +101,10 @@ impl TransformerConfig {
         let mut t = vec![
             TensorSpec::new("embed.weight", &[self.inputs, e], Init::Normal(0.02)),
             TensorSpec::new("embed.bias", &[e], Init::Constant(0.0)),
-            TensorSpec::new("position.weight", &[self.block, e], Init::Normal(0.02)),
         ];
+        if self.positions == Positions::Table {
+            t.push(TensorSpec::new("position.weight", &[self.block, e], Init::Normal(0.02)));
+        }
         for i in 0..self.layers {
             let mut block = |name: &str, shape: &[usize], init| t.push(TensorSpec::new(&format!("blocks.{i}.{name}"), shape, init));
             block("norm_attn.weight", &[e], Init::Constant(1.0));

@@ -6,9 +6,9 @@
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData, activation::relu};
 
-use super::attention::{causal_mask, newest_mask};
 use super::block::{Block, norm};
-use super::config::{TensorSpec, TransformerConfig};
+use super::config::{Positions, TensorSpec, TransformerConfig};
+use super::places::Places;
 use super::weights::Weights;
 
 /// The causal Transformer on one device.
@@ -16,7 +16,7 @@ use super::weights::Weights;
 pub struct Transformer {
     embed_weight: Param<Tensor<2>>,
     embed_bias: Param<Tensor<1>>,
-    position: Param<Tensor<2>>,
+    position: Option<Param<Tensor<2>>>,
     blocks: Vec<Block>,
     norm: Param<Tensor<1>>,
     out: Param<Tensor<2>>,
@@ -39,7 +39,7 @@ impl Transformer {
         Self {
             embed_weight: reader.param(),
             embed_bias: reader.param(),
-            position: reader.param(),
+            position: (config.positions == Positions::Table).then(|| reader.param()),
             blocks: (0..config.layers).map(|_| Block::new(&mut reader, config.heads)).collect(),
             norm: reader.param(),
             out: reader.param(),
@@ -65,32 +65,35 @@ impl Transformer {
 
     /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`.
     ///
-    /// Token k sees the tokens 0..=k of its window; token 0 is the oldest. At most `block` tokens (the configured
-    /// history is what the network is trained on).
+    /// Token k sees the tokens 0..=k of its window, of rotary positions the last `history` of them; token 0 is the oldest.
+    /// With a table at most `block` tokens.
     pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [windows, tokens, _] = x.dims();
-        let mask = causal_mask(tokens, &x.device());
-        let x = self.blocks.iter().fold(self.embed(x), |x, b| b.forward(x, tokens, mask.clone()));
+        let places = Places::all(&self.config, tokens, &x.device());
+        let x = self.blocks.iter().fold(self.embed(x), |x, b| b.forward(x, tokens, &places));
         self.head(x).reshape([windows, tokens, self.config.outputs])
     }
 
     /// Predictions `[windows, outputs]` at the token `last[w]` of each window; what stands behind it is not seen.
     pub fn forward_last(&self, x: Tensor<3>, last: &[u32]) -> Tensor<2> {
         let (tokens, device) = (x.dims()[1], x.device());
-        let mask = causal_mask(tokens, &device);
+        let places = Places::all(&self.config, tokens, &device);
         let mut x = self.embed(x);
         let Some((tail, body)) = self.blocks.split_last() else { return self.head(x.select(0, newest_rows(last, tokens, &device))) };
         for block in body {
-            x = block.forward(x, tokens, mask.clone());
+            x = block.forward(x, tokens, &places);
         }
-        self.head(tail.forward_last(x, newest_rows(last, tokens, &device), newest_mask(last, tokens, &device)))
+        let asking = Places::newest(&self.config, last, tokens, &device);
+        self.head(tail.forward_last(x, newest_rows(last, tokens, &device), &asking))
     }
 
     /// `[windows, tokens, inputs]` to rows `[windows * tokens, E]`.
     fn embed(&self, x: Tensor<3>) -> Tensor<2> {
         let ([windows, tokens, inputs], e) = (x.dims(), self.config.embedding);
         let x = x.reshape([windows * tokens, inputs]).matmul(self.embed_weight.val());
-        let place = self.position.val().narrow(0, 0, tokens) + self.embed_bias.val().unsqueeze();
+        let bias = self.embed_bias.val().unsqueeze();
+        let Some(position) = &self.position else { return x + bias };
+        let place = position.val().narrow(0, 0, tokens) + bias;
         (x.reshape([windows, tokens, e]) + place.unsqueeze()).reshape([windows * tokens, e])
     }
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::config::TransformerConfig;
+use super::config::{Positions, TransformerConfig};
 use super::forward::{Forward, ForwardError};
 use super::network::Transformer;
 use super::weights::Weights;
@@ -86,7 +86,7 @@ impl Forward for BurnForward {
 /// Refuses windows that do not fit a network.
 pub(super) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
     let expected = last.len() * tokens * config.inputs;
-    let message = if tokens == 0 || tokens > config.block {
+    let message = if tokens == 0 || (config.positions == Positions::Table && tokens > config.block) {
         format!("{tokens} tokens in a window, the position table has {}", config.block)
     } else if inputs.len() != expected {
         format!("{} input values, expected {} windows x {tokens} tokens x {} = {expected}", inputs.len(), last.len(), config.inputs)

@@ -46,7 +46,7 @@ impl BurnLearner {
     ) -> Result<Self, LearnError> {
         let (network, n) = (state.weights.config, state.weights.config.parameters());
         for (name, set) in [("training", &train), ("validation", &validation)] {
-            let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.history));
+            let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
             if found != expected {
                 let message = format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
                 return Err(LearnError::Mismatch(message));

@@ -19,6 +19,12 @@ pub struct TrainArgs {
     /// Tokens of a window, in place of the preset's
     #[arg(long)]
     pub history: Option<usize>,
+    /// Rotary positions: rollouts evaluate one token a frame in place of a window
+    #[arg(long)]
+    pub stream: bool,
+    /// Tokens of a training sequence with --stream
+    #[arg(long, default_value_t = 32)]
+    pub sequence: usize,
     /// Width of the network, in place of the preset's
     #[arg(long)]
     pub embedding: Option<usize>,
@@ -92,6 +98,8 @@ impl TrainArgs {
             out,
             preset: Preset::Small,
             history: None,
+            stream: false,
+            sequence: 32,
             embedding: None,
             layers: None,
             base: BaseName::State,

@@ -17,7 +17,7 @@ use nerd_model::features::Features;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::Normalizer;
-use nerd_model::transformer::{Forward, TransformerConfig, Weights};
+use nerd_model::transformer::{Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
@@ -45,17 +45,15 @@ pub fn truth(system: &System) -> Box<dyn Solver> {
     Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb)))
 }
 
-/// A network on a device.
-pub fn forward(weights: &Weights, device: Device, windows: usize) -> Result<Box<dyn Forward>> {
+/// A network on a device, for so many environments.
+pub fn network(weights: &Weights, device: Device, envs: usize) -> Result<Box<dyn Stream>> {
     match device {
-        Device::Flex => Ok(Box::new(nerd_model::transformer::PackedForward::new(weights))),
+        Device::Flex => Ok(nerd_model::transformer::packed(weights)),
         #[cfg(feature = "cuda")]
-        Device::Cuda => {
-            Ok(Box::new(nerd_train::learner::cuda::CudaForward::new(weights, nerd_train::learner::cuda::Precision::F32, windows)?))
-        }
+        Device::Cuda => Ok(nerd_train::learner::cuda::stream(weights, nerd_train::learner::cuda::Precision::F32, envs)?),
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => {
-            let _ = windows;
+            let _ = envs;
             bail!("--device cuda needs a build with `--features cuda`")
         }
     }
@@ -91,6 +89,9 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         network = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..network };
     }
     network.history = args.history.unwrap_or(network.history);
+    if args.stream {
+        network = TransformerConfig { positions: Positions::Rotary, block: args.sequence.max(network.history), ..network };
+    }
     network.layers = args.layers.unwrap_or(network.layers);
     if let Some(embedding) = args.embedding {
         // Heads keep their width.
@@ -127,10 +128,10 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
     let mut data = match &args.data {
-        Some(folder) => read(&system, folder, network.history, base)?,
-        None => recorded(&system, args, transitions, args.seed, network.history, base)?,
+        Some(folder) => read(&system, folder, network.sequence(), base)?,
+        None => recorded(&system, args, transitions, args.seed, network.sequence(), base)?,
     };
-    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.history, base)?.windows;
+    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.sequence(), base)?.windows;
     let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(TRUTH))).transpose()?;
     if let Some(parent) = parent.as_ref().filter(|p| (p.config.network, p.config.base) != (network, base)) {
         bail!("--from: its network is {:?} on {:?}, this run's {network:?} on {base:?}", parent.config.network, parent.config.base);
@@ -255,7 +256,7 @@ fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weigh
     let mut total = 0.0;
     for scene in &scenes {
         let model = Model { config: model_config(run, &Default::default()), normalizer: normalizer.clone(), weights: weights.clone() };
-        let network = forward(&model.weights, args.device, args.rollouts)?;
+        let network = self::network(&model.weights, args.device, args.rollouts)?;
         let mut learned = Neural::new(model, system, network);
         let report = passive(system, &system.scene(scene)?, &mut *truth(system), &mut learned, config, &mut |_| ())?;
         total += report.error.iter().sum::<f64>() / report.error.len() as f64;

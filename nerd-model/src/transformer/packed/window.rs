@@ -1,0 +1,107 @@
+//! [`Forward`] over whole windows: the last block computes the newest tokens alone.
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::{Memory, Packed, ROWS, fresh, norm, product};
+use crate::transformer::elementwise::softmax;
+use crate::transformer::{Forward, ForwardError, Positions, TransformerConfig, Weights};
+
+/// A network that recomputes windows.
+pub struct PackedForward {
+    packed: Packed,
+    memory: Vec<Memory>,
+}
+
+impl PackedForward {
+    /// Packs `weights`.
+    ///
+    /// # Panics
+    /// If their positions are rotary; that network wants [`super::PackedStream`].
+    pub fn new(weights: &Weights) -> Self {
+        assert_eq!(weights.config.positions, Positions::Table, "whole windows are for position tables");
+        Self { packed: Packed::new(weights), memory: Vec::new() }
+    }
+
+    /// One block of windows.
+    fn block(&self, inputs: &[f32], tokens: usize, last: &[u32], memory: &mut Memory, out: &mut [f32]) {
+        let TransformerConfig { inputs: width, embedding: e, .. } = self.packed.config;
+        let Memory { x, normed, qkv, mixed, wide, newest } = memory;
+        let rows = last.len() * tokens;
+        x.resize(rows * e, 0.0);
+        for token in x.chunks_exact_mut(tokens * e) {
+            token.copy_from_slice(&self.packed.place[..tokens * e]);
+        }
+        product(inputs, width, &self.packed.embed, e, x, true);
+        let Some((tail, body)) = self.packed.blocks.split_last() else { return };
+        for block in body {
+            norm(x, e, normed);
+            fresh(normed, e, &block.qkv, 3 * e, qkv);
+            self.attend(qkv, tokens, (0..rows).map(|row| (row, row % tokens)), mixed);
+            product(mixed, e, &block.proj, e, x, true);
+            block.mlp(e, x, normed, wide);
+        }
+        // The newest tokens alone go through the last block: keys and values of all, the rest of them.
+        norm(x, e, normed);
+        fresh(normed, e, &tail.qkv, 3 * e, qkv);
+        let places = last.iter().enumerate().map(|(w, l)| (w * tokens + *l as usize, *l as usize));
+        newest.clear();
+        places.clone().for_each(|(row, _)| newest.extend_from_slice(&x[row * e..(row + 1) * e]));
+        self.attend(qkv, tokens, places, mixed);
+        product(mixed, e, &tail.proj, e, newest, true);
+        tail.mlp(e, newest, normed, wide);
+        self.packed.top(newest, normed, mixed, wide, out);
+    }
+
+    /// Attention of the rows `(row, place in its window)` over the tokens up to their place.
+    fn attend(&self, qkv: &[f32], tokens: usize, rows: impl Iterator<Item = (usize, usize)>, out: &mut Vec<f32>) {
+        let (e, heads) = (self.packed.config.embedding, self.packed.config.heads);
+        let d = e / heads;
+        let scale = (d as f32).powf(-0.5);
+        out.clear();
+        let mut scores = vec![0.0f32; tokens];
+        let arch = Arch::new();
+        for (row, place) in rows {
+            let first = row - place;
+            out.resize(out.len() + e, 0.0);
+            let start = out.len() - e;
+            let sum = &mut out[start..];
+            arch.dispatch(|| {
+                for head in 0..heads {
+                    let at = head * d;
+                    let q = &qkv[row * 3 * e + at..][..d];
+                    let scores = &mut scores[..=place];
+                    for (j, score) in scores.iter_mut().enumerate() {
+                        let k = &qkv[(first + j) * 3 * e + e + at..][..d];
+                        *score = scale * q.iter().zip(k).map(|(a, b)| a * b).sum::<f32>();
+                    }
+                    softmax(scores);
+                    let sum = &mut sum[at..at + d];
+                    for (j, share) in scores.iter().enumerate() {
+                        let v = &qkv[(first + j) * 3 * e + 2 * e + at..][..d];
+                        sum.iter_mut().zip(v).for_each(|(s, v)| *s += share * v);
+                    }
+                }
+            });
+        }
+    }
+}
+
+impl Forward for PackedForward {
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        crate::transformer::predictor::check(&self.packed.config, inputs, tokens, last)?;
+        let c = self.packed.config;
+        out.clear();
+        out.resize(last.len() * c.outputs, 0.0);
+        // Blocks of whole windows, as many as keep every thread busy.
+        let most = (ROWS / tokens).max(1);
+        let threads = rayon::current_num_threads();
+        let size = last.len().div_ceil(threads * last.len().div_ceil(threads * most).max(1)).max(1);
+        let mut memory = std::mem::take(&mut self.memory);
+        memory.resize_with(memory.len().max(last.len().div_ceil(size)), Memory::default);
+        let jobs = inputs.par_chunks(size * tokens * c.inputs).zip(last.par_chunks(size)).zip(out.par_chunks_mut(size * c.outputs));
+        jobs.zip(memory.par_iter_mut()).for_each(|(((x, l), o), m)| self.block(x, tokens, l, m, o));
+        self.memory = memory;
+        Ok(())
+    }
+}

@@ -1,0 +1,86 @@
+//! What a learned solver asks of a network frame by frame, and how an engine for windows answers.
+
+use super::config::TransformerConfig;
+use super::forward::{Forward, ForwardError};
+
+/// Evaluates a network one frame at a time, remembering what it needs of the frames before.
+pub trait Stream {
+    /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions for the environments
+    /// `asked` (increasing), in normalised target units, replace `out`: `[asked][outputs]`. The same number of environments
+    /// in every call.
+    ///
+    /// # Errors
+    /// If the lengths do not fit the network, or the device fails.
+    fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError>;
+
+    /// Forgets the frames of one environment.
+    fn clear(&mut self, env: usize);
+}
+
+/// A [`Stream`] that keeps tokens and evaluates whole windows, for networks with a position table.
+pub struct Windowed<F> {
+    forward: F,
+    config: TransformerConfig,
+    /// `[env][history][inputs]`, oldest first.
+    tokens: Vec<f32>,
+    /// Tokens held of each environment.
+    held: Vec<usize>,
+    window: Vec<f32>,
+    last: Vec<u32>,
+}
+
+impl<F: Forward> Windowed<F> {
+    /// Windows of the last `history` tokens, evaluated by `forward`.
+    pub fn new(forward: F, config: TransformerConfig) -> Self {
+        Self { forward, config, tokens: Vec::new(), held: Vec::new(), window: Vec::new(), last: Vec::new() }
+    }
+
+    fn remember(&mut self, env: usize, token: &[f32]) {
+        let (h, width) = (self.config.history, self.config.inputs);
+        let past = &mut self.tokens[env * h * width..(env + 1) * h * width];
+        if self.held[env] == h {
+            past.copy_within(width.., 0);
+            self.held[env] -= 1;
+        }
+        past[self.held[env] * width..][..width].copy_from_slice(token);
+        self.held[env] += 1;
+    }
+}
+
+impl<F: Forward> Stream for Windowed<F> {
+    fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        let (h, width) = (self.config.history, self.config.inputs);
+        let envs = check(&self.config, tokens, asked)?;
+        self.tokens.resize(envs * h * width, 0.0);
+        self.held.resize(envs, 0);
+        tokens.chunks_exact(width).enumerate().for_each(|(env, token)| self.remember(env, token));
+        out.clear();
+        // Windows shorter than the longest are padded behind their newest token, which a causal network cannot see.
+        let Some(longest) = asked.iter().map(|env| self.held[*env]).max() else { return Ok(()) };
+        self.window.clear();
+        self.last.clear();
+        for env in asked {
+            self.window.extend_from_slice(&self.tokens[env * h * width..][..longest * width]);
+            self.last.push(self.held[*env] as u32 - 1);
+        }
+        self.forward.forward(&self.window, longest, &self.last, out)
+    }
+
+    fn clear(&mut self, env: usize) {
+        if let Some(held) = self.held.get_mut(env) {
+            *held = 0;
+        }
+    }
+}
+
+/// Refuses frames that do not fit a network; the number of environments.
+pub(super) fn check(config: &TransformerConfig, tokens: &[f32], asked: &[usize]) -> Result<usize, ForwardError> {
+    let envs = tokens.len() / config.inputs;
+    if envs * config.inputs != tokens.len() {
+        return Err(ForwardError { message: format!("{} input values are no rows of {}", tokens.len(), config.inputs) });
+    }
+    if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
+        return Err(ForwardError { message: format!("the environments asked for are not increasing numbers below {envs}") });
+    }
+    Ok(envs)
+}
