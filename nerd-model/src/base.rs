@@ -33,8 +33,6 @@ const MARGIN: f64 = 0.01;
 pub struct Flight {
     solver: Articulated,
     batch: Batch,
-    data: Data,
-    events: Vec<ContactEvent>,
 }
 
 impl Flight {
@@ -42,7 +40,7 @@ impl Flight {
     pub fn new(system: &Arc<System>) -> Self {
         let solver = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
         let batch = Batch::new(system, &Arc::new(Scene::free(system.gravity())), 0);
-        Self { solver, batch, data: Data::new(&system.robot), events: Vec::new() }
+        Self { solver, batch }
     }
 
     /// States `[env][q, qd]` a frame after `states`, with torques `[env][joint]`.
@@ -65,23 +63,31 @@ impl Flight {
         Ok(&batch.states)
     }
 
-    /// State of one environment after the last step.
+    /// States after the last step.
+    pub fn states(&self) -> &[f64] {
+        &self.batch.states
+    }
+
+    /// That of one environment.
     pub fn state(&self, env: usize) -> &[f64] {
         self.batch.state(env)
     }
+}
 
-    /// Whether environment `env` may touch something in the frame: if it does where it stands (`events`) or where flight
-    /// takes it.
-    pub fn touches(&mut self, env: usize, scene: &Scene, events: &[ContactEvent]) -> bool {
-        let system = self.batch.system.clone();
-        let near = |events: &[ContactEvent]| events.iter().zip(&system.robot.contact_points).any(|(e, p)| e.distance - p.radius < MARGIN);
-        if near(events) {
-            return true;
+/// Whether contact points may touch something in the frame: if they do where the robot stands (`events`) or where flight takes
+/// it (`flown`). `data` and `far` are working memory.
+pub(crate) fn may_touch(
+    system: &System,
+    scene: &Scene,
+    events: &[ContactEvent],
+    flown: &[f64],
+    data: &mut Data,
+    far: &mut Vec<ContactEvent>,
+) -> bool {
+    let near = |events: &[ContactEvent]| events.iter().zip(&system.robot.contact_points).any(|(e, p)| e.distance - p.radius < MARGIN);
+    near(events)
+        || !scene.colliders.is_empty() && {
+            contacts(system, scene, flown, data, far);
+            near(far)
         }
-        if scene.colliders.is_empty() {
-            return false;
-        }
-        contacts(&system, scene, self.batch.state(env), &mut self.data, &mut self.events);
-        near(&self.events)
-    }
 }

@@ -3,6 +3,7 @@
 pub mod base;
 pub mod features;
 pub mod folder;
+mod frame;
 pub mod neural;
 pub mod normalizer;
 pub mod transformer;

@@ -9,42 +9,41 @@
 
 use std::sync::Arc;
 
-use nerd_core::dynamics::Data;
-use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::batch::Batch;
 use nerd_sim::solver::{Solver, StepError, check_torques, commit};
 use nerd_sim::system::System;
+use rayon::prelude::*;
 
 use crate::base::{Base, Flight};
-use crate::features::Features;
 use crate::folder::Model;
+use crate::frame::Frame;
 use crate::transformer::{Stream, packed};
+
+/// Environments that one thread prepares in a row.
+const CHUNK: usize = 16;
 
 /// A model as a [`Solver`].
 pub struct Neural {
     model: Model,
     network: Box<dyn Stream>,
-    features: Features,
     flight: Option<Flight>,
-    data: Data,
-    events: Vec<nerd_core::contact::ContactEvent>,
+    frames: Vec<Frame>,
     /// Normalised tokens of the frame, `[env][inputs]`.
     tokens: Vec<f32>,
     /// Frame of each environment's newest token.
     newest: Vec<u64>,
     /// Environments whose network is evaluated in this frame.
     asked: Vec<usize>,
-    output: Vec<f32>,
+    predictions: Vec<f32>,
     next: Vec<f64>,
 }
 
 impl Neural {
     /// A model of `system`, evaluated by `network`.
     pub fn new(model: Model, system: &Arc<System>, network: Box<dyn Stream>) -> Self {
-        let (features, data) = (Features::new(system, model.config.base), Data::new(&system.robot));
         let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
-        let (tokens, newest, asked) = (Vec::new(), Vec::new(), Vec::new());
-        let (events, output, next) = (Vec::new(), Vec::new(), Vec::new());
-        Self { model, network, features, flight, data, events, tokens, newest, asked, output, next }
+        let (frames, tokens, newest, asked) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { model, network, flight, frames, tokens, newest, asked, predictions: Vec::new(), next: Vec::new() }
     }
 
     /// The same, evaluated on the CPU.
@@ -58,61 +57,46 @@ impl Neural {
         &self.model
     }
 
-    /// Writes the token of this frame.
-    fn tell(&mut self, batch: &Batch, env: usize, torques: &[f64]) {
-        let (width, joints) = (self.model.config.network.inputs, batch.system.robot.joint_count());
-        let frame = batch.frames[env];
-        if frame == 0 || self.newest[env] + 1 != frame {
-            self.network.clear(env);
+    /// Makes room for a batch, and forgets what was before a gap.
+    fn begin(&mut self, batch: &Batch) {
+        let n = batch.len();
+        if self.newest.len() != n {
+            self.tokens = vec![0.0; n * self.model.config.network.inputs];
+            self.newest = vec![u64::MAX - 1; n];
         }
-        self.newest[env] = frame;
-        let (scene, token) = (&batch.scenes[env], &mut self.tokens[env * width..(env + 1) * width]);
-        self.events.clear();
-        if !batch.system.robot.contact_points.is_empty() {
-            contacts(&batch.system, scene, batch.state(env), &mut self.data, &mut self.events);
+        self.frames.resize_with(n.div_ceil(CHUNK), || Frame::new(&self.model, &batch.system));
+        for (env, (newest, frame)) in self.newest.iter_mut().zip(&batch.frames).enumerate() {
+            if *frame == 0 || *newest + 1 != *frame {
+                self.network.clear(env);
+            }
+            *newest = *frame;
         }
-        let tau = &torques[env * joints..(env + 1) * joints];
-        let base = self.flight.as_ref().map_or(batch.state(env), |f| f.state(env));
-        self.features.token(batch.state(env), base, &self.events, tau, &scene.gravity, token);
-        self.model.normalizer.inputs.normalize(token);
     }
 }
 
 impl Solver for Neural {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         check_torques(batch, torques)?;
-        let network = self.model.config.network;
-        let n = batch.len();
-        if self.newest.len() != n {
-            self.tokens = vec![0.0; n * network.inputs];
-            self.newest = vec![u64::MAX - 1; n];
-        }
+        self.begin(batch);
         if let Some(flight) = &mut self.flight {
             flight.step(&batch.states, &batch.scenes, torques)?;
         }
+        let (model, flight, before, network) = (&self.model, self.flight.as_ref(), &*batch, self.model.config.network);
+        let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(&mut self.frames).enumerate();
+        chunks.for_each(|(i, (tokens, frame))| frame.tell(model, before, flight, torques, i * CHUNK, tokens));
         self.asked.clear();
-        for env in 0..n {
-            self.tell(batch, env, torques);
-            if self.flight.as_mut().is_none_or(|f| f.touches(env, &batch.scenes[env], &self.events)) {
-                self.asked.push(env);
-            }
-        }
-        self.network.push(&self.tokens, &self.asked, &mut self.output).map_err(|e| StepError::Solver(e.to_string()))?;
-        let d = network.outputs;
+        self.frames.iter().for_each(|frame| self.asked.extend_from_slice(&frame.asked));
+
+        self.network.push(&self.tokens, &self.asked, &mut self.predictions).map_err(|e| StepError::Solver(e.to_string()))?;
+
         self.next.clear();
-        for env in 0..n {
-            self.next.extend_from_slice(self.flight.as_ref().map_or(batch.state(env), |f| f.state(env)));
-        }
-        let (scale, mean) = (self.model.normalizer.outputs.scale(), &self.model.normalizer.outputs.mean);
-        let (mut change, mut base) = (vec![0.0; d], vec![0.0; d]);
-        for (env, out) in self.asked.iter().zip(self.output.chunks_exact(d)) {
-            for (k, c) in change.iter_mut().enumerate() {
-                *c = f64::from(out[k]) * scale[k] + mean[k];
-            }
-            let next = &mut self.next[env * d..(env + 1) * d];
-            base.copy_from_slice(next);
-            self.features.apply(batch.state(*env), &base, &change, next);
-        }
+        self.next.extend_from_slice(flight.map_or(&batch.states, |f| f.states()));
+        let (d, asked, predictions) = (network.outputs, &self.asked, &self.predictions);
+        let chunks = self.next.par_chunks_mut(CHUNK * d).zip(&mut self.frames).enumerate();
+        chunks.for_each(|(i, (next, frame))| {
+            let row = asked.partition_point(|env| *env < i * CHUNK);
+            frame.apply(model, before, i * CHUNK, &predictions[row * d..], next);
+        });
         commit(batch, &mut self.next)
     }
 

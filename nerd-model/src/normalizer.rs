@@ -7,6 +7,11 @@ use serde::{Deserialize, Serialize};
 
 const EPSILON: f64 = 1e-5;
 
+/// Scale of a coordinate of this variance.
+pub(crate) fn scale(variance: f64) -> f64 {
+    (variance + EPSILON).sqrt()
+}
+
 /// Per-coordinate shift and scale of one block of numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -37,7 +42,7 @@ impl Moments {
 
     /// Scale `sqrt(var + 1e-5)` by coordinate.
     pub fn scale(&self) -> Vec<f64> {
-        self.variance.iter().map(|v| (v + EPSILON).sqrt()).collect()
+        self.variance.iter().map(|v| scale(*v)).collect()
     }
 
     /// Normalises rows in place.

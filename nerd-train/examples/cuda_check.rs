@@ -6,15 +6,15 @@
 //! cargo run --release -p nerd-train --features cuda --example cuda_check -- step BATCH  one update for a profiler
 //! ```
 //!
-//! Checks: gradient against central differences along random directions, bitwise resume, a falling loss, and
-//! inference against a rolled window. `dump` writes what a comparison with another framework needs.
+//! Checks: gradient against central differences along random directions, bitwise resume, a falling loss, inference against
+//! a rolled window, and the stream against the CPU's. `dump` writes what a comparison with another framework needs.
 
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-use nerd_model::transformer::{TransformerConfig, Weights};
-use nerd_train::learner::cuda::{CudaForward, CudaLearner, Precision};
+use nerd_model::transformer::{PackedStream, Positions, Stream, TransformerConfig, Weights};
+use nerd_train::learner::cuda::{CudaForward, CudaLearner, CudaStream, Precision};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState};
 use nerd_train::windows::{Windows, draw};
 
@@ -30,6 +30,7 @@ fn main() -> Outcome {
             resume()?;
             learning()?;
             inference()?;
+            streaming()?;
             timing()
         }
     }
@@ -49,7 +50,7 @@ fn windows(stream: u64, config: TransformerConfig, trajectories: usize, frames: 
         let before = if token % frames == 0 { 0.0 } else { x[(token - 1) * i + c % i] };
         x[token * i + c % i] + 0.5 * (2.0 * before).sin() - x[token * i] * x[token * i + i - 1]
     });
-    Windows { inputs: i, outputs: o, frames, history: config.history, y: y.collect(), x }
+    Windows { inputs: i, outputs: o, frames, history: config.sequence(), y: y.collect(), x }
 }
 
 /// Weights with no entry at a special value (zero biases, unit norms).
@@ -64,7 +65,10 @@ fn configuration(batch: usize) -> LearnerConfig {
 }
 
 fn learner(batch: usize, precision: Precision, scale: f32) -> Result<CudaLearner, Box<dyn Error>> {
-    let config = TransformerConfig::paper(37, 4, 192);
+    learner_of(TransformerConfig::paper(37, 4, 192), batch, precision, scale)
+}
+
+fn learner_of(config: TransformerConfig, batch: usize, precision: Precision, scale: f32) -> Result<CudaLearner, Box<dyn Error>> {
     let state = LearnerState::new(weights(config, 0.05 * scale));
     Ok(CudaLearner::new(configuration(batch), precision, state, &windows(2, config, 200, 100), &windows(3, config, 20, 100))?)
 }
@@ -72,7 +76,10 @@ fn learner(batch: usize, precision: Precision, scale: f32) -> Result<CudaLearner
 /// Along the gradient with its entries scaled at random the loss changes most, so f32 rounding matters least.
 fn gradient() -> Outcome {
     let paper = TransformerConfig::paper;
-    let shapes = [paper(37, 4, 192), paper(6, 14, 384), TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) }];
+    let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };
+    let small = TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) };
+    let shapes =
+        [paper(37, 4, 192), paper(6, 14, 384), small, rotary(paper(37, 4, 192), 32), rotary(TransformerConfig { heads: 3, ..small }, 20)];
     for config in shapes.map(|c| TransformerConfig { layers: c.layers.min(3), ..c }) {
         let data = windows(2, config, 20, 50);
         let at = |w: Weights| CudaLearner::new(configuration(64), Precision::F32, LearnerState::new(w), &data, &data)?.gradient();
@@ -87,8 +94,8 @@ fn gradient() -> Outcome {
             let (above, below) = (at(moved(length))?.0, at(moved(-length))?.0);
             let error = ((above - below) as f64 / (2.0 * length as f64) / slope - 1.0).abs();
             println!(
-                "E {} of {} inputs, {} outputs: slope {slope:.6}, off the central difference by {error:.1e}",
-                config.embedding, config.inputs, config.outputs
+                "E {} of {} inputs, {} outputs, {:?}: slope {slope:.6}, off the central difference by {error:.1e}",
+                config.embedding, config.inputs, config.outputs, config.positions
             );
             if error > 2e-3 {
                 return Err("the gradient does not fit the loss".into());
@@ -161,22 +168,77 @@ fn inference() -> Outcome {
     Ok(())
 }
 
+/// Thirty frames of many environments, some cleared and some left out, on the device and on the CPU; then the time of a frame.
+fn streaming() -> Outcome {
+    let config = TransformerConfig { positions: Positions::Rotary, ..TransformerConfig::paper(247, 29, 192) };
+    let (w, envs) = (weights(config, 0.05), 100);
+    let (mut cuda, mut cpu) = (CudaStream::new(&w, Precision::F32, envs)?, PackedStream::new(&w));
+    let (mut a, mut b, mut worst) = (Vec::new(), Vec::new(), 0.0f32);
+    for frame in 0..30 {
+        let tokens = windows(20 + frame as u64, config, envs, 1).x;
+        let asked: Vec<usize> = (0..envs).filter(|env| (env + frame) % 17 != 0).collect();
+        if frame % 7 == 3 {
+            cuda.clear(frame);
+            cpu.clear(frame);
+        }
+        cuda.push(&tokens, &asked, &mut a)?;
+        cpu.push(&tokens, &asked, &mut b)?;
+        worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(worst, f32::max);
+    }
+    println!(
+        "stream on the device and on the CPU: largest difference {worst:e} at outputs up to {:.2}",
+        b.iter().fold(0.0f32, |m, x| m.max(x.abs()))
+    );
+    if worst > 1e-3 {
+        return Err("the streams differ".into());
+    }
+    for (name, config) in
+        [("E 192, 6 layers", config), ("E 64, 2 layers", TransformerConfig { embedding: 64, layers: 2, heads: 4, ..config })]
+    {
+        for (precision, envs) in [(Precision::F32, 2048), (Precision::Tf32, 2048), (Precision::Tf32, 8192)] {
+            let mut stream = CudaStream::new(&weights(config, 0.05), precision, envs)?;
+            let (tokens, asked): (_, Vec<usize>) = (windows(3, config, envs, 1).x, (0..envs).collect());
+            (0..12).try_for_each(|_| stream.push(&tokens, &asked, &mut a))?;
+            let start = Instant::now();
+            (0..200).try_for_each(|_| stream.evaluate(envs))?;
+            stream.wait()?;
+            let device = start.elapsed().as_secs_f64() * 5.0;
+            let start = Instant::now();
+            (0..20).try_for_each(|_| stream.push(&tokens, &asked, &mut a))?;
+            let whole = start.elapsed().as_secs_f64() * 50.0;
+            println!("{name}, {precision:?}, {envs} environments: {device:.3} ms of the device a frame, {whole:.3} ms with copies");
+        }
+    }
+    Ok(())
+}
+
+/// Windows of ten tokens at several batches, and sequences of 32 tokens of as many tokens a batch.
 fn timing() -> Outcome {
-    let c = TransformerConfig::paper(37, 4, 192);
-    let e = c.embedding;
-    let matrices = c.layers * 12 * e * e + e * (c.inputs + e + c.head) + c.head * c.outputs;
-    for precision in [Precision::Tf32, Precision::F32] {
-        for batch in [512, 2048, 8192] {
-            let mut learner = learner(batch, precision, 0.0)?;
+    let window = TransformerConfig::paper(37, 4, 192);
+    let rotary = TransformerConfig { positions: Positions::Rotary, ..window };
+    let small = TransformerConfig { embedding: 64, layers: 2, heads: 4, ..rotary };
+    let cases = [
+        (window, [512, 2048, 8192]),
+        (TransformerConfig { embedding: 384, ..window }, [512, 2048, 4096]),
+        (rotary, [160, 640, 2560]),
+        (small, [160, 640, 2560]),
+    ];
+    for (c, batches) in cases {
+        let (e, seen) = (c.embedding, c.history);
+        let matrices = c.layers * 12 * e * e + e * (c.inputs + e + c.head) + c.head * c.outputs;
+        for batch in batches {
+            let mut learner = learner_of(c, batch, Precision::Tf32, 0.0)?;
             (0..20).try_for_each(|_| learner.update(1e-4))?;
             learner.progress()?;
-            let (start, count) = (Instant::now(), 200 * 512 / batch.max(512) + 20);
+            let (start, count) = (Instant::now(), 100_000 / batch + 20);
             (0..count).try_for_each(|_| learner.update(1e-4))?;
             learner.progress()?;
             let seconds = start.elapsed().as_secs_f64() / count as f64;
-            let flops = 6.0 * (batch * c.history * (matrices + c.layers * 2 * e * c.history)) as f64;
+            let flops = 6.0 * (batch * c.sequence() * (matrices + c.layers * 2 * e * seen)) as f64;
             println!(
-                "{precision:?} batch {batch}: {:.3} ms an update, {:.0} windows/s, {:.1} TFLOP/s",
+                "E {e}, {} layers, {:?}, batch {batch}: {:.3} ms an update, {:.0} windows/s, {:.1} TFLOP/s",
+                c.layers,
+                c.positions,
                 seconds * 1e3,
                 batch as f64 / seconds,
                 flops / seconds / 1e12

@@ -50,9 +50,8 @@ impl Turn {
     fn new(config: &TransformerConfig, places: &[usize], [a, b, c]: [usize; 3], device: &Device) -> Self {
         let turns: Vec<(f32, f32)> = places.iter().flat_map(|p| config.turn(*p)).collect();
         let shape = [a, b, c, config.embedding / config.heads / 2];
-        let tensor = |part: fn(&(f32, f32)) -> f32| {
-            Tensor::from_data(TensorData::new(turns.iter().map(part).collect::<Vec<f32>>(), shape), device)
-        };
+        let tensor =
+            |part: fn(&(f32, f32)) -> f32| Tensor::from_data(TensorData::new(turns.iter().map(part).collect::<Vec<f32>>(), shape), device);
         Self { cos: tensor(|t| t.0), sin: tensor(|t| t.1) }
     }
 

@@ -27,7 +27,8 @@ pub struct GenerateConfig {
     pub seed: u64,
     /// Trajectories of a shard.
     pub shard_trajectories: usize,
-    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1).
+    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); negative draws count as 0, so
+    /// that a share of the trajectories is passive.
     pub torque_scale: Law,
 }
 
@@ -78,7 +79,7 @@ pub fn record(
         let state = start(system, Start::Sample, rng);
         batch.scenes[env] = scene(system, &state, rng);
         batch.reset(env, &state);
-        scales.push(config.torque_scale.draw(rng));
+        scales.push(config.torque_scale.draw(rng).max(0.0));
         solver.reset(env);
     }
     let f = config.frames;

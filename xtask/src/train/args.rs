@@ -43,8 +43,9 @@ pub struct TrainArgs {
     /// Transitions to record
     #[arg(long)]
     pub transitions: Option<usize>,
-    /// Least factor on the random torques, drawn once a trajectory from U(this, 1); the paper's data has 1
-    #[arg(long, default_value_t = 1.0)]
+    /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
+    /// trajectories are passive); the paper's data has 1
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub torque_scale: f64,
     /// Optimiser updates in the whole run
     #[arg(long)]

@@ -122,8 +122,8 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         log_every: if small { 20 } else { 500 },
     };
     let transitions = args.transitions.unwrap_or(if small { 400_000 } else { 10_000_000 });
-    if !(0.0..=1.0).contains(&args.torque_scale) {
-        bail!("--torque-scale {} is outside [0, 1]", args.torque_scale);
+    if !(-10.0..=1.0).contains(&args.torque_scale) {
+        bail!("--torque-scale {} is outside [-10, 1]", args.torque_scale);
     }
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 

@@ -1,7 +1,7 @@
 //! [`CudaForward`]: predictions of given weights, for rollouts of many trajectories at once.
 
 use cudarc::driver::CudaGraph;
-use nerd_model::transformer::{Forward, ForwardError, Weights};
+use nerd_model::transformer::{Forward, ForwardError, Positions, Weights};
 
 use super::Precision;
 use super::device::Arg::Ptr;
@@ -30,6 +30,9 @@ impl CudaForward {
     /// no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> Result<Self, LearnError> {
         let c = weights.config;
+        if c.positions != Positions::Table {
+            return Err(LearnError::Mismatch("rotary positions are evaluated token by token, by CudaStream".into()));
+        }
         let layout = Layout::new(c)?;
         if weights.flat.len() != layout.parameters {
             return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), layout.parameters)));
@@ -93,7 +96,7 @@ impl CudaForward {
 
     fn pass(&self, windows: usize) -> Result<(), LearnError> {
         let (net, w) = (&self.network, self.weights.ptr);
-        net.trunk(w, windows)?;
+        net.windows(w, windows)?;
         net.device.launch("select_rows", (windows, 1), (128, 1), 0, &[Ptr(net.x.ptr), Ptr(self.last.ptr), Ptr(self.selected.ptr)])?;
         net.top(w, self.selected.ptr, windows)?;
         net.predict(w, windows, self.predictions.ptr)

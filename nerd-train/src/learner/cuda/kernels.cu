@@ -1,6 +1,6 @@
 // Kernels of the fused CUDA engine, compiled at run time with the network's shape as constants:
-// E embedding, H heads, T tokens in a window, G heads in one attention block, IN inputs, LDX padded inputs,
-// OUT outputs, HID hidden width of the head. All arrays are f32 and row-major. Every sum has a fixed order (no
+// E embedding, H heads, T tokens in a window, B tokens that a token sees, G heads in one attention block, IN inputs, LDX
+// padded inputs, OUT outputs, HID hidden width of the head, ROTARY whether positions are rotary (or else a table). All arrays are f32 and row-major. Every sum has a fixed order (no
 // float atomics), so equal inputs give equal bits.
 
 typedef unsigned long long u64;
@@ -94,7 +94,8 @@ extern "C" __global__ void unfold(const float* flat, float* grad, const int4* ta
     }
 }
 
-// xhat = (x - mean) / sqrt(var + eps) per token, one warp each. With `bias`, first x += bias + position[k].
+// xhat = (x - mean) / sqrt(var + eps) per token, one warp each. With `bias`, first x += bias + position[k]
+// (rotary positions have no table).
 extern "C" __global__ void norm_forward(float* x, const float* bias, const float* position, float* xhat, float* rstd,
                                         int tokens) {
     const int token = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
@@ -109,7 +110,8 @@ extern "C" __global__ void norm_forward(float* x, const float* bias, const float
         if (c < E / 2) {
             v[p] = row[c];
             if (bias) {
-                float2 b = ((const float2*)bias)[c], k = ((const float2*)(position + (token % T) * E))[c];
+                float2 b = ((const float2*)bias)[c], k = make_float2(0.0f, 0.0f);
+                if (position) k = ((const float2*)(position + (token % T) * E))[c];
                 v[p].x += b.x + k.x;
                 v[p].y += b.y + k.y;
                 row[c] = v[p];
@@ -211,45 +213,71 @@ __device__ __forceinline__ void load_qkv(float* s, const float* qkv, u64 base, i
     }
 }
 
-// p[j] = softmax_{j <= i}(q . k_j / sqrt(D)); zero for j > i.
+// Query i meets its keys in the order n = 0 .. B - 1: the window's from its start, or the band's from the newest back. Key n
+// exists if n <= i.
+__device__ __forceinline__ int key(int i, int n) { return ROTARY ? i - n : n; }
+
+// Turns columns c and c + D / 2 of a row by the angles of place i, forwards (sign 1) or back (-1). turns [T][D / 2].
+__device__ __forceinline__ void turn_row(float* r, const float2* turns, int i, float sign) {
+#pragma unroll
+    for (int c = 0; c < D / 2; c++) {
+        const float2 t = turns[i * (D / 2) + c];
+        const float a = r[c], b = r[c + D / 2];
+        r[c] = a * t.x - sign * b * t.y;
+        r[c + D / 2] = sign * a * t.y + b * t.x;
+    }
+}
+
+// Turns query and key i of this thread's head by their place.
+__device__ __forceinline__ void turn_shared(float* s, const float2* turns, int head, int i) {
+    if (!ROTARY) return;
+    if (head < G) {
+        turn_row(s + i * RS + head * D, turns, i, 1.0f);
+        turn_row(s + i * RS + GW + head * D, turns, i, 1.0f);
+    }
+    __syncthreads();
+}
+
+// p[n] = softmax_n(q . k_n / sqrt(D)); zero for keys that do not exist.
 __device__ __forceinline__ void softmax_row(float* p, const float* q, const float* s, int head, int i) {
     float top = -3.4e38f;
 #pragma unroll
-    for (int j = 0; j < T; j++) {
-        p[j] = -3.4e38f;
-        if (j <= i) p[j] = dot_row(q, s + j * RS + GW + head * D) * rsqrtf((float)D);
-        top = fmaxf(top, p[j]);
+    for (int n = 0; n < B; n++) {
+        p[n] = -3.4e38f;
+        if (n <= i) p[n] = dot_row(q, s + key(i, n) * RS + GW + head * D) * rsqrtf((float)D);
+        top = fmaxf(top, p[n]);
     }
     float sum = 0.0f;
 #pragma unroll
-    for (int j = 0; j < T; j++) {
-        p[j] = j <= i ? expf(p[j] - top) : 0.0f;
-        sum += p[j];
+    for (int n = 0; n < B; n++) {
+        p[n] = n <= i ? expf(p[n] - top) : 0.0f;
+        sum += p[n];
     }
     const float inverse = 1.0f / sum;
 #pragma unroll
-    for (int j = 0; j < T; j++) p[j] *= inverse;
+    for (int n = 0; n < B; n++) p[n] *= inverse;
 }
 
 // Grid (windows, H / G); thread (head, query). out [tokens][E].
-extern "C" __global__ void attention_forward(const float* qkv, float* out) {
+extern "C" __global__ void attention_forward(const float* qkv, float* out, const float2* turns) {
     extern __shared__ float4 shared[];
     float* s = (float*)shared;
     const u64 base = (u64)blockIdx.x * T;
     const int column = blockIdx.y * GW, head = threadIdx.x / T, i = threadIdx.x % T;
     load_qkv(s, qkv, base, column);
     __syncthreads();
+    turn_shared(s, turns, head, i);
     if (head < G) {
         __align__(16) float q[D];
         __align__(16) float acc[D];
-        float p[T];
+        float p[B];
         load_row(q, s + i * RS + head * D);
         softmax_row(p, q, s, head, i);
 #pragma unroll
         for (int c = 0; c < D; c++) acc[c] = 0.0f;
 #pragma unroll
-        for (int j = 0; j < T; j++)
-            if (j <= i) add_row(acc, p[j], s + j * RS + 2 * GW + head * D);
+        for (int n = 0; n < B; n++)
+            if (n <= i) add_row(acc, p[n], s + key(i, n) * RS + 2 * GW + head * D);
         store_row(s + i * RS + head * D, acc);  // the thread's own q, read by nobody else
     }
     __syncthreads();
@@ -261,12 +289,12 @@ extern "C" __global__ void attention_forward(const float* qkv, float* out) {
 
 // dqkv from qkv and the gradient of the attention's output; the probabilities are computed again.
 // ds_ij = p_ij (g_i . v_j - sum_j p_ij g_i . v_j) / sqrt(D); dq_i = ds_ij k_j; dk_j = ds_ij q_i; dv_j = p_ij g_i.
-extern "C" __global__ void attention_backward(const float* qkv, const float* gradient, float* dqkv) {
+extern "C" __global__ void attention_backward(const float* qkv, const float* gradient, float* dqkv, const float2* turns) {
     extern __shared__ float4 shared[];
     float* s = (float*)shared;
     float* g = s + T * RS;
-    float* ps = g + T * GS;        // [G][T][T]
-    float* ds = ps + G * T * T;    // [G][T][T]
+    float* ps = g + T * GS;        // [G][T][B]
+    float* ds = ps + G * T * B;    // [G][T][B]
     const u64 base = (u64)blockIdx.x * T;
     const int column = blockIdx.y * GW, head = threadIdx.x / T, i = threadIdx.x % T;
     load_qkv(s, qkv, base, column);
@@ -275,6 +303,7 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
         *(float4*)(g + row * GS + at) = *(const float4*)(gradient + (base + row) * E + column + at);
     }
     __syncthreads();
+    turn_shared(s, turns, head, i);
     __align__(16) float dq[D];
     __align__(16) float dk[D];
     __align__(16) float dv[D];
@@ -282,38 +311,45 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     for (int c = 0; c < D; c++) dq[c] = dk[c] = dv[c] = 0.0f;
     if (head < G) {
         __align__(16) float r[D];
-        float p[T], d[T];
+        float p[B], d[B];
         load_row(r, s + i * RS + head * D);
         softmax_row(p, r, s, head, i);
         load_row(r, g + i * GS + head * D);
         float mean = 0.0f;
 #pragma unroll
-        for (int j = 0; j < T; j++) {
-            d[j] = 0.0f;
-            if (j <= i) d[j] = dot_row(r, s + j * RS + 2 * GW + head * D);
-            mean += p[j] * d[j];
+        for (int n = 0; n < B; n++) {
+            d[n] = 0.0f;
+            if (n <= i) d[n] = dot_row(r, s + key(i, n) * RS + 2 * GW + head * D);
+            mean += p[n] * d[n];
         }
-        float* pr = ps + (head * T + i) * T;
-        float* dr = ds + (head * T + i) * T;
+        float* pr = ps + (head * T + i) * B;
+        float* dr = ds + (head * T + i) * B;
 #pragma unroll
-        for (int j = 0; j < T; j++) {
-            float v = p[j] * (d[j] - mean) * rsqrtf((float)D);
-            pr[j] = p[j];
-            dr[j] = v;
-            if (j <= i) add_row(dq, v, s + j * RS + GW + head * D);
+        for (int n = 0; n < B; n++) {
+            float v = p[n] * (d[n] - mean) * rsqrtf((float)D);
+            pr[n] = p[n];
+            dr[n] = v;
+            if (n <= i) add_row(dq, v, s + key(i, n) * RS + GW + head * D);
         }
     }
     __syncthreads();
     if (head < G) {
 #pragma unroll
-        for (int k = 0; k < T; k++)
-            if (k >= i) {
-                add_row(dk, ds[(head * T + k) * T + i], s + k * RS + head * D);
-                add_row(dv, ps[(head * T + k) * T + i], g + k * GS + head * D);
+        for (int n = 0; n < B; n++) {
+            // Query k sees this thread's key i as its key number `at`.
+            const int k = ROTARY ? i + n : n, at = (head * T + k) * B + (ROTARY ? n : i);
+            if (ROTARY ? k < T : k >= i) {
+                add_row(dk, ds[at], s + k * RS + head * D);
+                add_row(dv, ps[at], g + k * GS + head * D);
             }
+        }
     }
     __syncthreads();
     if (head < G) {
+        if (ROTARY) {
+            turn_row(dq, turns, i, -1.0f);
+            turn_row(dk, turns, i, -1.0f);
+        }
         store_row(s + i * RS + head * D, dq);
         store_row(s + i * RS + GW + head * D, dk);
         store_row(s + i * RS + 2 * GW + head * D, dv);
@@ -323,6 +359,46 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
         int row = k / (3 * GW / 4), c = k % (3 * GW / 4), part = c / (GW / 4), at = c % (GW / 4) * 4;
         *(float4*)(dqkv + (base + row) * (3 * E) + part * E + column + at) = *(const float4*)(s + row * RS + part * GW + at);
     }
+}
+
+// One new token of many environments against the last B keys and values of each. Row r of qkv belongs to environment
+// envs[r], which has taken[r] tokens behind it; its key and value go to slot taken % B of ring [env][B][2 E]. Turning a query
+// by the distance to a key is turning both by their places, so keys are kept unturned. One warp a row and head, D <= 32;
+// turns [B][D / 2].
+extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* envs, const unsigned* taken, float* out,
+                                            const float2* turns, int rows) {
+    const int warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
+    const int row = warp / H, head = warp % H;
+    if (row >= rows) return;
+    const bool in = lane < D;
+    const int c = in ? lane : 0, pair = c % (D / 2);
+    const unsigned now = taken[row];
+    const float* token = qkv + (u64)row * (3 * E) + head * D + c;
+    float* past = ring + (u64)envs[row] * (B * 2 * E) + head * D + c;
+    const float q = in ? token[0] : 0.0f;
+    const float partner = __shfl_sync(0xffffffffu, q, c < D / 2 ? c + D / 2 : c - D / 2);
+    if (in) {
+        past[now % B * (2 * E)] = token[E];
+        past[now % B * (2 * E) + E] = token[2 * E];
+    }
+    float p[B], top = -3.4e38f, sum = 0.0f, mixed = 0.0f;
+#pragma unroll
+    for (int n = 0; n < B; n++) {
+        p[n] = -3.4e38f;
+        if (n > now) continue;
+        const float2 t = turns[n * (D / 2) + pair];
+        const float turned = q * t.x + (c < D / 2 ? -partner : partner) * t.y;
+        p[n] = warp_sum(in ? turned * past[(now - n) % B * (2 * E)] : 0.0f) * rsqrtf((float)D);
+        top = fmaxf(top, p[n]);
+    }
+#pragma unroll
+    for (int n = 0; n < B; n++) {
+        if (n > now) continue;
+        p[n] = expf(p[n] - top);
+        sum += p[n];
+        if (in) mixed += p[n] * past[(now - n) % B * (2 * E) + E];
+    }
+    if (in) out[(u64)row * E + head * D + c] = mixed / sum;
 }
 
 // ---------------------------------------------------------------- GELU

@@ -4,7 +4,7 @@
 //! the plain normalised activations, and both gradients follow from the one of `W'`: `dW = diag(w) dW'` and
 //! `dw_i = sum_j dW'_ij W_ij`.
 
-use nerd_model::transformer::TransformerConfig;
+use nerd_model::transformer::{Positions, TransformerConfig};
 
 use crate::learner::LearnError;
 
@@ -31,10 +31,13 @@ pub(super) struct Folded {
 /// Offsets, counts and block sizes of one network shape.
 pub(super) struct Layout {
     pub config: TransformerConfig,
+    /// Tokens evaluated together: a training sequence, or one.
+    pub tokens: usize,
     pub parameters: usize,
     pub embed: usize,
     pub embed_bias: usize,
-    pub position: usize,
+    /// Of a position table.
+    pub position: Option<usize>,
     pub blocks: Vec<Block>,
     pub out: Folded,
     pub hidden: usize,
@@ -55,18 +58,31 @@ pub(super) struct Layout {
 impl Layout {
     /// Fails with a line if the kernels do not cover the shape.
     pub fn new(config: TransformerConfig) -> Result<Self, LearnError> {
-        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head } = config;
+        Self::of(config, config.sequence())
+    }
+
+    /// For one token at a time of a network with rotary positions.
+    pub fn stream(config: TransformerConfig) -> Result<Self, LearnError> {
+        if config.positions != Positions::Rotary || config.embedding > 32 * config.heads {
+            return Err(LearnError::Mismatch(format!("a stream wants rotary positions and heads of at most 32 columns: {config:?}")));
+        }
+        Self::of(config, 1)
+    }
+
+    fn of(config: TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
+        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head, positions } = config;
         if heads == 0
             || !e.is_multiple_of(4 * heads)
             || history == 0
             || history > block
+            || tokens > 32
             || history > 32
             || outputs == 0
             || inputs == 0
             || layers == 0
         {
             return Err(LearnError::Mismatch(format!(
-                "the CUDA engine wants 1..=32 tokens within the position table and a head width that is a multiple of 4: {config:?}"
+                "the CUDA engine wants 1..=32 tokens in a sequence and a head width that is a multiple of 4: {config:?}"
             )));
         }
         let mut starts = config.tensors().into_iter().scan(0, |at, t| {
@@ -75,7 +91,8 @@ impl Layout {
             Some(start)
         });
         let mut next = || starts.next().unwrap_or(0);
-        let (embed, embed_bias, position) = (next(), next(), next());
+        let (embed, embed_bias) = (next(), next());
+        let position = (positions == Positions::Table).then(&mut next);
         let (mut table, mut folded) = (Vec::new(), 0);
         let mut fold = |norm: usize, plain: usize, width: usize| {
             let f = Folded { plain, folded };
@@ -93,13 +110,14 @@ impl Layout {
         let (hidden, hidden_bias, head_out, head_bias) = (next(), next(), next(), next());
         let group = (1..=heads)
             .rev()
-            .find(|&g| heads.is_multiple_of(g) && g * history <= 128 && backward_shared(history, g, e / heads) <= SHARED / 2);
+            .find(|&g| heads.is_multiple_of(g) && g * tokens <= 128 && backward_shared(tokens, history, g, e / heads) <= SHARED / 2);
         let group = group.unwrap_or(1);
-        if backward_shared(history, group, e / heads) > SHARED || head * (outputs + 1) + outputs + 1 > SHARED / 4 {
+        if backward_shared(tokens, history, group, e / heads) > SHARED || head * (outputs + 1) + outputs + 1 > SHARED / 4 {
             return Err(LearnError::Mismatch(format!("attention or head too large for the CUDA engine: {config:?}")));
         }
         Ok(Self {
             config,
+            tokens,
             parameters: config.parameters(),
             embed,
             embed_bias,
@@ -121,22 +139,31 @@ impl Layout {
     pub fn source(&self) -> String {
         let TransformerConfig { inputs, outputs, embedding, heads, history, head, .. } = self.config;
         format!(
-            "constexpr int E = {embedding}, H = {heads}, T = {history}, G = {}, IN = {inputs}, LDX = {}, OUT = {outputs}, HID = {head};\n{}",
+            "constexpr int E = {embedding}, H = {heads}, T = {}, B = {history}, G = {}, IN = {inputs}, LDX = {}, OUT = {outputs}, HID = {head};\n\
+             constexpr bool ROTARY = {};\n{}",
+            self.tokens,
             self.group,
             self.padded,
+            self.config.positions == Positions::Rotary,
             include_str!("kernels.cu")
         )
     }
 
     /// Threads and shared bytes (forward, backward) of an attention block.
     pub fn attention(&self) -> (usize, usize, usize) {
-        let (t, d) = (self.config.history, self.config.embedding / self.config.heads);
-        ((self.group * t).next_multiple_of(32), 4 * t * (3 * self.group * d + 4), backward_shared(t, self.group, d))
+        let (t, d) = (self.tokens, self.config.embedding / self.config.heads);
+        ((self.group * t).next_multiple_of(32), 4 * t * (3 * self.group * d + 4), backward_shared(t, self.config.history, self.group, d))
     }
 
     /// Offset of the first block's first tensor.
     pub fn first_block(&self) -> usize {
-        self.position + self.config.block * self.config.embedding
+        self.table[0][1] as usize
+    }
+
+    /// Cosine and sine of each pair at each place, `[places][d / 2][2]`; nothing without rotary positions.
+    pub fn turns(&self, places: usize) -> Vec<[f32; 2]> {
+        let places = if self.config.positions == Positions::Rotary { places } else { 0 };
+        (0..places).flat_map(|place| self.config.turn(place)).map(|(cos, sin)| [cos, sin]).collect()
     }
 
     /// Columns of a row of head gradients and squared error.
@@ -146,6 +173,6 @@ impl Layout {
 }
 
 /// Shared bytes of `attention_backward`: q|k|v, output gradient, probabilities and their gradients.
-fn backward_shared(t: usize, group: usize, d: usize) -> usize {
-    4 * (t * (3 * group * d + 4) + t * (group * d + 4) + 2 * group * t * t)
+fn backward_shared(t: usize, seen: usize, group: usize, d: usize) -> usize {
+    4 * (t * (3 * group * d + 4) + t * (group * d + 4) + 2 * group * t * seen)
 }

@@ -11,12 +11,29 @@ mod forward;
 mod layout;
 mod muon;
 mod network;
+mod stream;
 mod trainer;
 
+use nerd_model::transformer::{Positions, Stream, Weights, Windowed};
 use serde::{Deserialize, Serialize};
 
 pub use forward::CudaForward;
+pub use stream::CudaStream;
 pub use trainer::CudaLearner;
+
+use super::LearnError;
+
+/// The engine of a network for at most `envs` environments: remembering if its positions allow it, or else recomputing
+/// windows.
+///
+/// # Errors
+/// Of the engine.
+pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {
+    Ok(match weights.config.positions {
+        Positions::Table => Box::new(Windowed::new(CudaForward::new(weights, precision, envs)?, weights.config)),
+        Positions::Rotary => Box::new(CudaStream::new(weights, precision, envs)?),
+    })
+}
 
 /// Arithmetic of the matrix products; everything is stored, summed and normalised in f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -14,7 +14,7 @@ use super::layout::Layout;
 use crate::learner::LearnError;
 
 /// Every kernel of `kernels.cu`.
-const KERNELS: [&str; 22] = [
+const KERNELS: [&str; 23] = [
     "gather",
     "select_rows",
     "fold",
@@ -23,6 +23,7 @@ const KERNELS: [&str; 22] = [
     "norm_backward",
     "attention_forward",
     "attention_backward",
+    "attention_stream",
     "gelu_forward",
     "gelu_backward",
     "head_predict",
@@ -78,6 +79,8 @@ pub(super) struct Network {
     pub targets: Buffer<f32>,
     folded: Buffer<f32>,
     table: Buffer<[i32; 4]>,
+    /// Of rotary positions.
+    turns: Buffer<[f32; 2]>,
     pub x: Buffer<f32>,
     kept: Vec<Kept>,
     norm: Buffer<f32>,
@@ -93,7 +96,7 @@ impl Network {
     pub fn new(layout: Layout, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
         let device = Device::open(&layout.source(), &KERNELS, precision)?;
         let c = layout.config;
-        let (n, e) = (rows * c.history, c.embedding);
+        let (n, e) = (rows * layout.tokens, c.embedding);
         let zeros = |len| device.zeros::<f32>(len);
         let kept = |_| -> Result<Kept, LearnError> {
             Ok(Kept {
@@ -114,7 +117,7 @@ impl Network {
                 narrow: zeros(n * e)?,
                 wide: zeros(4 * n * e)?,
                 dqkv: zeros(3 * n * e)?,
-                positions: zeros(POSITION_ROWS * c.history * e)?,
+                positions: zeros(POSITION_ROWS * layout.tokens * e)?,
                 fork: device.event()?,
                 mlp: device.event()?,
                 attention: device.event()?,
@@ -126,6 +129,7 @@ impl Network {
             targets: zeros(n * c.outputs)?,
             folded: zeros(layout.folded)?,
             table: device.upload(&layout.table)?,
+            turns: device.upload(&layout.turns(layout.tokens))?,
             x: zeros(n * e)?,
             kept,
             norm: zeros(n * e)?,
@@ -146,24 +150,18 @@ impl Network {
         self.device.launch("fold", (self.layout.config.embedding, self.layout.table.len()), (256, 1), 0, &args)
     }
 
-    /// Inputs to the residual stream behind the last block, for `rows` windows.
-    pub fn trunk(&self, w: u64, rows: usize) -> Result<(), LearnError> {
+    /// Inputs of `n` tokens to the residual stream behind the last block. `attend` is told the block, `qkv` and where
+    /// the mixed values go.
+    pub fn trunk(&self, w: u64, n: usize, attend: impl Fn(usize, u64, u64) -> Result<(), LearnError>) -> Result<(), LearnError> {
         let l = &self.layout;
-        let (e, n) = (l.config.embedding, rows * l.config.history);
-        let (threads, shared, _) = l.attention();
+        let e = l.config.embedding;
         self.linear((self.inputs.ptr, l.padded), l.at(w, l.embed), self.x.ptr, (n, l.config.inputs, e), 0.0)?;
         for (i, b) in l.blocks.iter().enumerate() {
             let k = &self.kept[i.min(self.kept.len() - 1)];
-            let (bias, position) = if i == 0 { (l.at(w, l.embed_bias), l.at(w, l.position)) } else { (0, 0) };
+            let (bias, position) = if i == 0 { (l.at(w, l.embed_bias), l.position.map_or(0, |p| l.at(w, p))) } else { (0, 0) };
             self.normalise(self.x.ptr, bias, position, &k.norm_attn, &k.rstd[0], n)?;
             self.linear((k.norm_attn.ptr, e), self.folded.at(b.qkv.folded), k.qkv.ptr, (n, e, 3 * e), 0.0)?;
-            self.device.launch(
-                "attention_forward",
-                (rows, l.config.heads / l.group),
-                (threads, 1),
-                shared,
-                &[Ptr(k.qkv.ptr), Ptr(k.attended.ptr)],
-            )?;
+            attend(i, k.qkv.ptr, k.attended.ptr)?;
             self.linear((k.attended.ptr, e), l.at(w, b.proj), self.x.ptr, (n, e, e), 1.0)?;
             self.normalise(self.x.ptr, 0, 0, &k.norm_mlp, &k.rstd[1], n)?;
             self.linear((k.norm_mlp.ptr, e), self.folded.at(b.up.folded), k.up.ptr, (n, e, 4 * e), 0.0)?;
@@ -171,6 +169,16 @@ impl Network {
             self.linear((k.active.ptr, 4 * e), l.at(w, b.down), self.x.ptr, (n, 4 * e, e), 1.0)?;
         }
         Ok(())
+    }
+
+    /// [`Network::trunk`] of whole windows.
+    pub fn windows(&self, w: u64, rows: usize) -> Result<(), LearnError> {
+        let l = &self.layout;
+        let (threads, shared, _) = l.attention();
+        let grid = (rows, l.config.heads / l.group);
+        self.trunk(w, rows * l.tokens, |_, qkv, out| {
+            self.device.launch("attention_forward", grid, (threads, 1), shared, &[Ptr(qkv), Ptr(out), Ptr(self.turns.ptr)])
+        })
     }
 
     /// Final norm, map and first layer of the head of the `n` tokens at `x`; leaves `z` before its bias.
@@ -205,7 +213,7 @@ impl Network {
     pub fn backward(&self, w: u64, g: u64) -> Result<(), LearnError> {
         let Some(m) = &self.backward else { return Err(LearnError::Device("the network was built without a backward pass".into())) };
         let (l, d) = (&self.layout, &self.device);
-        let (e, n, hidden) = (l.config.embedding, self.rows * l.config.history, l.config.head);
+        let (e, n, hidden) = (l.config.embedding, self.rows * l.tokens, l.config.head);
         let (threads, _, shared) = l.attention();
         self.loss(w, n, l.at(g, l.hidden_bias))?;
 
@@ -234,7 +242,7 @@ impl Network {
 
             // Attention: dx[1] in, dx[0] out.
             self.linear_dx(m.dx[1].ptr, l.at(w, b.proj), m.narrow.ptr, (n, e, e))?;
-            let args = [Ptr(k.qkv.ptr), Ptr(m.narrow.ptr), Ptr(m.dqkv.ptr)];
+            let args = [Ptr(k.qkv.ptr), Ptr(m.narrow.ptr), Ptr(m.dqkv.ptr), Ptr(self.turns.ptr)];
             d.launch("attention_backward", (self.rows, l.config.heads / l.group), (threads, 1), shared, &args)?;
             self.fork(m)?;
             self.linear_dw((k.attended.ptr, e), m.dx[1].ptr, l.at(g, b.proj), (n, e, e))?;
@@ -245,11 +253,11 @@ impl Network {
             self.normalise_back(m, &k.norm_attn, &k.rstd[0], Some(&m.dx[1]), &m.dx[0], n)?;
         }
 
-        // Embedding: the bias gradient is the sum of the position gradients.
+        // Embedding: the bias gradient is the sum of the gradients by place, which are those of a position table.
         self.fork(m)?;
         self.linear_dw((self.inputs.ptr, l.padded), m.dx[0].ptr, l.at(g, l.embed), (n, l.config.inputs, e))?;
         d.mark(Lane::Side, &m.attention)?;
-        let (chunks, width) = (self.rows.min(POSITION_ROWS), l.config.history * e);
+        let (chunks, width) = (self.rows.min(POSITION_ROWS), l.tokens * e);
         d.launch(
             "position_partial",
             (width.div_ceil(128), chunks),
@@ -257,8 +265,9 @@ impl Network {
             0,
             &[Ptr(m.dx[0].ptr), Int(self.rows), Ptr(m.positions.ptr)],
         )?;
-        self.column_sum(m.positions.ptr, chunks, width, l.at(g, l.position))?;
-        self.column_sum(l.at(g, l.position), l.config.history, e, l.at(g, l.embed_bias))?;
+        let places = l.position.map_or(m.narrow.ptr, |p| l.at(g, p));
+        self.column_sum(m.positions.ptr, chunks, width, places)?;
+        self.column_sum(places, l.tokens, e, l.at(g, l.embed_bias))?;
         d.after(Lane::Main, &m.attention)?;
         d.launch("unfold", (e, l.table.len()), (128, 1), 0, &[Ptr(w), Ptr(g), Ptr(self.table.ptr)])
     }

@@ -90,7 +90,7 @@ impl CudaLearner {
             return Err(LearnError::Mismatch("no windows to train on, or an empty batch".into()));
         }
         for w in [train, validation] {
-            if !w.x.is_empty() && (w.inputs, w.outputs, w.history) != (shape.inputs, shape.outputs, shape.history) {
+            if !w.x.is_empty() && (w.inputs, w.outputs, w.history) != (shape.inputs, shape.outputs, shape.sequence()) {
                 let (i, o, h) = (w.inputs, w.outputs, w.history);
                 return Err(LearnError::Mismatch(format!("windows of {h} tokens, {i} inputs, {o} outputs for {shape:?}")));
             }
@@ -249,14 +249,14 @@ impl Learner for CudaLearner {
         for first in (0..count).step_by(net.rows) {
             let rows = net.rows.min(count - first);
             gather(net, &self.validation, rows, 0, 0, (first, stride))?;
-            net.trunk(w, rows)?;
-            net.top(w, net.x.ptr, rows * c.history)?;
-            net.loss(w, rows * c.history, self.head_sums.ptr)?;
+            net.windows(w, rows)?;
+            net.top(w, net.x.ptr, rows * net.layout.tokens)?;
+            net.loss(w, rows * net.layout.tokens, self.head_sums.ptr)?;
             net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
         }
         let mut total = [0.0];
         net.device.read(&self.total, &mut total)?;
-        Ok((total[0] / (count * c.history * c.outputs) as f64) as f32)
+        Ok((total[0] / (count * net.layout.tokens * c.outputs) as f64) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {
@@ -290,15 +290,15 @@ impl Step<'_> {
     /// From the sum of squared errors to the loss.
     fn mean(&self) -> f32 {
         let c = self.network.layout.config;
-        1.0 / (self.config.batch * c.history * c.outputs) as f32
+        1.0 / (self.config.batch * self.network.layout.tokens * c.outputs) as f32
     }
 
     fn gradient(&self) -> Result<(), LearnError> {
         let (net, w) = (self.network, self.weights.ptr);
         gather(net, self.train, self.config.batch, self.scalars.ptr, self.config.seed, (0, 0))?;
         net.fold(w)?;
-        net.trunk(w, self.config.batch)?;
-        net.top(w, net.x.ptr, self.config.batch * net.layout.config.history)?;
+        net.windows(w, self.config.batch)?;
+        net.top(w, net.x.ptr, self.config.batch * net.layout.tokens)?;
         net.backward(w, self.gradients.ptr)
     }
 

@@ -1,0 +1,77 @@
+//! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it.
+
+use std::sync::Arc;
+
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::Data;
+use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::system::System;
+
+use crate::base::{Flight, may_touch};
+use crate::features::Features;
+use crate::folder::Model;
+
+/// Working memory of one thread.
+pub(crate) struct Frame {
+    features: Features,
+    data: Data,
+    events: Vec<ContactEvent>,
+    far: Vec<ContactEvent>,
+    change: Vec<f64>,
+    base: Vec<f64>,
+    /// Environments of the frame that need the network.
+    pub asked: Vec<usize>,
+}
+
+impl Frame {
+    /// Memory for a model of `system`.
+    pub fn new(model: &Model, system: &Arc<System>) -> Self {
+        let d = system.robot.state_dim();
+        Self {
+            features: Features::new(system, model.config.base),
+            data: Data::new(&system.robot),
+            events: Vec::new(),
+            far: Vec::new(),
+            change: vec![0.0; d],
+            base: vec![0.0; d],
+            asked: Vec::new(),
+        }
+    }
+
+    /// Writes the normalised tokens of the environments from `first` on, and notes which of them need the network.
+    pub fn tell(&mut self, model: &Model, batch: &Batch, flight: Option<&Flight>, torques: &[f64], first: usize, tokens: &mut [f32]) {
+        let (system, joints) = (&batch.system, batch.system.robot.joint_count());
+        self.asked.clear();
+        for (i, token) in tokens.chunks_exact_mut(model.config.network.inputs).enumerate() {
+            let env = first + i;
+            let (scene, state) = (&batch.scenes[env], batch.state(env));
+            self.events.clear();
+            if !system.robot.contact_points.is_empty() {
+                contacts(system, scene, state, &mut self.data, &mut self.events);
+            }
+            let base = flight.map_or(state, |f| f.state(env));
+            let tau = &torques[env * joints..(env + 1) * joints];
+            self.features.token(state, base, &self.events, tau, &scene.gravity, token);
+            model.normalizer.inputs.normalize(token);
+            if flight.is_none() || may_touch(system, scene, &self.events, base, &mut self.data, &mut self.far) {
+                self.asked.push(env);
+            }
+        }
+    }
+
+    /// Moves the states `next` of the environments from `first` on, at first the bases of their predictions, by the
+    /// predictions `[asked][outputs]` of those that were asked.
+    pub fn apply(&mut self, model: &Model, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
+        let d = model.config.network.outputs;
+        let outputs = &model.normalizer.outputs;
+        for (env, prediction) in self.asked.iter().zip(predictions.chunks_exact(d)) {
+            let spread = outputs.variance.iter().zip(&outputs.mean);
+            for (change, (x, (variance, mean))) in self.change.iter_mut().zip(prediction.iter().zip(spread)) {
+                *change = f64::from(*x) * crate::normalizer::scale(*variance) + mean;
+            }
+            let next = &mut next[(env - first) * d..(env - first + 1) * d];
+            self.base.copy_from_slice(next);
+            self.features.apply(batch.state(*env), &self.base, &self.change, next);
+        }
+    }
+}
