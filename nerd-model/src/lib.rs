@@ -6,6 +6,7 @@ pub mod folder;
 mod frame;
 pub mod neural;
 pub mod normalizer;
+pub mod pick;
 pub mod transformer;
 
 /// Where burn computes: `BurnDevice::flex()`, and `cuda` or `wgpu` with those features.

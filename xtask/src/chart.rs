@@ -10,15 +10,18 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use nerd_model::base::Base;
+use nerd_model::folder::Model;
+use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
-use crate::common::{Device, bar};
+use crate::common::bar;
 use crate::mujoco::series::{self, Against};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
-use crate::solvers::{neural, shipped};
+use crate::solvers::shipped;
 use crate::table::{digits, markdown, pair};
 
 /// Draw speed against accuracy.
@@ -62,26 +65,14 @@ impl ChartArgs {
     }
 }
 
-/// A solver at one setting.
-#[derive(Clone, Debug)]
-enum Method {
-    Rk4(usize),
-    Euler(usize),
-    /// With the implicit contact step.
-    Implicit(usize),
-    Paper,
-    /// rapier with substeps inside one outer step.
-    Rapier(usize),
-    /// rapier with as many outer steps, collisions found again in each, at its default of 4 iterations.
-    RapierSteps(usize),
-    Neural(PathBuf),
-}
-
 /// One mark on the chart.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Point {
     /// Name in the legend.
     pub series: String,
+    /// The solver, for [`nerd_model::pick`]; none of another engine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub setting: Option<Setting>,
     /// Substeps a frame.
     pub substeps: Option<usize>,
     /// Frame of one environment on one core: the fastest of a few runs.
@@ -162,28 +153,29 @@ pub fn run(args: ChartArgs) -> Result<()> {
 fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: Vec<PathBuf>) -> Result<Measured> {
     let contact = !scene.colliders.is_empty();
     let powers = || std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= args.substeps);
-    let mut methods: Vec<Method> = powers().map(Method::Euler).collect();
+    let mut methods: Vec<Setting> = powers().map(Setting::Euler).collect();
     if contact {
-        methods.extend(powers().take_while(|n| 2 * n <= args.substeps).map(Method::Implicit));
-        methods.extend(powers().take_while(|n| 4 * n <= args.substeps).map(Method::RapierSteps));
+        methods.extend(powers().take_while(|n| 2 * n <= args.substeps).map(Setting::Implicit));
+        methods.extend(powers().take_while(|n| 4 * n <= args.substeps).map(Setting::RapierSteps));
     } else {
-        methods.extend(powers().take_while(|n| *n <= 32).map(Method::Rk4));
+        methods.extend(powers().take_while(|n| *n <= 32).map(Setting::Rk4));
     }
-    methods.extend(powers().map(Method::Rapier));
-    methods.push(Method::Paper);
-    methods.extend(models.into_iter().map(Method::Neural));
+    methods.extend(powers().map(Setting::Rapier));
+    methods.push(Setting::Paper);
+    methods.extend(models.into_iter().map(Setting::Neural));
 
     let (finest, reference) = if contact { (4 * args.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
-    let exact = |n: usize| if contact { Method::Implicit(n) } else { Method::Rk4(n) };
+    let exact = |n: usize| if contact { Setting::Implicit(n) } else { Setting::Rk4(n) };
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp };
     // Begun first, for it may not be there.
     let mut referee = args.mujoco.as_ref().map(|python| series::referee(python, system, scene, config)).transpose()?;
-    let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
+    let built = methods.into_iter().map(|m| Ok((legend(&m, system)?, m.solver(system)?, m))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);
-    let mut truth = Recorder { solver: exact(finest).build(system, 1)?.1, frames: Vec::new() };
-    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).build(system, 1)?.1, config, &mut |_| ())?;
+    let mut truth = Recorder { solver: exact(finest).solver(system)?, frames: Vec::new() };
+    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, config, &mut |_| ())?;
     let mut points = Vec::new();
-    for (k, (substeps, (series, solver))) in built.into_iter().enumerate() {
+    for (k, (series, solver, setting)) in built.into_iter().enumerate() {
+        let substeps = setting.substeps();
         bar.set(k as u64 + 1);
         let mut timed = Timed { solver, spent: Duration::ZERO };
         let (mut runs, mut total, mut best, mut report) = (0, Duration::ZERO, Duration::MAX, None);
@@ -203,6 +195,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
         points.push(Point {
             series,
             substeps,
+            setting: Some(setting),
             microseconds: best.as_secs_f64() * 1e6 / (args.starts * args.horizon) as f64,
             error: mean(&report.error),
             by_coordinate: report.error,
@@ -254,35 +247,21 @@ fn figure(args: &ChartArgs, system: &System, points: &[Point], base: &PassiveRep
     }
 }
 
-impl Method {
-    fn substeps(&self) -> Option<usize> {
-        match self {
-            Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
-            Self::Paper | Self::Neural(_) => None,
+/// Name in the legend.
+fn legend(setting: &Setting, system: &Arc<System>) -> Result<String> {
+    Ok(match setting {
+        Setting::Rk4(_) => "articulated RK4".into(),
+        Setting::Euler(_) => "articulated symplectic Euler".into(),
+        Setting::Implicit(_) => "articulated implicit".into(),
+        Setting::Paper => "articulated, preset paper (NeRD's truth)".into(),
+        Setting::Rapier(_) => "rapier, iterations of 1 step".into(),
+        Setting::RapierSteps(_) => "rapier, steps of 4 iterations".into(),
+        Setting::Neural(folder) => {
+            let model = Model::load(folder, system, None)?;
+            let form = if model.config.base == Base::Flight { "on flight" } else { "paper's form" };
+            format!("NeRD {form}, {:.2} M parameters", model.config.network.parameters() as f64 / 1e6)
         }
-    }
-
-    /// Name in the legend, and the solver for `n` environments.
-    fn build(&self, system: &Arc<System>, n: usize) -> Result<(String, Box<dyn Solver>)> {
-        let friction = Friction::Coulomb;
-        let articulated = |config: ArticulatedConfig| -> Box<dyn Solver> { Box::new(Articulated::new(config)) };
-        Ok(match self {
-            Self::Rk4(n) => {
-                ("articulated RK4".into(), articulated(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) }))
-            }
-            Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(ArticulatedConfig::explicit(*n, friction))),
-            Self::Implicit(n) => ("articulated implicit".into(), articulated(ArticulatedConfig::implicit(*n, friction))),
-            Self::Paper => ("articulated, preset paper (NeRD's truth)".into(), crate::train::truth(system)),
-            Self::Rapier(n) => ("rapier, iterations of 1 step".into(), Box::new(Rapier::new(RapierConfig::substeps(*n)))),
-            Self::RapierSteps(n) => {
-                ("rapier, steps of 4 iterations".into(), Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() })))
-            }
-            Self::Neural(folder) => {
-                let solver = neural(folder, system, None, Device::Flex, n)?;
-                (format!("NeRD, {:.2} M parameters", solver.model().config.network.parameters() as f64 / 1e6), Box::new(solver))
-            }
-        })
-    }
+    })
 }
 
 /// The mean.

@@ -71,6 +71,7 @@ pub fn points(
         let report = errors(if contact { &own } else { truth }, &played.frames)?;
         points.push(Point {
             series: name.into(),
+            setting: None,
             substeps: Some(substeps),
             microseconds: played.seconds * 1e6 / (config.starts * config.steps) as f64,
             error: mean(&report.error),

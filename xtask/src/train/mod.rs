@@ -166,7 +166,11 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         }
         let state = learner.state()?;
         let weights = Weights { config: network, flat: state.average };
-        Ok(Some(rollout_error(&system, &run, &normalizer, weights, args).map_err(|e| format!("{e:#}"))?))
+        // Early weights may leave; that is an infinite error, not the end of the run.
+        Ok(Some(rollout_error(&system, &run, &normalizer, weights, args).unwrap_or_else(|e| {
+            eprintln!("{e:#}");
+            f64::INFINITY
+        })))
     };
     let outcome = Trainer::new(trainer, learner.batch, &args.out, &text)
         .stop_at(args.minutes.map(|m| Duration::from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0))))

@@ -60,6 +60,8 @@ struct Memory {
     mixed: Vec<f32>,
     wide: Vec<f32>,
     newest: Vec<f32>,
+    scores: Vec<f32>,
+    turned: Vec<f32>,
 }
 
 impl Packed {

@@ -85,7 +85,7 @@ struct Envs<'a> {
 impl Envs<'_> {
     fn push(mut self, tokens: &[f32], memory: &mut Memory, out: &mut Vec<f32>) {
         let TransformerConfig { inputs: width, embedding: e, outputs, .. } = self.packed.config;
-        let Memory { x, normed, qkv, mixed, wide, newest } = memory;
+        let Memory { x, normed, qkv, mixed, wide, newest, scores, turned } = memory;
         newest.clear();
         x.clear();
         for env in self.asked {
@@ -100,7 +100,7 @@ impl Envs<'_> {
                 fresh(normed, e, &block.qkv, 3 * e, qkv);
                 mixed.clear();
                 mixed.resize(x.len(), 0.0);
-                self.attend(layer, qkv, mixed);
+                self.attend(layer, qkv, mixed, (scores, turned));
                 product(mixed, e, &block.proj, e, x, true);
                 block.mlp(e, x, normed, wide);
             }
@@ -114,11 +114,11 @@ impl Envs<'_> {
     }
 
     /// Keeps the keys and values of rows `qkv`, and attends to those of the last h tokens.
-    fn attend(&mut self, layer: usize, qkv: &[f32], out: &mut [f32]) {
+    fn attend(&mut self, layer: usize, qkv: &[f32], out: &mut [f32], (scores, turned): (&mut Vec<f32>, &mut Vec<f32>)) {
         let TransformerConfig { embedding: e, heads, history: h, layers, .. } = self.packed.config;
         let (d, scale) = (e / heads, ((e / heads) as f32).powf(-0.5));
-        let mut scores = vec![0.0f32; heads * h];
-        let mut turned = vec![0.0f32; e];
+        scores.resize(heads * h, 0.0);
+        turned.resize(e, 0.0);
         Arch::new().dispatch(|| {
             for ((env, row), out) in self.asked.iter().zip(qkv.chunks_exact(3 * e)).zip(out.chunks_exact_mut(e)) {
                 let i = env - self.first;

@@ -26,7 +26,7 @@ impl PackedForward {
     /// One block of windows.
     fn block(&self, inputs: &[f32], tokens: usize, last: &[u32], memory: &mut Memory, out: &mut [f32]) {
         let TransformerConfig { inputs: width, embedding: e, .. } = self.packed.config;
-        let Memory { x, normed, qkv, mixed, wide, newest } = memory;
+        let Memory { x, normed, qkv, mixed, wide, newest, .. } = memory;
         let rows = last.len() * tokens;
         x.resize(rows * e, 0.0);
         for token in x.chunks_exact_mut(tokens * e) {

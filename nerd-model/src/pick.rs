@@ -1,0 +1,139 @@
+//! Which solver to take: the cheapest of a measured chart that is accurate enough.
+//!
+//! `cargo xtask chart` measures every setting of every solver, learned ones too, on one scene and writes
+//! `results/chart-ROBOT-SCENE.json`; [`pick`] reads it.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nerd_sim::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::folder::{Model, ModelError};
+use crate::neural::Neural;
+
+/// A solver at one setting.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Setting {
+    /// `articulated`, Runge-Kutta, so many substeps; without contact.
+    Rk4(usize),
+    /// `articulated`, symplectic Euler, explicit contact.
+    Euler(usize),
+    /// `articulated` with the implicit contact step.
+    Implicit(usize),
+    /// `articulated` at the reference simulator's settings, the truth of the shipped models.
+    Paper,
+    /// rapier with so many iterations inside one outer step.
+    Rapier(usize),
+    /// rapier with so many outer steps, collisions found again in each, at its default of 4 iterations.
+    RapierSteps(usize),
+    /// A learned model, by its folder.
+    Neural(PathBuf),
+}
+
+impl Setting {
+    /// Substeps a frame.
+    pub fn substeps(&self) -> Option<usize> {
+        match self {
+            Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
+            Self::Paper | Self::Neural(_) => None,
+        }
+    }
+
+    /// The solver, a learned one on the CPU.
+    ///
+    /// # Errors
+    /// If a model folder cannot be read or holds another robot's model.
+    pub fn solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>, ModelError> {
+        let articulated = |config: ArticulatedConfig| -> Box<dyn Solver> { Box::new(Articulated::new(config)) };
+        let friction = Friction::Coulomb;
+        Ok(match self {
+            Self::Rk4(n) => articulated(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) }),
+            Self::Euler(n) => articulated(ArticulatedConfig::explicit(*n, friction)),
+            Self::Implicit(n) => articulated(ArticulatedConfig::implicit(*n, friction)),
+            Self::Paper => articulated(ArticulatedConfig::paper(system, friction)),
+            Self::Rapier(n) => Box::new(Rapier::new(RapierConfig::substeps(*n))),
+            Self::RapierSteps(n) => Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() })),
+            Self::Neural(folder) => Box::new(Neural::on_cpu(Model::load(folder, system, None)?, system)),
+        })
+    }
+}
+
+/// A solver as a chart found it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Picked {
+    /// Which, at which setting.
+    pub setting: Setting,
+    /// Frame of one environment on one core.
+    pub microseconds: f64,
+    /// Mean |difference| of q over the chart's horizon from its reference (rad or m).
+    pub error: f64,
+    /// Rollouts that left.
+    pub diverged: usize,
+}
+
+/// Why no solver was picked.
+#[derive(Debug, thiserror::Error)]
+pub enum PickError {
+    /// No chart of the scene, or not one of this program.
+    #[error("{path}: {reason}; `cargo xtask chart --robot {robot} --scene {scene}` measures it", path = path.display())]
+    Chart {
+        /// The file.
+        path: PathBuf,
+        /// Robot asked for.
+        robot: String,
+        /// Scene asked for.
+        scene: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Nothing measured is accurate enough.
+    #[error("no solver measured on {robot}, {scene} comes within {tolerance}; the best is {best:.2e} away")]
+    TooFine {
+        /// Robot asked for.
+        robot: String,
+        /// Scene asked for.
+        scene: String,
+        /// Error asked for.
+        tolerance: f64,
+        /// Least error on the chart.
+        best: f64,
+    },
+}
+
+/// The cheapest solver of the chart of `robot` in `scene` whose mean error is at most `tolerance` (rad or m) and of which no
+/// rollout left. `results` is the folder of the charts.
+///
+/// # Errors
+/// [`PickError`] if there is no chart or nothing on it is accurate enough.
+pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<Picked, PickError> {
+    let path = results.join(format!("chart-{robot}-{scene}.json"));
+    let wrong = |reason: String| PickError::Chart { path: path.clone(), robot: robot.into(), scene: scene.into(), reason };
+    #[derive(Deserialize)]
+    struct Chart {
+        points: Vec<Point>,
+    }
+    #[derive(Deserialize)]
+    struct Point {
+        /// Of another engine there is none.
+        setting: Option<Setting>,
+        microseconds: f64,
+        error: f64,
+        diverged: usize,
+    }
+    let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let chart: Chart = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    let ours = chart.points.into_iter().filter(|p| p.diverged == 0 && p.error.is_finite());
+    let ours = ours
+        .filter_map(|p| p.setting.map(|setting| Picked { setting, microseconds: p.microseconds, error: p.error, diverged: p.diverged }));
+    let ours: Vec<Picked> = ours.collect();
+    let best = ours.iter().map(|p| p.error).fold(f64::INFINITY, f64::min);
+    let enough = ours.into_iter().filter(|p| p.error <= tolerance);
+    enough.min_by(|a, b| a.microseconds.total_cmp(&b.microseconds)).ok_or_else(|| PickError::TooFine {
+        robot: robot.into(),
+        scene: scene.into(),
+        tolerance,
+        best,
+    })
+}
