@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::Base;
 use crate::features::Features;
 use crate::normalizer::Normalizer;
-use crate::transformer::{TransformerConfig, Weights, WeightsError};
+use crate::transformer::{Storage, TransformerConfig, Weights, WeightsError};
 
 /// Why a model cannot be loaded or saved.
 #[derive(Debug, thiserror::Error)]
@@ -115,11 +115,13 @@ impl Model {
     }
 
     /// Writes the folder, each file whole or not at all; `card` becomes its `README.md`.
-    pub fn save(&self, folder: &Path, card: &str) -> Result<(), ModelError> {
+    pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let format = |e: String| ModelError::Format { path: folder.into(), reason: e };
         let json = |x: serde_json::Result<String>| x.map(|s| s + "\n").map_err(|e| format(e.to_string()));
-        let bytes =
-            self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())])).map_err(|e| format(e.to_string()))?;
+        let bytes = self
+            .weights
+            .to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())]), storage)
+            .map_err(|e| format(e.to_string()))?;
         write(&folder.join("config.json"), json(serde_json::to_string_pretty(&self.config))?.as_bytes())?;
         write(&folder.join("normalizer.json"), json(serde_json::to_string_pretty(&self.normalizer))?.as_bytes())?;
         write(&folder.join("README.md"), card.as_bytes())?;

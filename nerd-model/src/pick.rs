@@ -41,11 +41,16 @@ impl Setting {
         }
     }
 
+    /// Whether this build has the solver.
+    fn present(&self) -> bool {
+        cfg!(feature = "rapier") || !matches!(self, Self::Rapier(_) | Self::RapierSteps(_))
+    }
+
     /// The solver, a learned one on the CPU.
     ///
     /// # Errors
-    /// If a model folder cannot be read or holds another robot's model.
-    pub fn solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>, ModelError> {
+    /// If a model folder cannot be read or holds another robot's model, or rapier is asked for and not built in.
+    pub fn solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>, PickError> {
         let articulated = |config: ArticulatedConfig| -> Box<dyn Solver> { Box::new(Articulated::new(config)) };
         let friction = Friction::Coulomb;
         Ok(match self {
@@ -53,8 +58,12 @@ impl Setting {
             Self::Euler(n) => articulated(ArticulatedConfig::explicit(*n, friction)),
             Self::Implicit(n) => articulated(ArticulatedConfig::implicit(*n, friction)),
             Self::Paper => articulated(ArticulatedConfig::paper(system, friction)),
+            #[cfg(feature = "rapier")]
             Self::Rapier(n) => Box::new(Rapier::new(RapierConfig::substeps(*n))),
+            #[cfg(feature = "rapier")]
             Self::RapierSteps(n) => Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() })),
+            #[cfg(not(feature = "rapier"))]
+            Self::Rapier(_) | Self::RapierSteps(_) => return Err(PickError::NoRapier),
             Self::Neural(folder) => Box::new(Neural::on_cpu(Model::load(folder, system, None)?, system)),
         })
     }
@@ -88,6 +97,12 @@ pub enum PickError {
         /// What is wrong.
         reason: String,
     },
+    /// The solver is rapier.
+    #[error("this build has no rapier: enable the feature `rapier` of nerd-model")]
+    NoRapier,
+    /// The solver is a model that cannot be loaded.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// Nothing measured is accurate enough.
     #[error("no solver measured on {robot}, {scene} comes within {tolerance}; the best is {best:.2e} away")]
     TooFine {
@@ -125,8 +140,14 @@ pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<
     let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
     let chart: Chart = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     let ours = chart.points.into_iter().filter(|p| p.diverged == 0 && p.error.is_finite());
-    let ours = ours
-        .filter_map(|p| p.setting.map(|setting| Picked { setting, microseconds: p.microseconds, error: p.error, diverged: p.diverged }));
+    let ours = ours.filter_map(|p| {
+        p.setting.filter(Setting::present).map(|setting| Picked {
+            setting,
+            microseconds: p.microseconds,
+            error: p.error,
+            diverged: p.diverged,
+        })
+    });
     let ours: Vec<Picked> = ours.collect();
     let best = ours.iter().map(|p| p.error).fold(f64::INFINITY, f64::min);
     let enough = ours.into_iter().filter(|p| p.error <= tolerance);

@@ -11,7 +11,7 @@ use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::{Storage, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
 
 const BOUND: f64 = 1e-5;
@@ -97,7 +97,7 @@ fn frames_of_another_solver_in_between_empty_the_window() {
 fn a_model_of_another_robot_or_truth_is_refused_by_name() {
     let (pendulum, cartpole) = (System::named("pendulum").expect("built in"), System::named("cartpole").expect("built in"));
     let folder = tempfile::tempdir().expect("temporary folder");
-    model(&pendulum).save(folder.path(), "# card\n").expect("saved");
+    model(&pendulum).save(folder.path(), "# card\n", Storage::F32).expect("saved");
     let loaded = Model::load(folder.path(), &pendulum, Some("articulated paper coulomb")).expect("its own");
     assert_eq!(loaded.weights.flat, model(&pendulum).weights.flat);
     let refusal = |system: &System, truth| Model::load(folder.path(), system, truth).expect_err("refused").to_string();

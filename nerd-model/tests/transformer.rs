@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use nerd_model::transformer::{
-    BurnForward, Forward, PackedForward, PackedStream, Positions, Stream, Transformer, TransformerConfig, Weights, Windowed,
+    BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, Transformer, TransformerConfig, Weights, Windowed,
 };
 
 const SMALL: TransformerConfig = TransformerConfig {
@@ -245,8 +245,13 @@ fn a_token_never_sees_newer_ones() {
 fn weights_survive_the_module_and_the_file() {
     let w = lively(3);
     assert_eq!(Transformer::new(&w, &Device::flex()).weights(), w);
-    let bytes = w.to_bytes(HashMap::new()).unwrap();
+    let bytes = w.to_bytes(HashMap::new(), Storage::F32).unwrap();
     assert_eq!(Weights::from_bytes(SMALL, &bytes).unwrap(), w);
+    let half = w.to_bytes(HashMap::new(), Storage::F16).unwrap();
+    let rounded = Weights::from_bytes(SMALL, &half).unwrap();
+    let worst = w.flat.iter().zip(&rounded.flat).map(|(a, b)| (a - b).abs() / a.abs().max(1e-3)).fold(0.0, f32::max);
+    assert!(worst > 0.0 && worst <= 2f32.powi(-11), "f16 changes a weight by {worst:.1e} of itself");
+    assert!(half.len() * 10 < bytes.len() * 7, "{} bytes in place of {}", half.len(), bytes.len());
     let other = TransformerConfig { embedding: 28, ..SMALL };
     let error = Weights::from_bytes(other, &bytes).unwrap_err().to_string();
     assert!(error.contains("embed.weight") && error.contains("[5, 28]"), "{error}");

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use nerd_model::transformer::{Weights, WeightsError};
+use nerd_model::transformer::{Storage, Weights, WeightsError};
 use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
@@ -167,7 +167,7 @@ impl Trainer {
         let metadata =
             [("step", state.step.to_string()), ("criterion", criterion.to_string()), ("network", network), ("config", self.run.clone())];
         let metadata: HashMap<_, _> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-        let bytes = Weights { config: state.weights.config, flat: state.average }.to_bytes(metadata)?;
+        let bytes = Weights { config: state.weights.config, flat: state.average }.to_bytes(metadata, Storage::F32)?;
         let path = self.folder.join("best.safetensors");
         Ok(nerd_sim::files::write(&path, &bytes).map_err(|source| CheckpointError::Io { path, source })?)
     }

@@ -5,7 +5,7 @@ mod common;
 use std::io::Error;
 
 use common::{NETWORK, fresh};
-use nerd_model::transformer::TransformerConfig;
+use nerd_model::transformer::{Storage, TransformerConfig};
 use nerd_sim::files::write_with;
 use nerd_train::checkpoint::{load, save};
 use nerd_train::metrics::{Line, Metrics};
@@ -37,7 +37,7 @@ fn what_is_no_checkpoint_of_this_network_is_refused() {
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("no training checkpoint"));
-    std::fs::write(&path, fresh().weights.to_bytes(Default::default()).unwrap()).unwrap();
+    std::fs::write(&path, fresh().weights.to_bytes(Default::default(), Storage::F32).unwrap()).unwrap();
     assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("`network`"));
 }
 

@@ -21,4 +21,4 @@ pub use packed::{PackedForward, PackedStream, packed};
 pub use places::Places;
 pub use predictor::BurnForward;
 pub use stream::{Stream, Windowed};
-pub use weights::{Weights, WeightsError};
+pub use weights::{Storage, Weights, WeightsError};

@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use half::f16;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -18,8 +19,8 @@ pub enum WeightsError {
     /// Not a safetensors file.
     #[error("not a readable safetensors file: {0}")]
     Format(#[from] safetensors::SafeTensorError),
-    /// A tensor is absent, or has another shape or type than the configuration asks for.
-    #[error("tensor `{name}`: expected f32 {expected:?}, found {found}")]
+    /// A tensor is absent, or has another shape or type than it should.
+    #[error("tensor `{name}`: expected f32 or f16 {expected:?}, found {found}")]
     Tensor {
         /// Dotted name.
         name: String,
@@ -28,6 +29,15 @@ pub enum WeightsError {
         /// What the file holds.
         found: String,
     },
+}
+
+/// How parameters stand in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Storage {
+    /// As they are.
+    F32,
+    /// Rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them.
+    F16,
 }
 
 /// All parameters of one network, flat.
@@ -68,10 +78,16 @@ impl Weights {
     }
 
     /// The bytes of a safetensors file with `metadata` in its header.
-    pub fn to_bytes(&self, metadata: HashMap<String, String>) -> Result<Vec<u8>, WeightsError> {
-        let raw: Vec<_> =
-            self.iter().map(|(name, shape, x)| (name, shape, x.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())).collect();
-        let views = raw.iter().map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)));
+    pub fn to_bytes(&self, metadata: HashMap<String, String>, storage: Storage) -> Result<Vec<u8>, WeightsError> {
+        let encode = |x: &[f32]| -> Vec<u8> {
+            match storage {
+                Storage::F32 => x.iter().flat_map(|v| v.to_le_bytes()).collect(),
+                Storage::F16 => x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect(),
+            }
+        };
+        let dtype = if storage == Storage::F32 { Dtype::F32 } else { Dtype::F16 };
+        let raw: Vec<_> = self.iter().map(|(name, shape, x)| (name, shape, encode(x))).collect();
+        let views = raw.iter().map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(dtype, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, WeightsError>>()?;
         Ok(safetensors::serialize(views, Some(metadata))?)
     }
@@ -83,10 +99,12 @@ impl Weights {
         for t in config.tensors() {
             let wrong = |found: String| WeightsError::Tensor { name: t.name.clone(), expected: t.shape.clone(), found };
             let view = file.tensor(&t.name).map_err(|_| wrong("nothing".into()))?;
-            if view.dtype() != Dtype::F32 || view.shape() != t.shape {
-                return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape())));
+            match view.dtype() {
+                _ if view.shape() != t.shape => return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape()))),
+                Dtype::F32 => flat.extend(view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+                Dtype::F16 => flat.extend(view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32())),
+                other => return Err(wrong(format!("{other:?} {:?}", view.shape()))),
             }
-            flat.extend(view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
         }
         Ok(Self { config, flat })
     }

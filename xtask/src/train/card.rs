@@ -7,7 +7,7 @@ use anyhow::Result;
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::{Storage, TransformerConfig, Weights};
 use nerd_train::learner::LearnerConfig;
 use nerd_train::trainer::TrainerConfig;
 use serde::{Deserialize, Serialize};
@@ -116,5 +116,5 @@ pub fn export(
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
     card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
-    Ok(Model { config, normalizer, weights }.save(folder, &card)?)
+    Ok(Model { config, normalizer, weights }.save(folder, &card, Storage::F16)?)
 }
