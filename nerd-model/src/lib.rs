@@ -7,5 +7,5 @@ pub mod neural;
 pub mod normalizer;
 pub mod transformer;
 
-/// Where burn computes: `BurnDevice::flex()`, and `cuda` or `wgpu` with those features.
+/// Where burn computes: `BurnDevice::flex()`, the CPU.
 pub use burn::tensor::Device as BurnDevice;

@@ -4,7 +4,7 @@
 //! remembered, each in its own frame; the window grows from one token at a reset. A gap in an environment's frames
 //! (a reset, or frames stepped by another solver) empties its window, so history can never be another motion's.
 //!
-//! With [`Base::Flight`] the prediction is what contact adds to a frame of flight, and environments that can touch nothing
+//! With a base of flight ([`crate::base`]) the prediction is what contact adds to a frame of flight, and environments that can touch nothing
 //! within the frame do not evaluate the network.
 
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use nerd_sim::batch::{Batch, contacts};
 use nerd_sim::solver::{Solver, StepError, check_torques, commit};
 use nerd_sim::system::System;
 
-use crate::base::{Base, Flight};
+use crate::base::Flight;
 use crate::features::Features;
 use crate::folder::Model;
 use crate::transformer::{Forward, PackedForward};
@@ -44,7 +44,7 @@ impl Neural {
     /// A model of `system`, evaluated by `forward`.
     pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
         let (features, data) = (Features::new(system, model.config.base), Data::new(&system.robot));
-        let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
+        let flight = model.config.base.flight(system);
         let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
         Self {
             model,

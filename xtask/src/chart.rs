@@ -3,13 +3,15 @@
 //! x: microseconds a frame of one environment takes on one core. y: mean |difference| of q over the horizon from a
 //! converged reference, passive motion from the robot's reset law. Time and error come from the same steps, so a broken
 //! simulation cannot be fast. The reference's own error (its distance from half its substeps) is a dashed line, as are
-//! the two floors that know no dynamics. `--mujoco` asks another engine in, see [`crate::mujoco`].
+//! the two floors that know no dynamics. A model that learned from another engine is held against that engine, as its name
+//! says, since it cannot be nearer to the reference than what it learned. `--mujoco` asks another engine in, see [`crate::mujoco`].
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
@@ -18,8 +20,9 @@ use crate::common::{Device, bar};
 use crate::mujoco::series::{self, Against};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
-use crate::solvers::{neural, shipped};
+use crate::solvers::neural;
 use crate::table::{digits, markdown, pair};
+use crate::truth::Truth;
 
 /// Draw speed against accuracy.
 #[derive(clap::Args, Clone, Debug)]
@@ -30,7 +33,7 @@ pub struct ChartArgs {
     /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
     #[arg(long, default_value = "free")]
     pub scene: String,
-    /// Model folders, comma-separated [default: models/ROBOT if it is there]
+    /// Model folders, comma-separated [default: models/ROBOT and models/ROBOT-rapier, if they are there]
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
     /// Trajectories
@@ -69,12 +72,13 @@ enum Method {
     Euler(usize),
     /// With the implicit contact step.
     Implicit(usize),
-    Paper,
+    /// What models are learned from.
+    Truth(Truth),
     /// rapier with substeps inside one outer step.
     Rapier(usize),
     /// rapier with as many outer steps, collisions found again in each, at its default of 4 iterations.
     RapierSteps(usize),
-    Neural(PathBuf),
+    Neural(PathBuf, Truth),
 }
 
 /// One mark on the chart.
@@ -116,8 +120,9 @@ pub fn run(args: ChartArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
     let mut models = args.model.clone();
-    if models.is_empty() && shipped(&system.name).join("config.json").exists() {
-        models.push(shipped(&system.name));
+    if models.is_empty() {
+        let shipped = Truth::value_variants().iter().map(|t| t.shipped(&system.name));
+        models.extend(shipped.filter(|folder| folder.join("config.json").exists()));
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     let Measured { points, base, reference, mujoco } = one.install(|| measure(&args, &system, &scene, models))?;
@@ -170,26 +175,36 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
         methods.extend(powers().take_while(|n| *n <= 32).map(Method::Rk4));
     }
     methods.extend(powers().map(Method::Rapier));
-    methods.push(Method::Paper);
-    methods.extend(models.into_iter().map(Method::Neural));
+    let models = models.into_iter().map(|folder| Truth::of(&folder).map(|truth| (folder, truth))).collect::<Result<Vec<_>>>()?;
+    let learned = |truth: &Truth| *truth == Truth::Articulated || models.iter().any(|m| m.1 == *truth);
+    methods.extend(Truth::value_variants().iter().filter(|t| learned(t)).map(|t| Method::Truth(*t)));
+    methods.extend(models.into_iter().map(|(folder, truth)| Method::Neural(folder, truth)));
 
     let (finest, reference) = if contact { (4 * args.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if contact { Method::Implicit(n) } else { Method::Rk4(n) };
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp };
     // Begun first, for it may not be there.
     let mut referee = args.mujoco.as_ref().map(|python| series::referee(python, system, scene, config)).transpose()?;
-    let built = methods.into_iter().map(|m| Ok((m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
+    let built = methods.into_iter().map(|m| Ok((m.own(), m.substeps(), m.build(system, args.starts)?))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).build(system, 1)?.1, frames: Vec::new() };
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).build(system, 1)?.1, config, &mut |_| ())?;
     let mut points = Vec::new();
-    for (k, (substeps, (series, solver))) in built.into_iter().enumerate() {
+    for (k, (own, substeps, (series, solver))) in built.into_iter().enumerate() {
         bar.set(k as u64 + 1);
+        let record = |own: Truth| -> Result<Vec<Vec<f64>>> {
+            let mut theirs = Recorder { solver: own.solver(system), frames: Vec::new() };
+            let mut idle = Replay { frames: &truth.frames, next: 0 };
+            passive(system, scene, &mut theirs, &mut idle, config, &mut |_| ())?;
+            Ok(theirs.frames)
+        };
+        let theirs = own.map(record).transpose()?;
+        let frames = theirs.as_ref().unwrap_or(&truth.frames);
         let mut timed = Timed { solver, spent: Duration::ZERO };
         let (mut runs, mut total, mut best, mut report) = (0, Duration::ZERO, Duration::MAX, None);
         while runs == 0 || (total < Duration::from_millis(300) && runs < 20) || (runs < 3 && total < Duration::from_secs(10)) {
             timed.spent = Duration::ZERO;
-            let mut replay = Replay { frames: &truth.frames, next: 0 };
+            let mut replay = Replay { frames, next: 0 };
             match passive(system, scene, &mut replay, &mut timed, config, &mut |_| ()) {
                 Ok(found) => report = Some(found),
                 Err(error) => {
@@ -208,7 +223,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
             by_coordinate: report.error,
             diverged: report.diverged,
             front: false,
-            own: false,
+            own: own.is_some(),
         });
     }
     bar.finish();
@@ -258,7 +273,15 @@ impl Method {
     fn substeps(&self) -> Option<usize> {
         match self {
             Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
-            Self::Paper | Self::Neural(_) => None,
+            Self::Truth(_) | Self::Neural(..) => None,
+        }
+    }
+
+    /// What it is held against, if that is not the chart's reference.
+    fn own(&self) -> Option<Truth> {
+        match self {
+            Self::Neural(_, truth) => Some(*truth).filter(|t| *t != Truth::Articulated),
+            _ => None,
         }
     }
 
@@ -272,14 +295,16 @@ impl Method {
             }
             Self::Euler(n) => ("articulated symplectic Euler".into(), articulated(ArticulatedConfig::explicit(*n, friction))),
             Self::Implicit(n) => ("articulated implicit".into(), articulated(ArticulatedConfig::implicit(*n, friction))),
-            Self::Paper => ("articulated, preset paper (NeRD's truth)".into(), crate::train::truth(system)),
+            Self::Truth(Truth::Articulated) => ("articulated, preset paper (NeRD's truth)".into(), Truth::Articulated.solver(system)),
+            Self::Truth(truth) => (format!("{} (NeRD's truth)", truth.name()), truth.solver(system)),
             Self::Rapier(n) => ("rapier, iterations of 1 step".into(), Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             Self::RapierSteps(n) => {
                 ("rapier, steps of 4 iterations".into(), Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() })))
             }
-            Self::Neural(folder) => {
+            Self::Neural(folder, _) => {
                 let solver = neural(folder, system, None, Device::Flex, n)?;
-                (format!("NeRD, {:.2} M parameters", solver.model().config.network.parameters() as f64 / 1e6), Box::new(solver))
+                let name = format!("NeRD, {:.2} M parameters", solver.model().config.network.parameters() as f64 / 1e6);
+                (self.own().map_or(name.clone(), |truth| format!("{name}, against {}", truth.name())), Box::new(solver))
             }
         })
     }
