@@ -147,7 +147,7 @@ fn token(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     let scene = Arc::new(scene);
     let torques: Vec<f64> = (0..system.robot.joint_count()).map(|i| 10.0 * (i as f64).sin()).collect();
     let mut flight = Base::Flight.flight(&system).expect("flies");
-    let base = flight.step(&state, &[scene.clone()], &torques).expect("a frame").to_vec();
+    let base = flight.step(&state, std::slice::from_ref(&scene), &torques).expect("a frame").to_vec();
     let mut events = Vec::new();
     contacts(&system, &scene, &state, &mut Data::new(&system.robot), &mut events);
     let mut out = vec![0.0; Features::inputs(&system, Base::Flight)];
