@@ -1,8 +1,10 @@
 //! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight.
 //!
-//! Flight is one frame of our articulated dynamics, joint limits and damping included, at the reference simulator's settings,
-//! in a scene with nothing in it. It costs microseconds. Then the network is left with what contact does, and an environment
-//! where nothing can be touched within the frame needs no network.
+//! Flight is one frame of our articulated dynamics, joint limits and damping included, in a scene with nothing in it: as the
+//! truth flies, which is at the reference simulator's settings or, for a truth that is another engine, exactly (its own error
+//! over the frame is then the floor of a model; `nerd-sim/tests/rapier.rs` measures rapier's). It costs microseconds. Then
+//! the network is left with what contact does, and an environment where nothing can be touched within the frame needs no
+//! network.
 
 use std::sync::Arc;
 
@@ -22,8 +24,22 @@ pub enum Base {
     /// The state before the frame: the paper's form.
     #[default]
     State,
-    /// The state after a frame of flight: the residual form.
+    /// The state after a frame of flight at the reference simulator's settings: the residual form.
     Flight,
+    /// The state after a frame of flight by Runge-Kutta: the residual form for other engines.
+    ExactFlight,
+}
+
+impl Base {
+    /// The flight that predictions are added to, if any.
+    pub fn flight(self, system: &Arc<System>) -> Option<Flight> {
+        let config = match self {
+            Self::State => return None,
+            Self::Flight => ArticulatedConfig::paper(system, Friction::Coulomb),
+            Self::ExactFlight => ArticulatedConfig::converged(Friction::Coulomb),
+        };
+        Some(Flight::new(system, config))
+    }
 }
 
 /// Touch is looked for this far (m) from a surface: its curvature within a frame's travel.
@@ -36,9 +52,8 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// For a system.
-    pub fn new(system: &Arc<System>) -> Self {
-        let solver = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
+    fn new(system: &Arc<System>, config: ArticulatedConfig) -> Self {
+        let solver = Articulated::new(config);
         let batch = Batch::new(system, &Arc::new(Scene::free(system.gravity())), 0);
         Self { solver, batch }
     }

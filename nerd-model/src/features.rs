@@ -46,7 +46,7 @@ impl Features {
     /// Width of a token.
     pub fn inputs(system: &System, base: Base) -> usize {
         let plain = system.robot.state_dim() + system.robot.joint_count();
-        let a_point = if base == Base::Flight { 10 } else { 7 };
+        let a_point = if base == Base::State { 7 } else { 10 };
         if Self::situated(system) { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
 
@@ -84,7 +84,7 @@ impl Features {
         }
         let frame = self.frame(state);
         let system = self.system.clone();
-        if self.base == Base::Flight {
+        if self.base != Base::State {
             self.carry(state, base);
         }
         frame.state_in(&system.robot, state, &mut self.near);

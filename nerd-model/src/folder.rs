@@ -70,6 +70,13 @@ pub struct ModelConfig {
     pub provenance: HashMap<String, String>,
 }
 
+impl ModelConfig {
+    /// That of a model's folder.
+    pub fn read(folder: &Path) -> Result<Self, ModelError> {
+        read_json(&folder.join("config.json"))
+    }
+}
+
 /// A trained network with its normaliser and its provenance.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -84,7 +91,7 @@ pub struct Model {
 impl Model {
     /// Loads the model of `system` from a folder; refuses one of another robot, or of another truth if one is named.
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
-        let config: ModelConfig = read_json(&folder.join("config.json"))?;
+        let config = ModelConfig::read(folder)?;
         let other =
             |what, found: &str, wanted: &str| ModelError::Other { path: folder.into(), what, found: found.into(), wanted: wanted.into() };
         if config.robot != system.name {

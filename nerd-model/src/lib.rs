@@ -9,5 +9,5 @@ pub mod normalizer;
 pub mod pick;
 pub mod transformer;
 
-/// Where burn computes: `BurnDevice::flex()`, and `cuda` or `wgpu` with those features.
+/// Where burn computes: `BurnDevice::flex()`, the CPU.
 pub use burn::tensor::Device as BurnDevice;

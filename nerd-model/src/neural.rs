@@ -4,7 +4,7 @@
 //! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, or
 //! frames stepped by another solver) makes it forget them, so history can never be another motion's.
 //!
-//! With [`Base::Flight`] the prediction is what contact adds to a frame of flight, and environments that can touch nothing
+//! With a base of flight ([`crate::base`]) the prediction is what contact adds to a frame of flight, and environments that can touch nothing
 //! within the frame do not evaluate the network.
 
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use nerd_sim::solver::{Solver, StepError, check_torques, commit};
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
-use crate::base::{Base, Flight};
+use crate::base::Flight;
 use crate::folder::Model;
 use crate::frame::Frame;
 use crate::transformer::{Stream, packed};
@@ -41,7 +41,7 @@ pub struct Neural {
 impl Neural {
     /// A model of `system`, evaluated by `network`.
     pub fn new(model: Model, system: &Arc<System>, network: Box<dyn Stream>) -> Self {
-        let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
+        let flight = model.config.base.flight(system);
         let (frames, tokens, newest, asked) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self { model, network, flight, frames, tokens, newest, asked, predictions: Vec::new(), next: Vec::new() }
     }

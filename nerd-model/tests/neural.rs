@@ -2,55 +2,32 @@
 //! the robot stands. Weights are random: none of this is learned. Bound: f32 rounding, since a window's arithmetic may
 //! be cut in other chunks.
 
+mod common;
+
 use std::sync::Arc;
 
+use common::{gap, model};
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{Storage, TransformerConfig, Weights};
+use nerd_model::transformer::Storage;
 use nerd_sim::prelude::*;
 
 const BOUND: f64 = 1e-5;
-
-fn model(system: &Arc<System>) -> Model {
-    let (inputs, outputs) = (Features::inputs(system, Base::State), Features::outputs(system));
-    let network = TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, ..TransformerConfig::paper(inputs, outputs, 192) };
-    let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n] };
-    let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
-    let config = ModelConfig {
-        robot,
-        truth,
-        base: Base::State,
-        network,
-        data_sha256: "none".into(),
-        transitions: 0,
-        updates: 0,
-        batch: 0,
-        provenance: Default::default(),
-    };
-    let mut weights = Weights::init(network, 5);
-    weights.flat.iter_mut().for_each(|w| *w *= 3.0);
-    Model { config, normalizer: Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) }, weights }
-}
 
 fn simulation(scene: &str, n: usize) -> Simulation {
     let system = System::named("pendulum").expect("built in");
     let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), n);
     batch.states.iter_mut().enumerate().for_each(|(i, x)| *x = (0.7 * i as f64).sin());
-    Simulation::new(batch, Neural::on_cpu(model(&system), &system))
+    Simulation::new(batch, Neural::on_cpu(model(&system, Base::State), &system))
 }
 
 fn run(simulation: &mut Simulation, frames: usize) {
     let torques = vec![3.0; simulation.batch.len() * 2];
     (0..frames).for_each(|_| simulation.step(&torques).expect("finite"));
-}
-
-fn gap(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 #[test]
@@ -97,9 +74,9 @@ fn frames_of_another_solver_in_between_empty_the_window() {
 fn a_model_of_another_robot_or_truth_is_refused_by_name() {
     let (pendulum, cartpole) = (System::named("pendulum").expect("built in"), System::named("cartpole").expect("built in"));
     let folder = tempfile::tempdir().expect("temporary folder");
-    model(&pendulum).save(folder.path(), "# card\n", Storage::F32).expect("saved");
+    model(&pendulum, Base::State).save(folder.path(), "# card\n", Storage::F32).expect("saved");
     let loaded = Model::load(folder.path(), &pendulum, Some("articulated paper coulomb")).expect("its own");
-    assert_eq!(loaded.weights.flat, model(&pendulum).weights.flat);
+    assert_eq!(loaded.weights.flat, model(&pendulum, Base::State).weights.flat);
     let refusal = |system: &System, truth| Model::load(folder.path(), system, truth).expect_err("refused").to_string();
     let error = refusal(&cartpole, None);
     assert!(error.contains("`pendulum`") && error.contains("`cartpole`") && !error.contains('\n'), "{error}");

@@ -44,20 +44,26 @@ pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
 /// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose, until it stands clear if it must.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     loop {
-        if let Some(state) = clear_start(system, which, rng) {
+        if let Some(state) = clear_start(system, which, rng, DRAWS) {
             return state;
         }
     }
 }
 
-/// One draw of a start, if it stands as clear of the data's scene as the specification asks.
-pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
-    let state = draw(system, which, rng);
-    let Some(least) = system.spec.root.as_ref().and_then(|root| of(root, which).clearance) else { return Some(state) };
+/// Draws after which a specification is said to ask for too much.
+pub(crate) const DRAWS: usize = 10_000;
+
+/// The first of so many starts that stands as clear of the data's scene as the specification asks.
+pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, draws: usize) -> Option<Vec<f64>> {
+    let Some(least) = system.spec.root.as_ref().and_then(|root| of(root, which).clearance) else {
+        return Some(draw(system, which, rng));
+    };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
-    let mut events = Vec::new();
-    contacts(system, &scene, &state, &mut Data::new(&system.robot), &mut events);
-    events.iter().all(|e| e.distance >= least).then_some(state)
+    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    (0..draws).map(|_| draw(system, which, rng)).find(|state| {
+        contacts(system, &scene, state, &mut data, &mut events);
+        events.iter().all(|e| e.distance >= least)
+    })
 }
 
 fn of(root: &RootSpec, which: Start) -> &RootStart {

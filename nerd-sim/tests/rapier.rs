@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
 
 fn pendulum() -> Arc<System> {
     System::named("pendulum").expect("built in")
@@ -310,4 +311,61 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
     let mut batch = Batch::new(&system, &system.scene("ground").expect("scene"), 1);
     let error = Rapier::new(RapierConfig { restitution: 1.5, ..Default::default() }).step(&mut batch, &[]).expect_err("too much");
     assert!(error.to_string().contains("restitution is 1.5"), "{error}");
+}
+
+/// How far rapier's frames without contact are from ours: the floor of a learned model of rapier that adds what contact does
+/// to a frame of our flight. Flight at the reference simulator's settings is no base for that; exact flight is.
+#[test]
+fn flight_is_nearer_to_exact_flight_than_to_the_reference_s() {
+    let n = 64;
+    for (robot, bound) in [("pendulum", 1e-4), ("cube", 1e-5), ("ant", 2e-4)] {
+        let system = System::named(robot).expect("built in");
+        let (joints, d, nq) = (system.robot.joint_count(), system.robot.state_dim(), system.robot.nq());
+        let mut first = Batch::new(&system, &system.scene("free").expect("scene"), n);
+        for env in 0..n {
+            first.reset(env, &start(&system, Start::Sample, &mut stream(31, env as u64)));
+        }
+        let torques = vec![0.0; n * joints];
+        // Largest |difference| of q and of qd by environment, sorted.
+        let gaps = |a: &Batch, b: &Batch| {
+            let far = |env: usize, range: std::ops::Range<usize>| {
+                let gap = |k: usize| (a.state(env)[k] - b.state(env)[k]).abs();
+                range.map(|k| if k < nq { gap(k).min(std::f64::consts::TAU - gap(k)) } else { gap(k) }).fold(0.0, f64::max)
+            };
+            [0..nq, nq..d].map(|range| {
+                let mut all: Vec<f64> = (0..n).map(|env| far(env, range.clone())).collect();
+                all.sort_by(f64::total_cmp);
+                all
+            })
+        };
+        let run = |mut solver: Box<dyn Solver>, frames: usize| {
+            let mut batch = first.clone();
+            (0..frames).for_each(|_| solver.step(&mut batch, &torques).expect("a frame"));
+            batch
+        };
+        let rapier = |frames| run(Box::new(Rapier::new(RapierConfig { steps: 16, ..Default::default() })), frames);
+        let (one, many) = (rapier(1), rapier(60));
+        let mut found = Vec::new();
+        for (name, config) in [
+            ("the reference's", ArticulatedConfig::paper(&system, Friction::Coulomb)),
+            ("Euler x64", ArticulatedConfig::explicit(64, Friction::Coulomb)),
+            ("exact", ArticulatedConfig::converged(Friction::Coulomb)),
+        ] {
+            let ours = |frames| run(Box::new(Articulated::new(config)), frames);
+            let [[q, qd], [far, _]] = [gaps(&ours(1), &one), gaps(&ours(60), &many)];
+            println!(
+                "{robot}, {name}: a frame |dq| median {:.1e} max {:.1e}, |dqd| {:.1e} {:.1e}; 60 frames |dq| median {:.1e} p90 {:.1e}",
+                q[n / 2],
+                q[n - 1],
+                qd[n / 2],
+                qd[n - 1],
+                far[n / 2],
+                far[9 * n / 10],
+            );
+            found.push(q[n / 2]);
+        }
+        let (reference, exact) = (found[0], found[2]);
+        assert!(exact < bound, "{robot}: a frame is {exact:.1e} from exact flight, bound {bound:.0e}");
+        assert!(exact < 0.3 * reference, "{robot}: {exact:.1e} from exact flight, {reference:.1e} from the reference's");
+    }
 }

@@ -93,7 +93,7 @@ impl Gaps {
         let mut at = 0;
         if self.system.robot.floating() {
             out[0] = (vector(a) - vector(b)).norm();
-            out[1] = quaternion(&a[3..7]).angle_to(&quaternion(&b[3..7]));
+            out[1] = angle(&quaternion(&a[3..7]), &quaternion(&b[3..7]));
             at = 2;
         }
         for (k, wraps) in self.wraps.iter().enumerate() {
@@ -111,6 +111,12 @@ impl Gaps {
         let joints = qd[robot.root_dofs()..].iter().fold(0.0f64, |a, v| a.max(v.abs()));
         if robot.floating() { [joints, vector(qd).norm(), vector(&qd[3..6]).norm()] } else { [joints, 0.0, 0.0] }
     }
+}
+
+/// Angle between two orientations (rad), from the chord of their quaternions, so that equal ones are at 0 and not at rounding.
+fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
+    let (near, far) = ((a.coords - b.coords).norm(), (a.coords + b.coords).norm());
+    4.0 * near.min(far).atan2(near.max(far))
 }
 
 /// Moves a state on by `time` (s) at constant joint velocities, angular velocity and velocity of the root.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
-use nerd_model::base::{Base, Flight};
+use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, read_shard, record, sha256_of};
@@ -19,7 +19,7 @@ use crate::windows::Windows;
 /// Tokens and targets of every frame of a recording, not normalised yet; targets are changes from `base`.
 ///
 /// # Errors
-/// Of the flight of [`Base::Flight`].
+/// Of the base's flight.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, base: Base) -> Result<Windows, DatasetError> {
     let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
     let f = recording.frames;
@@ -27,7 +27,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, base:
     let mut y = vec![0.0; recording.trajectories * f * outputs];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate();
     rows.try_for_each_init(
-        || (Features::new(system, base), (base == Base::Flight).then(|| Flight::new(system))),
+        || (Features::new(system, base), base.flight(system)),
         |(features, flight), (trajectory, (x, y))| {
             let row = Row::of(system, recording, trajectory);
             let bases = match flight {
@@ -130,8 +130,8 @@ pub fn generate(
     Ok(joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
 }
 
-/// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote.
-pub fn read(system: &Arc<System>, folder: &Path, history: usize, base: Base) -> Result<Prepared, DatasetError> {
+/// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
+pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, base: Base) -> Result<Prepared, DatasetError> {
     let path = folder.join("manifest.json");
     let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
     let text = std::fs::read_to_string(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
@@ -140,7 +140,12 @@ pub fn read(system: &Arc<System>, folder: &Path, history: usize, base: Base) -> 
         return Err(wrong(format!("holds robot `{}`, not `{}`", manifest.robot, system.name)));
     }
     let shard = |name: &String| -> Result<_, DatasetError> {
-        let (recording, _) = read_shard(&folder.join(name))?;
+        let (recording, header) = read_shard(&folder.join(name))?;
+        let found = header.get("truth").map_or("nothing that it names", String::as_str);
+        if found != truth {
+            return Err(wrong(format!("holds transitions of truth `{found}`, not `{truth}`")));
+        }
+        recording.check(&system.robot).map_err(|reason| wrong(format!("{name}: {reason}")))?;
         Ok((tokens(system, &recording, history, base)?, recording.sha256()))
     };
     let prepared = joined(manifest.shards.par_iter().map(shard).collect::<Result<_, DatasetError>>()?);

@@ -11,7 +11,7 @@ pub struct Windows {
     pub inputs: usize,
     /// Width of a target.
     pub outputs: usize,
-    /// Frames in each trajectory, at least `history`.
+    /// Frames in each trajectory.
     pub frames: usize,
     /// Tokens in a window.
     pub history: usize,
@@ -24,12 +24,12 @@ pub struct Windows {
 impl Windows {
     /// Number of trajectories.
     pub fn trajectories(&self) -> usize {
-        self.x.len() / (self.inputs * self.frames)
+        self.x.len().checked_div(self.inputs * self.frames).unwrap_or(0)
     }
 
-    /// Windows in one trajectory.
+    /// Windows in one trajectory; none in one that is shorter than they.
     pub fn per_trajectory(&self) -> usize {
-        self.frames + 1 - self.history
+        (self.frames + 1).saturating_sub(self.history)
     }
 
     /// Number of windows.

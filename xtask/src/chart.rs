@@ -3,13 +3,15 @@
 //! x: microseconds a frame of one environment takes on one core. y: mean |difference| of q over the horizon from a
 //! converged reference, passive motion from the robot's reset law. Time and error come from the same steps, so a broken
 //! simulation cannot be fast. The reference's own error (its distance from half its substeps) is a dashed line, as are
-//! the two floors that know no dynamics. `--mujoco` asks another engine in, see [`crate::mujoco`].
+//! the two floors that know no dynamics. A model that learned from another engine is held against that engine, as its name
+//! says, since it cannot be nearer to the reference than what it learned. `--mujoco` asks another engine in, see [`crate::mujoco`].
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
 use nerd_model::base::Base;
 use nerd_model::folder::Model;
 use nerd_model::pick::Setting;
@@ -21,8 +23,8 @@ use crate::common::bar;
 use crate::mujoco::series::{self, Against};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
-use crate::solvers::shipped;
 use crate::table::{digits, markdown, pair};
+use crate::truth::Truth;
 
 /// Draw speed against accuracy.
 #[derive(clap::Args, Clone, Debug)]
@@ -33,7 +35,7 @@ pub struct ChartArgs {
     /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
     #[arg(long, default_value = "free")]
     pub scene: String,
-    /// Model folders, comma-separated [default: models/ROBOT if it is there]
+    /// Model folders, comma-separated [default: models/ROBOT and models/ROBOT-rapier, if they are there]
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
     /// Trajectories
@@ -107,8 +109,9 @@ pub fn run(args: ChartArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
     let mut models = args.model.clone();
-    if models.is_empty() && shipped(&system.name).join("config.json").exists() {
-        models.push(shipped(&system.name));
+    if models.is_empty() {
+        let shipped = Truth::value_variants().iter().map(|t| t.shipped(&system.name));
+        models.extend(shipped.filter(|folder| folder.join("config.json").exists()));
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     let Measured { points, base, reference, mujoco } = one.install(|| measure(&args, &system, &scene, models))?;
@@ -169,19 +172,27 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp };
     // Begun first, for it may not be there.
     let mut referee = args.mujoco.as_ref().map(|python| series::referee(python, system, scene, config)).transpose()?;
-    let built = methods.into_iter().map(|m| Ok((legend(&m, system)?, m.solver(system)?, m))).collect::<Result<Vec<_>>>()?;
+    let built = methods.into_iter().map(|m| Ok((own(&m)?, legend(&m, system)?, m.solver(system)?, m))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).solver(system)?, frames: Vec::new() };
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, config, &mut |_| ())?;
     let mut points = Vec::new();
-    for (k, (series, solver, setting)) in built.into_iter().enumerate() {
+    for (k, (own, series, solver, setting)) in built.into_iter().enumerate() {
         let substeps = setting.substeps();
         bar.set(k as u64 + 1);
+        let record = |own: Truth| -> Result<Vec<Vec<f64>>> {
+            let mut theirs = Recorder { solver: own.solver(system), frames: Vec::new() };
+            let mut idle = Replay { frames: &truth.frames, next: 0 };
+            passive(system, scene, &mut theirs, &mut idle, config, &mut |_| ())?;
+            Ok(theirs.frames)
+        };
+        let theirs = own.map(record).transpose()?;
+        let frames = theirs.as_ref().unwrap_or(&truth.frames);
         let mut timed = Timed { solver, spent: Duration::ZERO };
         let (mut runs, mut total, mut best, mut report) = (0, Duration::ZERO, Duration::MAX, None);
         while runs == 0 || (total < Duration::from_millis(300) && runs < 20) || (runs < 3 && total < Duration::from_secs(10)) {
             timed.spent = Duration::ZERO;
-            let mut replay = Replay { frames: &truth.frames, next: 0 };
+            let mut replay = Replay { frames, next: 0 };
             match passive(system, scene, &mut replay, &mut timed, config, &mut |_| ()) {
                 Ok(found) => report = Some(found),
                 Err(error) => {
@@ -201,7 +212,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
             by_coordinate: report.error,
             diverged: report.diverged,
             front: false,
-            own: false,
+            own: own.is_some(),
         });
     }
     bar.finish();
@@ -247,6 +258,14 @@ fn figure(args: &ChartArgs, system: &System, points: &[Point], base: &PassiveRep
     }
 }
 
+/// What a setting is held against, if that is not the chart's reference.
+fn own(setting: &Setting) -> Result<Option<Truth>> {
+    Ok(match setting {
+        Setting::Neural(folder) => Some(Truth::of(folder)?).filter(|truth| *truth != Truth::Articulated),
+        _ => None,
+    })
+}
+
 /// Name in the legend.
 fn legend(setting: &Setting, system: &Arc<System>) -> Result<String> {
     Ok(match setting {
@@ -258,8 +277,9 @@ fn legend(setting: &Setting, system: &Arc<System>) -> Result<String> {
         Setting::RapierSteps(_) => "rapier, steps of 4 iterations".into(),
         Setting::Neural(folder) => {
             let model = Model::load(folder, system, None)?;
-            let form = if model.config.base == Base::Flight { "on flight" } else { "paper's form" };
-            format!("NeRD {form}, {:.2} M parameters", model.config.network.parameters() as f64 / 1e6)
+            let form = if model.config.base == Base::State { "paper's form" } else { "on flight" };
+            let name = format!("NeRD {form}, {:.2} M parameters", model.config.network.parameters() as f64 / 1e6);
+            own(setting)?.map_or(name.clone(), |truth| format!("{name}, against {}", truth.name()))
         }
     })
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask dataset --robot pendulum --out data/pendulum`: random trajectories of the truth as safetensors shards.
+//! `cargo xtask dataset --robot pendulum --out data/pendulum`: random trajectories of a truth as safetensors shards.
 //!
 //! Starts from the robot's sampling box, a random plane where it has one, fresh random torques every frame. A shard is
 //! there whole or not at all; the same command again keeps what is there and makes what is missing.
@@ -10,12 +10,17 @@ use nerd_sim::dataset::{GenerateConfig, generate};
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
 
+use crate::truth::Truth;
+
 /// Record random trajectories.
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
     /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
+    /// What is recorded: articulated (the reference simulator's method) or rapier
+    #[arg(long, value_enum, default_value_t = Truth::Articulated)]
+    pub truth: Truth,
     /// Transitions in all, rounded up to whole trajectories
     #[arg(long, default_value_t = 1_000_000)]
     pub transitions: usize,
@@ -38,13 +43,16 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     if args.frames == 0 || args.transitions == 0 {
         bail!("--transitions and --frames are at least 1");
     }
+    if !(0.0..=1.0).contains(&args.torque_scale) {
+        bail!("--torque-scale {} is outside [0, 1]", args.torque_scale);
+    }
     let system = System::named(&args.robot)?;
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     let config = GenerateConfig { transitions: args.transitions, frames: args.frames, seed: args.seed, torque_scale, ..Default::default() };
     let started = std::time::Instant::now();
     let bar = crate::common::bar("transitions", (config.trajectories() * config.frames) as u64);
-    let mut solver = crate::train::truth(&system);
-    let manifest = generate(&system, &mut *solver, crate::train::TRUTH, &config, &args.out, &mut |done, _| bar.set(done as u64))?;
+    let mut solver = args.truth.solver(&system);
+    let manifest = generate(&system, &mut *solver, &args.truth.name(), &config, &args.out, &mut |done, _| bar.set(done as u64))?;
     bar.finish();
     let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
     println!(

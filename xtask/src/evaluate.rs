@@ -1,11 +1,11 @@
-//! `cargo xtask evaluate --robot pendulum --scene ground1 --starts 2048`: passive motion against the truth.
+//! `cargo xtask evaluate --robot pendulum --scene ground1 --starts 2048`: passive motion against the truth, a model's against
+//! the one it learned.
 //!
 //! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law,
 //! without torques; beside it the floors `hold` and `glide`, the paper's figure and the count of diverged rollouts.
 //! The paper-size network takes about a millisecond an environment-frame on two cores.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::Result;
 use nerd_sim::prelude::*;
@@ -16,6 +16,7 @@ use crate::paper;
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName, build};
 use crate::table::{markdown, pair};
+use crate::truth::Truth;
 
 /// Measure a solver against the truth.
 #[derive(clap::Args, Clone, Debug)]
@@ -52,11 +53,13 @@ pub struct Row {
     pub robot: String,
     /// Scene.
     pub scene: String,
+    /// What it is held against.
+    pub truth: String,
     /// Trajectories and frames.
     pub protocol: PassiveConfig,
     /// Errors and floors.
     pub report: PassiveReport,
-    /// What the paper says.
+    /// What the paper says, whose truth is `articulated`.
     pub paper: Option<Vec<f64>>,
 }
 
@@ -72,7 +75,7 @@ pub fn run(mut args: EvaluateArgs) -> Result<()> {
 
 /// Writes rows with their provenance.
 pub fn write(path: &Path, rows: &[Row], seed: u64) -> Result<()> {
-    let json = serde_json::json!({ "provenance": Provenance::now(seed), "truth": crate::train::TRUTH, "rows": rows });
+    let json = serde_json::json!({ "provenance": Provenance::now(seed), "rows": rows });
     crate::files::write(path, (serde_json::to_string_pretty(&json)? + "\n").as_bytes())
 }
 
@@ -87,31 +90,24 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     let action = if args.drive == 0.0 { Action::Zero } else { Action::Random(args.drive) };
     let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
     let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
+    let truth = args.solver.against(&system)?;
     let mut rows = Vec::new();
     for (k, scene) in found.iter().enumerate() {
         let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed, action };
         let mut solver = build(&args.solver, &system, args.starts)?;
-        let report = measure(&system, scene, &mut *solver, protocol, &mut |step| bar.set((k * steps + step) as u64))?;
+        let mut tell = |step| bar.set((k * steps + step) as u64);
+        let report = passive(&system, scene, &mut *truth.solver(&system), &mut *solver, protocol, &mut tell)?;
         rows.push(Row {
             robot: system.name.clone(),
             scene: scene.name.clone(),
+            truth: truth.name(),
             protocol,
             report,
-            paper: paper::passive_error(&system.name, &scene.name),
+            paper: paper::passive_error(&system.name, &scene.name).filter(|_| truth == Truth::Articulated),
         });
     }
     bar.finish();
     Ok(rows)
-}
-
-fn measure(
-    system: &Arc<System>,
-    scene: &Arc<Scene>,
-    solver: &mut dyn Solver,
-    protocol: PassiveConfig,
-    progress: &mut dyn FnMut(usize),
-) -> Result<PassiveReport> {
-    Ok(passive(system, scene, &mut *crate::train::truth(system), solver, protocol, progress)?)
 }
 
 /// The rows as a Markdown table.
@@ -120,7 +116,7 @@ pub fn table(rows: &[Row]) -> String {
         let p = &r.report;
         let pair = |x: &[f64]| System::named(&r.robot).map_or_else(|_| pair(x), |system| pair(&summary(&system, x)));
         vec![
-            r.robot.clone(),
+            if r.truth == Truth::Articulated.name() { r.robot.clone() } else { format!("{} ({})", r.robot, r.truth) },
             r.scene.clone(),
             format!("{} x {}", r.protocol.starts, r.protocol.steps),
             pair(&p.error),

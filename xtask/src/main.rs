@@ -22,6 +22,7 @@ mod stability;
 mod table;
 mod tosses;
 mod train;
+mod truth;
 mod urdf;
 
 /// NeRD in Rust: data, training, rollouts, measurement.

@@ -1,4 +1,4 @@
-//! `cargo xtask reproduce`: the main job. Rolls the shipped models out against the truth they learned (Cartpole 1000
+//! `cargo xtask reproduce`: the main job. Rolls the shipped models out against the truths they learned (Cartpole 1000
 //! frames, double pendulum 100 frames on its seven grounds), prints the table beside the paper's, draws speed against
 //! accuracy, writes `results/`. Minutes on two cores. `--train` first trains small models from nothing on the CPU.
 
@@ -10,11 +10,13 @@ use crate::chart::{self, ChartArgs};
 use crate::common::Device;
 use crate::evaluate::{self, EvaluateArgs};
 use crate::provenance::Provenance;
-use crate::solvers::{SolverArgs, SolverName, shipped};
+use crate::solvers::{SolverArgs, SolverName};
 use crate::train::{self, TrainArgs};
+use crate::truth::Truth;
 
-/// Robots with a model, and the scenes whose charts are drawn.
-const ROBOTS: [(&str, &[&str]); 3] = [("cartpole", &["free"]), ("pendulum", &["free", "ground1"]), ("ant", &[])];
+/// Robots with a model, its truth, and the scenes whose charts are drawn.
+const MODELS: [(&str, Truth, &[&str]); 3] =
+    [("cartpole", Truth::Articulated, &["free"]), ("pendulum", Truth::Articulated, &["free", "ground1"]), ("ant", Truth::Articulated, &[])];
 
 /// Where models trained here and now, and what is said of them, go.
 const OWN: &str = "out/reproduce";
@@ -50,11 +52,13 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });
     let mut rows = Vec::new();
     let mut models = Vec::new();
-    // The Ant's data and network are no matter of minutes on a CPU.
-    for (robot, _) in ROBOTS.into_iter().filter(|(robot, _)| !(args.train && *robot == "ant")) {
-        let model = if args.train { trained(robot, &args)? } else { shipped(robot) };
+    // The Ant's data and network are no matter of minutes on a CPU, nor is rapier's data.
+    let quick = |(robot, truth, _): &(&str, Truth, &[&str])| *robot != "ant" && *truth == Truth::Articulated;
+    let chosen: Vec<_> = MODELS.into_iter().filter(|m| !args.train || quick(m)).collect();
+    for (robot, truth, _) in &chosen {
+        let model = if args.train { trained(robot, &args)? } else { truth.shipped(robot) };
         rows.extend(evaluate::rows(&EvaluateArgs {
-            robot: robot.into(),
+            robot: robot.to_string(),
             scene: Vec::new(),
             solver: SolverArgs { solver: SolverName::Neural, model: Some(model.clone()), device: args.device, ..SolverArgs::default() },
             starts: args.starts,
@@ -66,13 +70,13 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         models.push(model);
     }
     let table = evaluate::table(&rows);
-    println!("\nNeRD against its truth ({}), mean |dq| by joint:\n\n{table}", train::TRUTH);
+    println!("\nNeRD against its truth (`{}` where none is named), mean |dq| by joint:\n\n{table}", Truth::default().name());
     evaluate::write(&out.join("passive.json"), &rows, args.seed)?;
     let stamp = Provenance::now(args.seed);
     let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
     crate::files::write(&out.join("passive.md"), (table + &from).as_bytes())?;
     if !args.tables_only {
-        for ((robot, scenes), model) in ROBOTS.iter().zip(models) {
+        for ((robot, _, scenes), model) in chosen.iter().zip(models) {
             for scene in *scenes {
                 chart::run(ChartArgs { model: vec![model.clone()], seed: args.seed, out: out.clone(), ..ChartArgs::new(robot, scene) })?;
             }

@@ -9,6 +9,7 @@ use nerd_model::neural::Neural;
 use nerd_sim::prelude::*;
 
 use crate::common::Device;
+use crate::truth::Truth;
 
 /// Which solver, and how it is set.
 #[derive(clap::Args, Clone, Debug)]
@@ -22,10 +23,15 @@ pub struct SolverArgs {
     /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8)
     #[arg(long, value_enum, default_value_t = FrictionName::Coulomb)]
     pub friction: FrictionName,
-    /// Substeps a frame, in place of the preset's
+    /// Substeps a frame, in place of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
+    /// nothing to touch), of `rapier` its iterations
     #[arg(long)]
     pub substeps: Option<usize>,
-    /// Folder of the model of `neural` [default: models/ROBOT]
+    /// Truth that the model of `neural` must have learned, and that `evaluate` holds a solver against [default: the
+    /// model's, else articulated]
+    #[arg(long, value_enum)]
+    pub truth: Option<Truth>,
+    /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Where `neural` is computed
@@ -70,8 +76,25 @@ impl Default for SolverArgs {
             preset: Preset::Paper,
             friction: FrictionName::Coulomb,
             substeps: None,
+            truth: None,
             model: None,
             device: Device::Flex,
+        }
+    }
+}
+
+impl SolverArgs {
+    /// Folder of the model.
+    fn folder(&self, system: &System) -> PathBuf {
+        self.model.clone().unwrap_or_else(|| self.truth.unwrap_or_default().shipped(&system.name))
+    }
+
+    /// What the solver is held against.
+    pub fn against(&self, system: &System) -> Result<Truth> {
+        match self.truth {
+            Some(truth) => Ok(truth),
+            None if self.solver == SolverName::Neural => Truth::of(&self.folder(system)),
+            None => Ok(Truth::default()),
         }
     }
 }
@@ -100,24 +123,12 @@ pub fn build(args: &SolverArgs, system: &Arc<System>, n: usize) -> Result<Box<dy
         SolverName::Neural => {
             let preset = if args.preset == Preset::Paper { "paper" } else { "converged" };
             let law = if args.friction == FrictionName::Coulomb { "coulomb" } else { "huber" };
-            let truth = format!("articulated {preset} {law}");
-            let folder = args.model.clone().unwrap_or_else(|| shipped(&system.name));
-            Box::new(neural(&folder, system, Some(&truth), args.device, n)?)
+            // Settings of `articulated`, if any are given, ask for a model that learned from it.
+            let asked = format!("articulated {preset} {law}");
+            let truth = if asked == Truth::Articulated.name() { args.truth.map(Truth::name) } else { Some(asked) };
+            Box::new(neural(&args.folder(system), system, truth.as_deref(), args.device, n)?)
         }
     })
-}
-
-/// The solver that a model's card calls its truth.
-pub fn truth(name: &str, system: &Arc<System>) -> Result<Box<dyn Solver>> {
-    match name {
-        crate::train::TRUTH => Ok(crate::train::truth(system)),
-        _ => bail!("no truth is called `{name}`; known is `{}`", crate::train::TRUTH),
-    }
-}
-
-/// Folder of the model that comes with the project.
-pub fn shipped(robot: &str) -> PathBuf {
-    Path::new("models").join(robot)
 }
 
 /// A model as a solver for `n` environments.

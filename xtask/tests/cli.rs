@@ -1,14 +1,12 @@
 //! The command line as its users meet it: `rollout` against the reference trajectories, and bad input, which must end
 //! with exit code 2, one line that names the culprit, and no file.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
-fn xtask(args: &[&str]) -> Output {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("workspace");
-    Command::new(env!("CARGO_BIN_EXE_xtask")).args(args).current_dir(root).output().expect("xtask starts")
-}
+use common::{refused, xtask};
 
 /// The reference trajectories, if this checkout has them beside it.
 fn reference(file: &str) -> Option<PathBuf> {
@@ -128,13 +126,7 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
     ];
     for (args, culprit) in cases {
         let args: Vec<&str> = args.iter().map(String::as_str).collect();
-        let run = xtask(&args);
-        let error = String::from_utf8_lossy(&run.stderr);
-        assert_eq!(run.status.code(), Some(2), "{args:?}: {error}");
-        assert!(
-            error.trim_end().lines().count() == 1 && error.contains(culprit),
-            "{args:?}: `{error}` is not one line that names {culprit}"
-        );
+        refused(&args, culprit);
         assert!(!Path::new(&out).exists(), "{args:?} left a file");
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).expect("folder").filter_map(|f| f.ok()?.file_name().into_string().ok()).collect();
@@ -195,9 +187,9 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
         (["--robot", "cartpole", "--preset", "converged"].as_slice(), "articulated converged coulomb"),
         (["--robot", "cartpole", "--friction", "huber"].as_slice(), "huber"),
     ] {
-        let run =
-            xtask(&[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "2"].as_slice(), args].concat());
-        let error = String::from_utf8_lossy(&run.stderr);
-        assert!(run.status.code() == Some(2) && error.contains(culprit), "{args:?}: {error}");
+        refused(
+            &[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "2"].as_slice(), args].concat(),
+            culprit,
+        );
     }
 }

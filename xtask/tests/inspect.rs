@@ -1,14 +1,11 @@
 //! `inspect` on what `dataset` wrote: the counts, the columns, a trajectory that no learner should see, and no data at all.
 
+mod common;
+
 use std::path::Path;
-use std::process::{Command, Output};
 
+use common::{refused, xtask};
 use nerd_sim::dataset::{read_shard, write_shard};
-
-fn xtask(args: &[&str]) -> Output {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("workspace");
-    Command::new(env!("CARGO_BIN_EXE_xtask")).args(args).current_dir(root).output().expect("xtask starts")
-}
 
 fn data(robot: &str, folder: &Path) {
     let out = folder.to_str().expect("utf-8");
@@ -79,12 +76,6 @@ fn no_data_and_other_data_get_one_line() {
         (vec!["tosses", "--data", path], "no toss data"),
         (vec!["tosses", "--data", path, "--every", "0"], "--every"),
     ] {
-        let run = xtask(&args);
-        let error = String::from_utf8_lossy(&run.stderr);
-        assert_eq!(run.status.code(), Some(2), "{args:?}: {error}");
-        assert!(
-            error.trim_end().lines().count() == 1 && error.contains(culprit),
-            "{args:?}: `{error}` is not one line that names {culprit}"
-        );
+        refused(&args, culprit);
     }
 }

@@ -29,7 +29,8 @@ use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-/// One point or limit that touches, or will within the substep.
+/// One point or limit that touches, or will within the substep: what it is, then what the substep makes of it.
+#[derive(Default)]
 struct Touch {
     /// Its number among points and joints.
     index: usize,
@@ -40,12 +41,13 @@ struct Touch {
     sticky: bool,
     normal: Vector3<f64>,
     gap: f64,
+    velocity: Vector3<f64>,
     /// Shares a of the spring, the damper and the drag.
     ahead: [f64; 3],
     /// Drag c (N s/m).
     across: f64,
-    velocity: Vector3<f64>,
-    active: bool,
+    /// Whether it would pull, and acts no more.
+    parted: bool,
 }
 
 /// Working memory.
@@ -146,7 +148,8 @@ impl Workspace {
                 link = robot.links[i].parent;
             }
             let material = part_of(&self.materials[event.collider], part);
-            touches.push(Touch::new(index, start..columns.len(), material, false, n, gap, velocity));
+            let columns = start..columns.len();
+            touches.push(Touch { index, columns, material, normal: n, gap, velocity, ..Default::default() });
         }
         let (points, joints) = (robot.contact_points.len(), robot.joint_count());
         for (i, joint) in robot.joints().enumerate().filter(|(_, j)| j.friction > 0.0) {
@@ -155,7 +158,8 @@ impl Workspace {
             let velocity = Vector3::y() * qd[dofs + i];
             columns.push((dofs + i, Vector3::y()));
             let columns = columns.len() - 1..columns.len();
-            touches.push(Touch::new(points + joints + i, columns, material, false, Vector3::x(), -joint.friction, velocity));
+            let (index, normal, gap) = (points + joints + i, Vector3::x(), -joint.friction);
+            touches.push(Touch { index, columns, material, normal, gap, velocity, ..Default::default() });
         }
         for (i, joint) in robot.joints().enumerate() {
             let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0) else { continue };
@@ -166,8 +170,8 @@ impl Workspace {
                 let Some((part, gap)) = inside(side * (x - end), 0.5 * h * velocity.x) else { continue };
                 columns.push((dofs + i, n * side));
                 let material = Material { stiffness: limit.stiffness, damping: limit.damping, friction_damping: 0.0, friction: 0.0 };
-                let columns = columns.len() - 1..columns.len();
-                touches.push(Touch::new(points + i, columns, part_of(&material, part), true, n, gap, velocity));
+                let (index, columns, material) = (points + i, columns.len() - 1..columns.len(), part_of(&material, part));
+                touches.push(Touch { index, columns, material, sticky: true, normal: n, gap, velocity, ..Default::default() });
             }
         }
     }
@@ -249,13 +253,13 @@ impl Workspace {
         Ok(())
     }
 
-    /// Accelerations with the active touches. Then each one's drag is that of its force and slip at the end, and a point that
-    /// would pull is active no more; whether that changes anything.
+    /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
+    /// end, and a point that would pull has parted; whether that changes anything.
     fn solve(&mut self, robot: &Robot, h: f64, config: &ArticulatedConfig) -> Result<bool, String> {
         let Touches { touches, columns, mass, right, .. } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
-        for touch in touches.iter().filter(|t| t.active) {
+        for touch in touches.iter().filter(|t| !t.parted) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let vn = n.dot(&touch.velocity);
             let force = n * -(m.stiffness * touch.gap + m.damping * vn) - (touch.velocity - n * vn) * touch.across;
@@ -275,32 +279,18 @@ impl Workspace {
         self.factor.solve(self.data.qdd.as_mut_slice());
         let settled = SETTLED / config.contact_substeps as f64;
         let mut changed = false;
-        for touch in touches.iter_mut().filter(|t| t.active && !t.sticky) {
+        for touch in touches.iter_mut().filter(|t| !t.parted && !t.sticky) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let change: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum();
             let (vn, dn) = (n.dot(&touch.velocity), n.dot(&change));
             let normal = -(m.stiffness * (touch.gap + spring * h * dn) + m.damping * (vn + damper * dn));
-            touch.active = normal >= 0.0;
+            touch.parted = normal < 0.0;
             let seen = touch.velocity + change * slide;
             let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, config.friction);
-            changed |= !touch.active || (across / touch.across - 1.0).abs() > settled;
+            changed |= touch.parted || (across / touch.across - 1.0).abs() > settled;
             touch.across = across;
         }
         Ok(changed)
-    }
-}
-
-impl Touch {
-    fn new(
-        index: usize,
-        columns: std::ops::Range<usize>,
-        material: Material,
-        sticky: bool,
-        normal: Vector3<f64>,
-        gap: f64,
-        velocity: Vector3<f64>,
-    ) -> Self {
-        Self { index, columns, material, sticky, normal, gap, ahead: [0.0; 3], across: 0.0, velocity, active: true }
     }
 }
 

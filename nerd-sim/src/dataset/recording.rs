@@ -1,5 +1,6 @@
 //! Trajectories of equal length in memory, f32, trajectory-major.
 
+use nerd_core::robot::Robot;
 use sha2::{Digest, Sha256};
 
 /// Everything recorded of some trajectories: F frames each, states before and after.
@@ -37,6 +38,18 @@ impl Recording {
             ("depths", vec![f, contacts], &self.depths),
             ("gravity", vec![3], &self.gravity),
         ]
+    }
+
+    /// Says which array is not as long as a robot's must be, if one is not: a file may have been made before the robot changed.
+    pub fn check(&self, robot: &Robot) -> Result<(), String> {
+        let (n, f, points) = (self.trajectories, self.frames, robot.contact_points.len());
+        let (states, torques, surface) = (n * (f + 1) * robot.state_dim(), n * f * robot.joint_count(), n * f * points);
+        for ((name, _, x), wanted) in self.arrays().iter().zip([states, torques, 3 * surface, 3 * surface, surface, 3 * n]) {
+            if x.len() != wanted {
+                return Err(format!("`{name}` has {} numbers, the robot needs {wanted}; make the data set anew", x.len()));
+            }
+        }
+        Ok(())
     }
 
     /// SHA-256 over the arrays in order.

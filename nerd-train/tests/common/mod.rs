@@ -11,8 +11,17 @@ use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
 use nerd_train::windows::Windows;
 
 /// About three thousand parameters.
-pub const NETWORK: TransformerConfig =
-    TransformerConfig { inputs: 3, outputs: 2, embedding: 16, layers: 1, heads: 2, block: 4, history: 4, head: 8 };
+pub const NETWORK: TransformerConfig = TransformerConfig {
+    inputs: 3,
+    outputs: 2,
+    embedding: 16,
+    layers: 1,
+    heads: 2,
+    block: 4,
+    history: 4,
+    head: 8,
+    positions: nerd_model::transformer::Positions::Table,
+};
 
 /// 24 windows an update, clip 1, moving average 0.99.
 pub const LEARNER: LearnerConfig =

@@ -132,16 +132,10 @@ fn manifest(folder: &Path) -> Result<Manifest> {
 /// A shard, if it is of this system.
 fn shard(system: &System, path: &Path) -> Result<Recording> {
     let recording = read_shard(path)?.0;
-    let (n, f, robot) = (recording.trajectories, recording.frames, &system.robot);
-    let points = robot.contact_points.len();
-    let wanted =
-        [n * (f + 1) * robot.state_dim(), n * f * robot.joint_count(), n * f * points * 3, n * f * points * 3, n * f * points, n * 3];
-    for ((name, _, x), wanted) in recording.arrays().iter().zip(wanted) {
-        if x.len() != wanted {
-            bail!("{}: `{name}` has {} numbers, robot `{}` needs {wanted}; make the data set anew", path.display(), x.len(), system.name);
-        }
+    match recording.check(&system.robot) {
+        Ok(()) => Ok(recording),
+        Err(reason) => bail!("{}: {reason}", path.display()),
     }
-    Ok(recording)
 }
 
 /// Which trajectories a learner may see.

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::robot::Base;
@@ -19,7 +19,8 @@ use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use super::Line;
 use super::row::{Cell, Verdict};
 use crate::common::Device;
-use crate::solvers::{neural, truth};
+use crate::solvers::neural;
+use crate::truth::Truth;
 
 const STARTS: usize = 32;
 
@@ -28,7 +29,7 @@ struct Case {
     system: Arc<System>,
     scene: Arc<Scene>,
     model: PathBuf,
-    truth: String,
+    truth: Truth,
 }
 
 /// What is asked: name, figure, source of the limit, limit, measure.
@@ -65,12 +66,10 @@ pub fn tables(models: &[PathBuf], words: &[String]) -> Result<Vec<Table>> {
 }
 
 fn table(folder: &Path, words: &[String]) -> Result<Table> {
-    let path = folder.join("config.json");
-    let text = std::fs::read_to_string(&path).with_context(|| format!("{}: no model here", path.display()))?;
-    let config: ModelConfig = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+    let config = ModelConfig::read(folder)?;
     let system = System::named(&config.robot)?;
     let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
-    let case = Case { system, scene, model: folder.into(), truth: config.truth };
+    let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth)? };
     let makers: [(&str, &Maker); 4] = [
         ("learned", &|system| Ok(Box::new(neural(&case.model, system, None, Device::Flex, STARTS)?))),
         ("hold last", &|_| Ok(Box::new(Blind { glide: false }))),
@@ -97,20 +96,20 @@ fn table(folder: &Path, words: &[String]) -> Result<Table> {
         lines.push(Line { row, figure, source, limit, cells });
     }
     bar.finish();
-    let title = format!("{} in {}, learned from {}", folder.display(), case.scene.name, case.truth);
+    let title = format!("{} in {}, learned from {}", folder.display(), case.scene.name, case.truth.name());
     Ok((title, makers.iter().map(|m| m.0.to_string()).collect(), lines))
 }
 
 fn horizon(case: &Case, maker: &Maker, steps: usize) -> Result<f64> {
     let config = PassiveConfig { starts: STARTS, steps, seed: 21, action: Action::Zero };
-    let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
+    let (mut truth, mut solver) = (case.truth.solver(&case.system), maker(&case.system)?);
     let report = passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?;
     Ok(report.error.iter().sum::<f64>() / report.hold.iter().sum::<f64>().max(1e-12))
 }
 
 fn gone(case: &Case, maker: &Maker) -> Result<f64> {
     let config = PassiveConfig { starts: STARTS, steps: 1000, seed: 22, action: Action::Zero };
-    let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
+    let (mut truth, mut solver) = (case.truth.solver(&case.system), maker(&case.system)?);
     Ok(passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?.diverged as f64)
 }
 
@@ -121,7 +120,7 @@ fn outside(case: &Case, maker: &Maker, factor: f64, drive: f64) -> Result<f64> {
     for env in 0..STARTS {
         batch.state_mut(env)[nq..].iter_mut().for_each(|v| *v *= factor);
     }
-    let (first, mut real, mut solvers) = (batch.clone(), batch.clone(), (truth(&case.truth, &case.system)?, maker(&case.system)?));
+    let (first, mut real, mut solvers) = (batch.clone(), batch.clone(), (case.truth.solver(&case.system), maker(&case.system)?));
     let (mut rng, mut law, mut torques) = (stream(23, 0), Drive::new(&case.system), vec![0.0; STARTS * joints]);
     let (mut error, mut hold) = (0.0, 0.0);
     for _ in 0..50 {
@@ -182,7 +181,7 @@ fn history(case: &Case, maker: &Maker) -> Result<f64> {
     // Not told: another solver steps some frames in between, then the start is put back by hand.
     let mut solver = maker(&case.system)?;
     let begun = run(starts(&case.system, &case.scene), &mut *solver, 5)?;
-    let mut skipped = run(begun, &mut *truth(&case.truth, &case.system)?, 3)?;
+    let mut skipped = run(begun, &mut *case.truth.solver(&case.system), 3)?;
     skipped.states.clone_from(&starts(&case.system, &case.scene).states);
     let skipped = run(skipped, &mut *solver, 15)?;
     Ok(gap(reset).max(gap(skipped)))
@@ -191,7 +190,7 @@ fn history(case: &Case, maker: &Maker) -> Result<f64> {
 fn flight(case: &Case, maker: &Maker) -> Result<f64> {
     let free = Arc::new(Scene::free(case.scene.gravity));
     let (mut real, mut made) = (starts(&case.system, &free), starts(&case.system, &free));
-    let (mut truth, mut solver) = (truth(&case.truth, &case.system)?, maker(&case.system)?);
+    let (mut truth, mut solver) = (case.truth.solver(&case.system), maker(&case.system)?);
     let torques = vec![0.0; STARTS * case.system.robot.joint_count()];
     let mut data = Data::new(&case.system.robot);
     let (mut worst, mut kinetic) = (vec![0.0f64; STARTS], vec![1e-9f64; STARTS]);

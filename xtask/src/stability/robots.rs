@@ -10,6 +10,9 @@ use rand::RngExt;
 use super::row::Row;
 use super::trial::{Fault::*, Trial};
 
+/// What ANYmal's URDF allows its joints (rad/s).
+const SPEED: f64 = 20.0;
+
 pub const ROWS: [Row; 9] = [
     Row {
         name: "driven Ant",
@@ -23,56 +26,56 @@ pub const ROWS: [Row; 9] = [
         name: "ANYmal kp 85",
         figure: "largest joint speed, armature 0.06, PD at 60 Hz, 2 s (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.06, [85.0, 2.0], false),
     },
     Row {
         name: "ANYmal kp 200",
         figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [200.0, 0.5], false),
     },
     Row {
         name: "ANYmal kp 2000",
         figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [2000.0, 0.5], false),
     },
     Row {
         name: "ANYmal kp 5000",
         figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [5000.0, 0.5], false),
     },
     Row {
         name: "kp 200 ahead",
         figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [200.0, 0.5], true),
     },
     Row {
         name: "kp 2000 ahead",
         figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [2000.0, 0.5], true),
     },
     Row {
         name: "kp 5000 ahead",
         figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second (rad/s)",
         source: "speed limit of its URDF",
-        limit: 20.0,
-        reddens: &[],
+        limit: SPEED,
+        reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [5000.0, 0.5], true),
     },
     Row {
@@ -112,7 +115,11 @@ fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Resu
     let motion = trial.driven(&system, "ground", &state, 120, &mut |_, state, tau| controller.torques(state, &hold, tau))?;
     // A law that looks ahead closes the first gap in a frame, however large the speed; then it must stand.
     let judged = &motion.states[if ahead { 60 } else { 0 }..];
-    Ok(judged.iter().flat_map(|s| &s[25..]).fold(0.0, |a, b| a.max(b.abs())))
+    let speed = judged.iter().flat_map(|s| &s[25..]).fold(0.0f64, |a, b| a.max(b.abs()));
+    // Slow joints that never came half way to their targets are not held at all.
+    let gap = |s: &[f64]| s[7..19].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default).abs()).sum::<f64>();
+    let held = motion.states.iter().any(|s| gap(s) < 0.5 * gap(&state));
+    Ok(if held || speed > SPEED { speed } else { f64::INFINITY })
 }
 
 fn no_number(trial: &Trial) -> Result<f64, String> {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::common::Device;
+use crate::truth::Truth;
 
 /// Train a NeRD model.
 #[derive(clap::Args, Clone, Debug)]
@@ -31,6 +32,9 @@ pub struct TrainArgs {
     /// Layers of the network, in place of the preset's
     #[arg(long)]
     pub layers: Option<usize>,
+    /// What is learned: articulated (the reference simulator's method) or rapier
+    #[arg(long, value_enum, default_value_t = Truth::Articulated)]
+    pub truth: Truth,
     /// What predictions are added to: state (the paper) or flight (one contact-free frame; the residual form)
     #[arg(long, value_enum, default_value_t = BaseName::State)]
     pub base: BaseName,
@@ -103,6 +107,7 @@ impl TrainArgs {
             sequence: 32,
             embedding: None,
             layers: None,
+            truth: Truth::Articulated,
             base: BaseName::State,
             data: None,
             from: None,
@@ -149,6 +154,6 @@ pub enum OptimizerName {
 pub enum BaseName {
     /// The state before the frame.
     State,
-    /// The state after a frame without contact.
+    /// The state after a frame without contact, as the truth flies it.
     Flight,
 }

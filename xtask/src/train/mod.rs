@@ -1,6 +1,7 @@
 //! `cargo xtask train --robot pendulum --out out/pendulum`: data, normaliser, training, model folder.
 //!
-//! Data is recorded in memory from the truth (10 million transitions in seconds to minutes) or read from `--data`.
+//! Data is recorded in memory from the truth (`--truth`; 10 million transitions in seconds to minutes, of rapier in minutes
+//! to hours) or read from `--data`.
 //! The run folder holds `run.json`, `metrics.jsonl`, `last.safetensors`, `best.safetensors`; running the same command
 //! again continues it. When all updates are done the model is written to `<out>/model`.
 //! The paper's size on two CPU cores is for the patient (about 1 s an update at batch 512); `--preset small` trains in
@@ -36,14 +37,6 @@ use card::{Run, export, history, log_time, model_config};
 
 use crate::common::Device;
 use crate::paper;
-
-/// The truth every model of this program learns: the reference simulator's preset with Coulomb friction.
-pub const TRUTH: &str = "articulated paper coulomb";
-
-/// The solver of [`TRUTH`].
-pub fn truth(system: &System) -> Box<dyn Solver> {
-    Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb)))
-}
 
 /// A network on a device, for so many environments.
 pub fn network(weights: &Weights, device: Device, envs: usize) -> Result<Box<dyn Stream>> {
@@ -81,7 +74,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
                 args.robot
             )
         }
-        BaseName::Flight => Base::Flight,
+        BaseName::Flight => args.truth.flight(),
     };
     let (inputs, outputs) = (Features::inputs(&system, base), Features::outputs(&system));
     let mut network = TransformerConfig::paper(inputs, outputs, 192);
@@ -128,11 +121,19 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
     let mut data = match &args.data {
-        Some(folder) => read(&system, folder, network.sequence(), base)?,
+        Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), base)?,
         None => recorded(&system, args, transitions, args.seed, network.sequence(), base)?,
     };
     let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.sequence(), base)?.windows;
-    let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(TRUTH))).transpose()?;
+    if data.windows.is_empty() || validation.is_empty() {
+        bail!(
+            "{} trajectories of {} frames hold no sequence of {} tokens",
+            data.windows.trajectories(),
+            data.windows.frames,
+            network.sequence()
+        );
+    }
+    let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(&args.truth.name()))).transpose()?;
     if let Some(parent) = parent.as_ref().filter(|p| (p.config.network, p.config.base) != (network, base)) {
         bail!("--from: its network is {:?} on {:?}, this run's {network:?} on {base:?}", parent.config.network, parent.config.base);
     }
@@ -142,7 +143,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let transitions = data.windows.trajectories() * data.windows.frames;
     let run = Run {
         robot: system.name.clone(),
-        truth: TRUTH.into(),
+        truth: args.truth.name(),
         base,
         network,
         learner,
@@ -173,7 +174,8 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         })))
     };
     let outcome = Trainer::new(trainer, learner.batch, &args.out, &text)
-        .stop_at(args.minutes.map(|m| Duration::from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0))))
+        // More minutes than a duration holds are no limit.
+        .stop_at(args.minutes.and_then(|m| Duration::try_from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0)).ok()))
         .run(&mut *engine, &mut hook)?;
     let seconds = started.elapsed().as_secs_f64();
     log_time(&args.out, first, outcome.step, seconds)?;
@@ -205,7 +207,7 @@ fn recorded(system: &Arc<System>, args: &TrainArgs, transitions: usize, seed: u6
     let bar = crate::common::bar("recording transitions", (config.trajectories() * config.frames) as u64);
     let done = AtomicUsize::new(0);
     let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-    let prepared = generate(system, &|| truth(system), &config, history, base, &tell)?;
+    let prepared = generate(system, &|| args.truth.solver(system), &config, history, base, &tell)?;
     bar.finish();
     Ok(prepared)
 }
@@ -255,14 +257,14 @@ fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weigh
     // Flight has no error where there is nothing to touch.
     let scenes: Vec<&str> = match run.base {
         Base::State => system.usual_scenes().into_iter().take(2).collect(),
-        Base::Flight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
+        Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
     };
     let mut total = 0.0;
     for scene in &scenes {
         let model = Model { config: model_config(run, &Default::default()), normalizer: normalizer.clone(), weights: weights.clone() };
         let network = self::network(&model.weights, args.device, args.rollouts)?;
         let mut learned = Neural::new(model, system, network);
-        let report = passive(system, &system.scene(scene)?, &mut *truth(system), &mut learned, config, &mut |_| ())?;
+        let report = passive(system, &system.scene(scene)?, &mut *args.truth.solver(system), &mut learned, config, &mut |_| ())?;
         total += report.error.iter().sum::<f64>() / report.error.len() as f64;
     }
     Ok(total / scenes.len() as f64)

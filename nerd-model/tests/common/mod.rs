@@ -1,0 +1,37 @@
+//! A small model of random weights.
+
+use std::sync::Arc;
+
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::normalizer::{Moments, Normalizer};
+use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_sim::prelude::*;
+
+/// A model of `system` whose predictions are added to `base`; none of it is learned.
+pub fn model(system: &Arc<System>, base: Base) -> Model {
+    let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
+    let network = TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, ..TransformerConfig::paper(inputs, outputs, 192) };
+    let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n] };
+    let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
+    let config = ModelConfig {
+        robot,
+        truth,
+        base,
+        network,
+        data_sha256: "none".into(),
+        transitions: 0,
+        updates: 0,
+        batch: 0,
+        provenance: Default::default(),
+    };
+    let mut weights = Weights::init(network, 5);
+    weights.flat.iter_mut().for_each(|w| *w *= 3.0);
+    Model { config, normalizer: Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) }, weights }
+}
+
+/// Largest |difference|.
+pub fn gap(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
