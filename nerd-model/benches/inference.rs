@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use burn::tensor::Device;
 use criterion::{Criterion, criterion_group, criterion_main};
-use nerd_model::transformer::{BurnForward, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed};
+use nerd_model::transformer::{BurnForward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed};
 
 fn inference(c: &mut Criterion) {
     let table = TransformerConfig::paper(37, 4, 192);
