@@ -27,9 +27,11 @@ fn inference(c: &mut Criterion) {
             let tokens: Vec<f32> = (0..envs * 37).map(|i| (i as f32 * 0.37).sin()).collect();
             let (asked, mut out): (Vec<usize>, _) = ((0..*envs).collect(), Vec::new());
             let mut frame = || network.push(black_box(&tokens), &asked, &mut out).expect("well-formed frames");
-            // The past is full.
-            (0..10).for_each(|_| frame());
-            group.bench_function(format!("{name}, {envs} environments"), |b| b.iter(&mut frame));
+            group.bench_function(format!("{name}, {envs} environments"), |b| {
+                // With a full past.
+                (0..10).for_each(|_| frame());
+                b.iter(&mut frame);
+            });
         }
     }
     group.finish();

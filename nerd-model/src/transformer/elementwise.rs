@@ -8,11 +8,13 @@ fn exp(x: f32) -> f32 {
     let x = x.max(-87.0);
     // Adding and taking away 1.5 x 2^23 rounds to a whole number.
     let shift = 12_582_912.0f32;
-    let k = (x * std::f32::consts::LOG2_E + shift) - shift;
+    let shifted = x * std::f32::consts::LOG2_E + shift;
+    let k = shifted - shift;
     // ln 2 in two parts, so that r keeps its digits.
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
     let series = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))))));
-    series * f32::from_bits(((k as i32 + 127) as u32) << 23)
+    // That number stands in the low bits of the shifted one: no conversion, which no vector unit does without checks.
+    series * f32::from_bits(shifted.to_bits().wrapping_sub(shift.to_bits()).wrapping_add(127) << 23)
 }
 
 /// erf by Abramowitz and Stegun 7.1.26: 1.5e-7 absolute.
@@ -56,6 +58,37 @@ fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
         lanes.iter_mut().zip(chunk).for_each(|(l, x)| *l += f(*x));
     }
     lanes.iter().sum::<f32>() + rest
+}
+
+/// `a . b`, in eight lanes.
+#[inline(always)]
+pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut lanes = [0.0f32; 8];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..8 {
+            lanes[i] += a[i] * b[i];
+        }
+    }
+    let halves = [lanes[0] + lanes[4], lanes[1] + lanes[5], lanes[2] + lanes[6], lanes[3] + lanes[7]];
+    (halves[0] + halves[2]) + (halves[1] + halves[3]) + rest
+}
+
+/// Scores `[tokens][heads]` of one query to shares that add up to 1 for each head; `most` and `total` are working memory.
+#[inline(always)]
+pub(super) fn softmax_by_head(scores: &mut [f32], heads: usize, most: &mut [f32], total: &mut [f32]) {
+    most.fill(f32::NEG_INFINITY);
+    scores.chunks_exact(heads).for_each(|row| most.iter_mut().zip(row).for_each(|(m, s)| *m = m.max(*s)));
+    total.fill(0.0);
+    for row in scores.chunks_exact_mut(heads) {
+        for ((s, m), t) in row.iter_mut().zip(&*most).zip(&mut *total) {
+            *s = exp(*s - m);
+            *t += *s;
+        }
+    }
+    total.iter_mut().for_each(|t| *t = t.recip());
+    scores.chunks_exact_mut(heads).for_each(|row| row.iter_mut().zip(&*total).for_each(|(s, t)| *s *= t));
 }
 
 /// Scores to shares that add up to 1.

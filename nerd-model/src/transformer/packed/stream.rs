@@ -1,18 +1,21 @@
 //! [`Stream`] for rotary positions: keys and values of old tokens are kept, one token is computed a frame.
 
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use super::{Memory, Packed, ROWS, fresh, norm, product};
-use crate::transformer::elementwise::softmax;
+use crate::transformer::elementwise::{dot, softmax_by_head};
 use crate::transformer::{ForwardError, Positions, Stream, TransformerConfig, Weights};
+
+/// Floats that every processor of the last decade multiplies at once.
+const LANES: usize = 8;
 
 /// A network that remembers.
 pub struct PackedStream {
     packed: Packed,
-    /// Cosines and sines of each distance in time, `[history][d / 2]`.
-    turns: Vec<(f32, f32)>,
-    /// Keys and values `[env][layer][slot][2 E]`, keys not turned.
+    /// Cosines and sines of each distance in time, `[history][2][d / 2]`.
+    turns: Vec<f32>,
+    /// Keys, not turned, and values: `[env][layer][2][slot][E]`.
     rings: Vec<f32>,
     /// Tokens taken of each environment since it was cleared.
     taken: Vec<usize>,
@@ -27,7 +30,9 @@ impl PackedStream {
     pub fn new(weights: &Weights) -> Self {
         let c = weights.config;
         assert_eq!(c.positions, Positions::Rotary, "keys and values can be kept only if positions are relative");
-        let turns = (0..c.history).flat_map(|distance| c.turn(distance)).collect();
+        let (cos, sin) = (|t: &(f32, f32)| t.0, |t: &(f32, f32)| t.1);
+        let of = |turn: Vec<(f32, f32)>| turn.iter().map(cos).chain(turn.iter().map(sin)).collect::<Vec<f32>>();
+        let turns = (0..c.history).flat_map(|distance| of(c.turn(distance))).collect();
         Self { packed: Packed::new(weights), turns, rings: Vec::new(), taken: Vec::new(), memory: Vec::new() }
     }
 
@@ -75,7 +80,7 @@ impl Stream for PackedStream {
 /// A block of environments, counted from `first`.
 struct Envs<'a> {
     packed: &'a Packed,
-    turns: &'a [(f32, f32)],
+    turns: &'a [f32],
     rings: &'a mut [f32],
     taken: &'a mut [usize],
     asked: &'a [usize],
@@ -100,7 +105,7 @@ impl Envs<'_> {
                 fresh(normed, e, &block.qkv, 3 * e, qkv);
                 mixed.clear();
                 mixed.resize(x.len(), 0.0);
-                self.attend(layer, qkv, mixed, (scores, turned));
+                Arch::new().dispatch(Attend { envs: &mut self, layer, qkv, out: mixed, scores, turned });
                 product(mixed, e, &block.proj, e, x, true);
                 block.mlp(e, x, normed, wide);
             }
@@ -112,44 +117,80 @@ impl Envs<'_> {
             *taken = if asked.next_if_eq(&&(self.first + i)).is_some() { *taken + 1 } else { 0 };
         }
     }
+}
 
-    /// Keeps the keys and values of rows `qkv`, and attends to those of the last h tokens.
-    fn attend(&mut self, layer: usize, qkv: &[f32], out: &mut [f32], (scores, turned): (&mut Vec<f32>, &mut Vec<f32>)) {
-        let TransformerConfig { embedding: e, heads, history: h, layers, .. } = self.packed.config;
+/// Attention of one new token of each environment to its last ones. A type, not a closure, so that the compiler can be made to
+/// inline it where the vectors are wide.
+struct Attend<'a, 'b> {
+    envs: &'b mut Envs<'a>,
+    layer: usize,
+    qkv: &'b [f32],
+    out: &'b mut [f32],
+    scores: &'b mut Vec<f32>,
+    turned: &'b mut Vec<f32>,
+}
+
+impl NullaryFnOnce for Attend<'_, '_> {
+    type Output = ();
+
+    /// Keeps the keys and values of rows `qkv`, and mixes the values of the last h tokens.
+    #[inline(always)]
+    fn call(self) {
+        let Envs { packed, turns, rings, taken, asked, first } = self.envs;
+        let TransformerConfig { embedding: e, heads, history: h, layers, .. } = packed.config;
         let (d, scale) = (e / heads, ((e / heads) as f32).powf(-0.5));
-        scores.resize(heads * h, 0.0);
-        turned.resize(e, 0.0);
-        Arch::new().dispatch(|| {
-            for ((env, row), out) in self.asked.iter().zip(qkv.chunks_exact(3 * e)).zip(out.chunks_exact_mut(e)) {
-                let i = env - self.first;
-                let ring = &mut self.rings[(i * layers + layer) * h * 2 * e..][..h * 2 * e];
-                let (now, q) = (self.taken[i], &row[..e]);
-                ring[now % h * 2 * e..][..2 * e].copy_from_slice(&row[e..]);
-                let seen = (now + 1).min(h);
-                // Turning a query by the distance to a key is turning both by their places.
-                for distance in 0..seen {
-                    let key = &ring[(now - distance) % h * 2 * e..][..e];
-                    let turn = &self.turns[distance * (d / 2)..][..d / 2];
-                    for (q, turned) in q.chunks_exact(d).zip(turned.chunks_exact_mut(d)) {
-                        let ((a, b), (x, y)) = (q.split_at(d / 2), turned.split_at_mut(d / 2));
-                        for (m, (cos, sin)) in turn.iter().enumerate() {
-                            x[m] = a[m] * cos - b[m] * sin;
-                            y[m] = a[m] * sin + b[m] * cos;
-                        }
-                    }
-                    for (head, (q, k)) in turned.chunks_exact(d).zip(key.chunks_exact(d)).enumerate() {
-                        scores[head * h + distance] = scale * q.iter().zip(k).map(|(a, b)| a * b).sum::<f32>();
-                    }
-                }
-                scores.chunks_exact_mut(h).for_each(|scores| softmax(&mut scores[..seen]));
-                for distance in 0..seen {
-                    let value = &ring[(now - distance) % h * 2 * e + e..][..e];
-                    for (head, (sum, v)) in out.chunks_exact_mut(d).zip(value.chunks_exact(d)).enumerate() {
-                        let share = scores[head * h + distance];
-                        sum.iter_mut().zip(v).for_each(|(s, v)| *s += share * v);
-                    }
+        self.scores.resize(heads * (h + 2), 0.0);
+        let (scores, rest) = self.scores.split_at_mut(heads * h);
+        let (most, total) = rest.split_at_mut(heads);
+        self.turned.resize(e, 0.0);
+        for ((env, row), out) in asked.iter().zip(self.qkv.chunks_exact(3 * e)).zip(self.out.chunks_exact_mut(e)) {
+            let i = env - *first;
+            let ring = &mut rings[(i * layers + self.layer) * h * 2 * e..][..h * 2 * e];
+            let (keys, values) = ring.split_at_mut(h * e);
+            let (now, q) = (taken[i], &row[..e]);
+            let (newest, seen) = (now % h, (now + 1).min(h));
+            keys[newest * e..][..e].copy_from_slice(&row[e..2 * e]);
+            values[newest * e..][..e].copy_from_slice(&row[2 * e..]);
+            // Turning a query by the distance to a key is turning both by their places.
+            let scores = &mut scores[..seen * heads];
+            for ((slot, key), scores) in keys.chunks_exact(e).enumerate().zip(scores.chunks_exact_mut(heads)) {
+                turn(q, &turns[(newest + h - slot) % h * d..][..d], self.turned);
+                for ((q, k), score) in self.turned.chunks_exact(d).zip(key.chunks_exact(d)).zip(scores) {
+                    *score = scale * dot(q, k);
                 }
             }
-        });
+            softmax_by_head(scores, heads, most, total);
+            for (value, shares) in values.chunks_exact(e).zip(scores.chunks_exact(heads)) {
+                for ((sum, v), share) in out.chunks_exact_mut(d).zip(value.chunks_exact(d)).zip(shares) {
+                    sum.iter_mut().zip(v).for_each(|(s, v)| *s += share * v);
+                }
+            }
+        }
+    }
+}
+
+/// Turns the columns m and m + d/2 of every head of `q` together; `angles` are d/2 cosines and as many sines.
+#[inline(always)]
+fn turn(q: &[f32], angles: &[f32], out: &mut [f32]) {
+    let (d, half) = (angles.len(), angles.len() / 2);
+    let (cos, sin) = angles.split_at(half);
+    let ((cos, cos_rest), (sin, sin_rest)) = (cos.as_chunks::<LANES>(), sin.as_chunks::<LANES>());
+    for (q, out) in q.chunks_exact(d).zip(out.chunks_exact_mut(d)) {
+        let ((a, b), (x, y)) = (q.split_at(half), out.split_at_mut(half));
+        let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+        let ((x, x_rest), (y, y_rest)) = (x.as_chunks_mut::<LANES>(), y.as_chunks_mut::<LANES>());
+        for i in 0..x.len() {
+            turn_by(&a[i], &b[i], &cos[i], &sin[i], &mut x[i], &mut y[i]);
+        }
+        turn_by(a_rest, b_rest, cos_rest, sin_rest, x_rest, y_rest);
+    }
+}
+
+/// `(x, y) = (a cos - b sin, a sin + b cos)`.
+#[inline(always)]
+fn turn_by(a: &[f32], b: &[f32], cos: &[f32], sin: &[f32], x: &mut [f32], y: &mut [f32]) {
+    for i in 0..x.len() {
+        x[i] = a[i] * cos[i] - b[i] * sin[i];
+        y[i] = a[i] * sin[i] + b[i] * cos[i];
     }
 }

@@ -1,10 +1,10 @@
 //! [`Forward`] over whole windows: the last block computes the newest tokens alone.
 
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use super::{Memory, Packed, ROWS, fresh, norm, product};
-use crate::transformer::elementwise::softmax;
+use crate::transformer::elementwise::{dot, softmax};
 use crate::transformer::{Forward, ForwardError, Positions, TransformerConfig, Weights};
 
 /// A network that recomputes windows.
@@ -26,7 +26,7 @@ impl PackedForward {
     /// One block of windows.
     fn block(&self, inputs: &[f32], tokens: usize, last: &[u32], memory: &mut Memory, out: &mut [f32]) {
         let TransformerConfig { inputs: width, embedding: e, .. } = self.packed.config;
-        let Memory { x, normed, qkv, mixed, wide, newest, .. } = memory;
+        let Memory { x, normed, qkv, mixed, wide, newest, scores, .. } = memory;
         let rows = last.len() * tokens;
         x.resize(rows * e, 0.0);
         for token in x.chunks_exact_mut(tokens * e) {
@@ -37,7 +37,7 @@ impl PackedForward {
         for block in body {
             norm(x, e, normed);
             fresh(normed, e, &block.qkv, 3 * e, qkv);
-            self.attend(qkv, tokens, (0..rows).map(|row| (row, row % tokens)), mixed);
+            self.attend(qkv, (0..rows).map(|row| (row, row % tokens)), scores, mixed);
             product(mixed, e, &block.proj, e, x, true);
             block.mlp(e, x, normed, wide);
         }
@@ -47,42 +47,55 @@ impl PackedForward {
         let places = last.iter().enumerate().map(|(w, l)| (w * tokens + *l as usize, *l as usize));
         newest.clear();
         places.clone().for_each(|(row, _)| newest.extend_from_slice(&x[row * e..(row + 1) * e]));
-        self.attend(qkv, tokens, places, mixed);
+        self.attend(qkv, places, scores, mixed);
         product(mixed, e, &tail.proj, e, newest, true);
         tail.mlp(e, newest, normed, wide);
         self.packed.top(newest, normed, mixed, wide, out);
     }
 
     /// Attention of the rows `(row, place in its window)` over the tokens up to their place.
-    fn attend(&self, qkv: &[f32], tokens: usize, rows: impl Iterator<Item = (usize, usize)>, out: &mut Vec<f32>) {
-        let (e, heads) = (self.packed.config.embedding, self.packed.config.heads);
+    fn attend(&self, qkv: &[f32], rows: impl Iterator<Item = (usize, usize)>, scores: &mut Vec<f32>, out: &mut Vec<f32>) {
+        Arch::new().dispatch(Attend { e: self.packed.config.embedding, heads: self.packed.config.heads, qkv, rows, scores, out });
+    }
+}
+
+/// See [`PackedForward::attend`]. A type, not a closure, so that the compiler can be made to inline it where the vectors are
+/// wide.
+struct Attend<'a, I> {
+    e: usize,
+    heads: usize,
+    qkv: &'a [f32],
+    rows: I,
+    scores: &'a mut Vec<f32>,
+    out: &'a mut Vec<f32>,
+}
+
+impl<I: Iterator<Item = (usize, usize)>> NullaryFnOnce for Attend<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { e, heads, qkv, rows, scores, out } = self;
         let d = e / heads;
         let scale = (d as f32).powf(-0.5);
         out.clear();
-        let mut scores = vec![0.0f32; tokens];
-        let arch = Arch::new();
         for (row, place) in rows {
             let first = row - place;
             out.resize(out.len() + e, 0.0);
             let start = out.len() - e;
-            let sum = &mut out[start..];
-            arch.dispatch(|| {
-                for head in 0..heads {
-                    let at = head * d;
-                    let q = &qkv[row * 3 * e + at..][..d];
-                    let scores = &mut scores[..=place];
-                    for (j, score) in scores.iter_mut().enumerate() {
-                        let k = &qkv[(first + j) * 3 * e + e + at..][..d];
-                        *score = scale * q.iter().zip(k).map(|(a, b)| a * b).sum::<f32>();
-                    }
-                    softmax(scores);
-                    let sum = &mut sum[at..at + d];
-                    for (j, share) in scores.iter().enumerate() {
-                        let v = &qkv[(first + j) * 3 * e + 2 * e + at..][..d];
-                        sum.iter_mut().zip(v).for_each(|(s, v)| *s += share * v);
-                    }
+            scores.resize(place + 1, 0.0);
+            for (head, sum) in out[start..].chunks_exact_mut(d).enumerate() {
+                let at = head * d;
+                let q = &qkv[row * 3 * e + at..][..d];
+                for (j, score) in scores.iter_mut().enumerate() {
+                    *score = scale * dot(q, &qkv[(first + j) * 3 * e + e + at..][..d]);
                 }
-            });
+                softmax(scores);
+                for (j, share) in scores.iter().enumerate() {
+                    let v = &qkv[(first + j) * 3 * e + 2 * e + at..][..d];
+                    sum.iter_mut().zip(v).for_each(|(s, v)| *s += share * v);
+                }
+            }
         }
     }
 }
