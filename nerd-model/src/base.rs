@@ -24,6 +24,9 @@ pub enum Base {
     State,
     /// The state after a frame of flight: the residual form.
     Flight,
+    /// Nothing: the prediction is the next state itself, endless angles continued from the token's (paper A.3.3.3, to be
+    /// compared with).
+    Nothing,
 }
 
 /// Touch is looked for this far (m) from a surface: its curvature within a frame's travel.

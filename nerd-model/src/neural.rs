@@ -17,7 +17,8 @@ use nerd_sim::system::System;
 use crate::base::{Base, Flight};
 use crate::features::Features;
 use crate::folder::Model;
-use crate::transformer::{Forward, PackedForward};
+use crate::network;
+use crate::transformer::Forward;
 
 /// A model as a [`Solver`].
 pub struct Neural {
@@ -43,7 +44,7 @@ pub struct Neural {
 impl Neural {
     /// A model of `system`, evaluated by `forward`.
     pub fn new(model: Model, system: &Arc<System>, forward: Box<dyn Forward>) -> Self {
-        let (features, data) = (Features::new(system, model.config.base), Data::new(&system.robot));
+        let (features, data) = (Features::new(system, model.config.form()), Data::new(&system.robot));
         let flight = (model.config.base == Base::Flight).then(|| Flight::new(system));
         let (tokens, held, newest) = (Vec::new(), Vec::new(), Vec::new());
         Self {
@@ -65,8 +66,8 @@ impl Neural {
 
     /// The same, evaluated on the CPU.
     pub fn on_cpu(model: Model, system: &Arc<System>) -> Self {
-        let forward = PackedForward::new(&model.weights);
-        Self::new(model, system, Box::new(forward))
+        let forward = network::on_cpu(&model.weights);
+        Self::new(model, system, forward)
     }
 
     /// What was learned, from what.

@@ -9,6 +9,7 @@ use nerd_core::contact::ContactEvent;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::form::View;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{TransformerConfig, Weights};
@@ -25,6 +26,7 @@ fn model(system: &Arc<System>) -> Model {
         robot,
         truth,
         base: Base::State,
+        view: View::Own,
         network,
         data_sha256: "none".into(),
         transitions: 0,

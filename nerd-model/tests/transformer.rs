@@ -3,10 +3,19 @@
 use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::transformer::{BurnForward, Forward, PackedForward, Transformer, TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, BurnForward, Forward, PackedForward, Transformer, TransformerConfig, Weights};
 
-const SMALL: TransformerConfig =
-    TransformerConfig { inputs: 5, outputs: 3, embedding: 24, layers: 3, heads: 4, block: 8, history: 6, head: 7 };
+const SMALL: TransformerConfig = TransformerConfig {
+    inputs: 5,
+    outputs: 3,
+    embedding: 24,
+    layers: 3,
+    heads: 4,
+    block: 8,
+    history: 6,
+    head: 7,
+    architecture: Architecture::Transformer,
+};
 
 /// Parameters ten times the usual spread, so that attention is far from uniform and every term matters.
 fn lively(seed: u64) -> Weights {

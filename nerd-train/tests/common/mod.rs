@@ -6,13 +6,22 @@
 use std::sync::Arc;
 
 use burn::tensor::Device;
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
 use nerd_train::windows::Windows;
 
 /// About three thousand parameters.
-pub const NETWORK: TransformerConfig =
-    TransformerConfig { inputs: 3, outputs: 2, embedding: 16, layers: 1, heads: 2, block: 4, history: 4, head: 8 };
+pub const NETWORK: TransformerConfig = TransformerConfig {
+    inputs: 3,
+    outputs: 2,
+    embedding: 16,
+    layers: 1,
+    heads: 2,
+    block: 4,
+    history: 4,
+    head: 8,
+    architecture: Architecture::Transformer,
+};
 
 /// 24 windows an update, clip 1, moving average 0.99.
 pub const LEARNER: LearnerConfig =

@@ -55,7 +55,7 @@ pub(super) struct Layout {
 impl Layout {
     /// Fails with a line if the kernels do not cover the shape.
     pub fn new(config: TransformerConfig) -> Result<Self, LearnError> {
-        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head } = config;
+        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head, .. } = config;
         if heads == 0
             || !e.is_multiple_of(4 * heads)
             || history == 0
