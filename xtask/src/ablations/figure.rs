@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::NERD;
 use super::measure::AWAY;
-use super::report::{Errors, Row, away, here};
+use super::report::{Errors, Row, away, here, one_frame};
 use crate::plot::{COLOURS, Picture, save};
 
 const SIZE: (u32, u32) = (1400, 900);
@@ -41,7 +41,7 @@ impl Bars<'_> {
             let [mean, least, most] = row.ratio(self.rows, of)?;
             Some((mean, (row.measured.len() > 1).then_some([least, most]), colour))
         };
-        let bars = [ours(here, COLOURS[0]), ours(away, COLOURS[5]), row.paper.map(|p| (p, None, COLOURS[1]))];
+        let bars = [ours(one_frame, COLOURS[5]), ours(here, COLOURS[0]), ours(away, COLOURS[2]), row.paper.map(|p| (p, None, COLOURS[1]))];
         bars.into_iter().flatten().collect()
     }
 }
@@ -54,7 +54,8 @@ impl Picture for Bars<'_> {
         let (body, _) = area.split_vertically(height - FOOT);
         for (panel, robot) in body.split_evenly((self.robots.len(), 1)).iter().zip(self.robots) {
             let rows: Vec<&Row> = self.rows.iter().filter(|r| r.robot == *robot).collect();
-            let heights = rows.iter().flat_map(|r| self.of(r)).map(|b| b.0);
+            let ceiling = rows.first().and_then(|r| r.ceiling(self.rows));
+            let heights = rows.iter().flat_map(|r| self.of(r)).map(|b| b.0).chain(ceiling);
             let (low, high) = heights.fold((1.0f64, 1.0f64), |(a, b), h| (a.min(h), b.max(h)));
             let (low, high) = (low / 2.0, high * 3.0);
             // Places along the axis: one for each bar's name, a gap before each column.
@@ -87,11 +88,15 @@ impl Picture for Bars<'_> {
                 .draw()
                 .map_err(failed)?;
             chart.draw_series([PathElement::new([(-0.2, 1.0), (x + 0.2, 1.0)], BLACK.mix(0.6))]).map_err(failed)?;
+            if let Some(level) = ceiling {
+                let line = DashedLineSeries::new([(-0.2, level), (x + 0.2, level)], 6, 5, BLACK.mix(0.5).into());
+                chart.draw_series(line).map_err(failed)?;
+            }
             let pixel = |x: f64, y: f64| chart.plotting_area().map_coordinate(&(x, y));
             let centred = |size: i32, v: VPos| TextStyle::from(("sans-serif", size).into_font()).pos(Pos::new(HPos::Center, v));
             for (place, row) in places.iter().zip(&rows) {
                 let bars = self.of(row);
-                let width = 0.84 / bars.len().max(2) as f64;
+                let width = 0.92 / bars.len().max(3) as f64;
                 let left = place - width * bars.len() as f64 / 2.0;
                 for (k, (value, whisker, colour)) in bars.iter().enumerate() {
                     let (a, b) = (left + k as f64 * width, left + (k + 1) as f64 * width);
@@ -111,6 +116,11 @@ impl Picture for Bars<'_> {
                 let name = if row.name == NERD { format!("{} (NeRD)", row.name) } else { row.name.clone() };
                 area.draw(&Text::new(name, (x, y + 7), centred(14, VPos::Top))).map_err(failed)?;
             }
+            if let Some(level) = ceiling {
+                // Over the gap before the control, where no bar stands.
+                let (x, y) = pixel(x - 1.0 - GAP / 2.0, level);
+                area.draw(&Text::new("ours, repeating the start", (x, y - 4), centred(12, VPos::Bottom))).map_err(failed)?;
+            }
             for (group, words) in COLUMNS {
                 let first = rows.iter().position(|r| r.group == group).map(|k| places[k] - 0.45);
                 let Some(first) = first else { continue };
@@ -119,8 +129,12 @@ impl Picture for Bars<'_> {
                 area.draw(&Text::new(words, (x, y + 4), style)).map_err(failed)?;
             }
         }
-        let legend =
-            [(COLOURS[0], "ours".to_string()), (COLOURS[5], format!("ours, {AWAY} m away")), (COLOURS[1], "paper, Figure A.2".to_string())];
+        let legend = [
+            (COLOURS[5], "ours, one frame".to_string()),
+            (COLOURS[0], "ours, the whole rollout".to_string()),
+            (COLOURS[2], format!("the same, {AWAY} m away")),
+            (COLOURS[1], "paper, Figure A.2".to_string()),
+        ];
         for (k, (colour, words)) in legend.iter().enumerate() {
             let (x, y) = (70 + 220 * k as i32, height - FOOT + 6);
             area.draw(&Rectangle::new([(x, y), (x + 16, y + 14)], colour.mix(0.85).filled())).map_err(failed)?;

@@ -3,10 +3,11 @@
 //!
 //! Test case 1 is the paper's: contact-free passive motion of the double pendulum, 100 frames, mean of both joints; the data has
 //! its random grounds. Test case 2 is the paper's three running policies of the Ant, which do not exist here: passive motion
-//! of the Ant on its ground stands in, where its data lies and, since a runner leaves that, 20 m away.
+//! of the Ant on its ground stands in, for 20 frames, where its data lies and, since a runner leaves that, 20 m away.
 //!
 //! A finished variant is kept in `out/ablations` and not trained again. About half an hour on two cores.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -39,6 +40,9 @@ pub struct AblationArgs {
     /// Robots, comma-separated: pendulum, ant
     #[arg(long, value_delimiter = ',', default_values_t = ["pendulum".to_string(), "ant".to_string()])]
     pub robot: Vec<String>,
+    /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
+    #[arg(long, value_delimiter = ',')]
+    pub only: Vec<String>,
     /// Optimiser updates of each variant
     #[arg(long, default_value_t = 1200)]
     pub updates: u64,
@@ -67,9 +71,18 @@ pub fn run(args: AblationArgs) -> Result<()> {
     if let Some(robot) = args.robot.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
         bail!("--robot {robot}: the paper's test cases are of pendulum and ant");
     }
+    let (robots, seeds): (HashSet<_>, HashSet<_>) = (args.robot.iter().collect(), args.seed.iter().collect());
+    if robots.len() < args.robot.len() || seeds.len() < args.seed.len() {
+        bail!("--robot and --seed: each once");
+    }
+    if let Some(name) = args.only.iter().find(|name| ENTRIES.iter().all(|e| e.folder() != **name)) {
+        let names: Vec<String> = ENTRIES.iter().map(Entry::folder).collect();
+        bail!("--only {name}: known are {}", names.join(", "));
+    }
+    let asked = |entry: &&Entry| args.only.is_empty() || entry.name == NERD || args.only.contains(&entry.folder());
     let mut jobs = Vec::new();
     for robot in &args.robot {
-        for entry in &ENTRIES {
+        for entry in ENTRIES.iter().filter(asked) {
             jobs.extend(args.seed.iter().map(|seed| (robot.as_str(), entry, *seed)));
         }
     }
@@ -110,8 +123,9 @@ fn nerd(robot: &str, seed: u64, args: &AblationArgs) -> TrainArgs {
     }
 }
 
+/// Folder of a variant's run.
 fn folder(robot: &str, entry: &Entry, seed: u64, args: &AblationArgs) -> PathBuf {
-    entry.train(&nerd(robot, seed, args)).out.join("model")
+    entry.train(&nerd(robot, seed, args)).out
 }
 
 fn device(entry: &Entry, asked: Device) -> Device {
@@ -121,7 +135,7 @@ fn device(entry: &Entry, asked: Device) -> Device {
 
 /// Trains a variant unless its model is there; what its folder says of it, and whether it was trained now.
 fn trained(robot: &str, entry: &Entry, seed: u64, args: &AblationArgs) -> Result<(ModelConfig, bool)> {
-    let path = folder(robot, entry, seed, args).join("config.json");
+    let path = folder(robot, entry, seed, args).join("model/config.json");
     let fresh = !path.exists();
     if fresh {
         let args = TrainArgs { device: device(entry, args.device), ..entry.train(&nerd(robot, seed, args)) };

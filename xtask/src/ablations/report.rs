@@ -5,7 +5,7 @@ use nerd_model::folder::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use super::entry::Entry;
-use super::measure::{AWAY, STEPS};
+use super::measure::{AWAY, steps};
 use super::{AblationArgs, BATCH, Measured, NERD};
 use crate::provenance::Provenance;
 use crate::table::{digits, markdown, pair};
@@ -73,6 +73,23 @@ impl Row {
         Some((0..all[0].len()).map(|k| all.iter().map(|e| e[k]).sum::<f64>() / all.len() as f64).collect())
     }
 
+    /// Validation loss, mean over seeds.
+    pub fn loss(&self) -> f64 {
+        self.measured.iter().map(|m| m.loss).sum::<f64>() / self.measured.len() as f64
+    }
+
+    /// Factor by which the training loss still fell from the third quarter of the run to the last, mean over seeds.
+    pub fn falling(&self) -> f64 {
+        self.measured.iter().map(|m| m.falling).sum::<f64>() / self.measured.len() as f64
+    }
+
+    /// How a predictor that repeats the start would stand among the bars.
+    pub fn ceiling(&self, rows: &[Row]) -> Option<f64> {
+        let mut still = self.clone();
+        still.measured.iter_mut().for_each(|m| m.error.clone_from(&m.hold));
+        Some(still.ratio(rows, here)?[0])
+    }
+
     /// Error divided by NeRD's: mean, least and largest over seeds.
     ///
     /// Angles alone are averaged first, as in the paper; quantities of unlike units are divided first.
@@ -100,7 +117,8 @@ pub fn away(m: &Measured) -> Option<&[f64]> {
     m.away.as_deref()
 }
 
-fn one_frame(m: &Measured) -> Option<&[f64]> {
+/// Of one prediction.
+pub fn one_frame(m: &Measured) -> Option<&[f64]> {
     Some(std::slice::from_ref(&m.one_frame))
 }
 
@@ -130,14 +148,14 @@ fn pairs<'a>(rows: &[&'a Row], all: &[Row], of: Errors) -> Vec<(&'a Row, &'a Row
 /// Writes `ablations.json` and `ablations.md`.
 pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
     let stamp = Provenance::now(args.seed[0]);
-    let ratios = |r: &Row| serde_json::json!({ "robot": r.robot, "name": r.name, "here": r.ratio(rows, here), "away": r.ratio(rows, away), "paper": r.paper });
+    let ratios = |r: &Row| serde_json::json!({ "robot": r.robot, "name": r.name, "here": r.ratio(rows, here), "one_frame": r.ratio(rows, one_frame), "away": r.ratio(rows, away), "paper": r.paper });
     let json = serde_json::json!({
         "provenance": stamp,
         "updates": args.updates,
         "transitions": args.transitions,
         "starts": args.starts,
-        "steps": STEPS,
         "seeds": args.seed,
+        "frames": args.robot.iter().map(|r| (r.clone(), steps(r))).collect::<std::collections::BTreeMap<_, _>>(),
         "away_m": AWAY,
         "ratios": rows.iter().map(ratios).collect::<Vec<_>>(),
         "rows": rows,
@@ -146,7 +164,7 @@ pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
     let mut text = format!(
         "# The paper's ablations (Figure A.2)\n\n\
          Each variant is NeRD with one decision taken back: same data, {} updates of {BATCH} windows, networks of equal parameter\n\
-         counts, Muon for hidden matrices and Adam for the rest. Passive motion, {} starts x {STEPS} frames, errors divided by NeRD's (`{NERD}`). Seeds: {}.\n",
+         counts, Muon for hidden matrices and Adam for the rest. Passive motion, {} starts, errors divided by NeRD's (`{NERD}`). Seeds: {}.\n",
         args.updates,
         args.starts,
         args.seed.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
@@ -154,7 +172,7 @@ pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
     for robot in &args.robot {
         text.push_str(&section(robot, rows));
     }
-    text.push_str(&super::reasons::text(rows));
+    text.push_str(&super::reasons::text(rows, &args.robot));
     text.push_str(&format!("\n`{}`, commit {}, {}, {}\n", stamp.command, stamp.commit, stamp.machine, stamp.date));
     println!("{text}");
     crate::files::write(&args.out.join("ablations.md"), text.as_bytes())
@@ -163,15 +181,16 @@ pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
 /// Table and order of one robot.
 fn section(robot: &str, all: &[Row]) -> String {
     let rows: Vec<&Row> = all.iter().filter(|r| r.robot == robot).collect();
+    let frames = steps(robot);
     let floating = rows.iter().all(|r| r.measured.iter().all(|m| m.away.is_some()));
     let mut text = if floating {
         format!(
-            "\n## {robot}, passive motion on its ground\n\n\
+            "\n## {robot}, passive motion on its ground, {frames} frames\n\n\
              It stands in for the paper's three running policies, whose reward gap the paper's bars are. Since a runner leaves the\n\
              data's box, the same rollouts are made {AWAY} m away. Errors: position (m) / orientation / joints (rad).\n\n"
         )
     } else {
-        format!("\n## {robot}, contact-free passive motion\n\nErrors: joints (rad).\n\n")
+        format!("\n## {robot}, contact-free passive motion, {frames} frames\n\nErrors: joints (rad).\n\n")
     };
     let ratio = |r: &Row, of: Errors| {
         r.ratio(all, of).map_or_else(
@@ -189,7 +208,9 @@ fn section(robot: &str, all: &[Row]) -> String {
             format!("{} x {}", r.batch, r.history),
             r.minutes.join(" / "),
             shown(r, here),
+            digits(r.loss()),
             shown(r, one_frame),
+            ratio(r, one_frame),
             r.measured.iter().map(|m| m.diverged).sum::<usize>().to_string(),
             ratio(r, here),
         ];
@@ -199,7 +220,18 @@ fn section(robot: &str, all: &[Row]) -> String {
         cells.push(r.paper.map_or_else(|| "-".into(), |p| format!("{p}")));
         cells
     });
-    let mut header = vec!["variant", "parameters", "windows x tokens", "minutes", "error", "one frame", "diverged", "of NeRD's"];
+    let mut header = vec![
+        "variant",
+        "parameters",
+        "windows x tokens",
+        "minutes",
+        "error",
+        "validation loss",
+        "one frame",
+        "of NeRD's",
+        "diverged",
+        "error of NeRD's",
+    ];
     let far = format!("{AWAY} m away");
     if floating {
         header.push(&far);
@@ -209,18 +241,96 @@ fn section(robot: &str, all: &[Row]) -> String {
     let hold = rows.first().and_then(|r| r.mean(|m| Some(&m.hold))).unwrap_or_default();
     text.push_str(&format!("\nA predictor that repeats the start: {}.\n", pair(&hold)));
     let of: Errors = if floating { away } else { here };
-    let pairs = pairs(&rows, all, of);
-    let wrong: Vec<_> = pairs.iter().filter(|p| p.3 <= 1.0).collect();
+    let apart = pairs(&rows, all, of);
+    let wrong: Vec<_> = apart.iter().filter(|p| p.3 <= 1.0).collect();
+    let frame = pairs(&rows, all, one_frame);
     text.push_str(&format!(
-        "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order here{}.\n",
-        pairs.len(),
-        pairs.len() - wrong.len(),
-        if floating { format!(" ({AWAY} m away)") } else { String::new() }
+        "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order here{}; by the error of one frame {}.\n",
+        apart.len(),
+        apart.len() - wrong.len(),
+        if floating { format!(" ({AWAY} m away)") } else { String::new() },
+        frame.iter().filter(|p| p.3 > 1.0).count(),
     ));
     if !wrong.is_empty() {
-        let cells = wrong.iter().map(|(a, b, theirs, ours)| vec![format!("{} over {}", a.name, b.name), digits(*theirs), digits(*ours)]);
+        let one = |a: &Row, b: &Row| frame.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map_or(f64::NAN, |p| p.3);
+        let cells = wrong
+            .iter()
+            .map(|(a, b, theirs, ours)| vec![format!("{} over {}", a.name, b.name), digits(*theirs), digits(*ours), digits(one(a, b))]);
         text.push_str("The others:\n\n");
-        text.push_str(&markdown(&["pair", "paper", "here"], &cells.collect::<Vec<_>>()));
+        text.push_str(&markdown(&["pair", "paper", "here", "one frame"], &cells.collect::<Vec<_>>()));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::entry::ENTRIES;
+    use super::*;
+
+    /// A pendulum's rows whose errors stand to each other as the paper's.
+    fn papers() -> Vec<Row> {
+        let row = |entry: &Entry| {
+            let error = 0.005 * entry.paper.map_or(1.0, |p| p[0]);
+            let measured = Measured {
+                seed: 0,
+                loss: 0.1,
+                falling: 1.0,
+                scales: [1.0; 2],
+                error: vec![0.8 * error, 1.2 * error],
+                standard_error: vec![0.0; 2],
+                one_frame: error,
+                diverged: 0,
+                away: None,
+                hold: vec![1.0, 1.0],
+            };
+            Row {
+                robot: "pendulum".into(),
+                name: entry.name.into(),
+                group: entry.group,
+                parameters: 1,
+                history: entry.history,
+                batch: 1,
+                minutes: Vec::new(),
+                data: vec!["same".into()],
+                measured: vec![measured],
+                paper: entry.paper.map(|p| p[0]),
+            }
+        };
+        ENTRIES.iter().map(row).collect()
+    }
+
+    #[test]
+    fn the_papers_own_errors_give_the_papers_bars_in_its_order() {
+        let rows = papers();
+        for row in &rows {
+            let Some(paper) = row.paper else { continue };
+            let ratio = row.ratio(&rows, here).expect("measured")[0];
+            assert!((ratio / paper - 1.0).abs() < 1e-9, "{}: {ratio} in place of {paper}", row.name);
+        }
+        let all: Vec<&Row> = rows.iter().collect();
+        let found = pairs(&all, &rows, here);
+        assert!(found.iter().all(|p| p.3 > MARGIN) && found.len() > 30, "{} pairs", found.len());
+        assert!((rows[0].ceiling(&rows).expect("measured") - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_pair_the_other_way_round_is_found() {
+        let mut rows = papers();
+        let (mlp, gru) = (2, 1);
+        let errors = rows[mlp].measured[0].error.clone();
+        rows[mlp].measured[0].error = std::mem::replace(&mut rows[gru].measured[0].error, errors);
+        let all: Vec<&Row> = rows.iter().collect();
+        let wrong: Vec<_> =
+            pairs(&all, &rows, here).into_iter().filter(|p| p.3 <= 1.0).map(|p| (p.0.name.clone(), p.1.name.clone())).collect();
+        // 4.8 and 8.9 change places; nothing lies between them.
+        assert_eq!(wrong, [("MLP".to_string(), "GRU".to_string())]);
+    }
+
+    #[test]
+    fn variants_of_different_data_are_not_compared() {
+        let mut rows = papers();
+        check(&rows).expect("the same data");
+        rows[3].data[0] = "other".into();
+        assert!(check(&rows).expect_err("different").to_string().contains("E2E"));
+    }
 }

@@ -85,3 +85,22 @@ impl Variant {
         data
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rivals_have_as_many_parameters_as_nerd() {
+        for (inputs, outputs) in [(37, 4), (215, 29)] {
+            let paper = TransformerConfig::paper(inputs, outputs, 192);
+            let nerd = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..paper };
+            for variant in [Variant::Mlp, Variant::Gru, Variant::Lstm] {
+                let rival = variant.network(nerd);
+                let share = rival.parameters() as f64 / nerd.parameters() as f64;
+                assert!((0.95..=1.0).contains(&share), "{variant:?} of {inputs} inputs has {share:.3} of NeRD's parameters");
+                rival.check().expect("a shape that can be");
+            }
+        }
+    }
+}
