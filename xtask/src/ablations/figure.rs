@@ -41,7 +41,7 @@ impl Bars<'_> {
             let [mean, least, most] = row.ratio(self.rows, of)?;
             Some((mean, (row.measured.len() > 1).then_some([least, most]), colour))
         };
-        let bars = [ours(one_frame, COLOURS[5]), ours(here, COLOURS[0]), ours(away, COLOURS[2]), row.paper.map(|p| (p, None, COLOURS[1]))];
+        let bars = [ours(here, COLOURS[0]), ours(one_frame, COLOURS[5]), ours(away, COLOURS[2]), row.paper.map(|p| (p, None, COLOURS[1]))];
         bars.into_iter().flatten().collect()
     }
 }
@@ -119,7 +119,7 @@ impl Picture for Bars<'_> {
             if let Some(level) = ceiling {
                 // Over the gap before the control, where no bar stands.
                 let (x, y) = pixel(x - 1.0 - GAP / 2.0, level);
-                area.draw(&Text::new("ours, repeating the start", (x, y - 4), centred(12, VPos::Bottom))).map_err(failed)?;
+                area.draw(&Text::new("repeating the start", (x, y - 4), centred(12, VPos::Bottom))).map_err(failed)?;
             }
             for (group, words) in COLUMNS {
                 let first = rows.iter().position(|r| r.group == group).map(|k| places[k] - 0.45);
@@ -130,13 +130,13 @@ impl Picture for Bars<'_> {
             }
         }
         let legend = [
+            (COLOURS[0], "ours, rollouts".to_string()),
             (COLOURS[5], "ours, one frame".to_string()),
-            (COLOURS[0], "ours, the whole rollout".to_string()),
-            (COLOURS[2], format!("the same, {AWAY} m away")),
+            (COLOURS[2], format!("ours, one frame, {AWAY} m away")),
             (COLOURS[1], "paper, Figure A.2".to_string()),
         ];
         for (k, (colour, words)) in legend.iter().enumerate() {
-            let (x, y) = (70 + 220 * k as i32, height - FOOT + 6);
+            let (x, y) = (70 + 260 * k as i32, height - FOOT + 6);
             area.draw(&Rectangle::new([(x, y), (x + 16, y + 14)], colour.mix(0.85).filled())).map_err(failed)?;
             area.draw(&Text::new(words.clone(), (x + 24, y), ("sans-serif", 14))).map_err(failed)?;
         }

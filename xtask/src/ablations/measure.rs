@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use nalgebra::Vector3;
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
+use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
 use crate::common::Device;
@@ -38,12 +38,13 @@ pub struct Measured {
     pub error: Vec<f64>,
     /// Standard error of that mean over starts, by quantity.
     pub standard_error: Vec<f64>,
-    /// Mean |difference| after one frame, averaged over the quantities: what one prediction is wrong by.
+    /// Mean |difference| after one frame, averaged over the joints and the root's place and orientation: what the first
+    /// prediction, from a window of one token, is wrong by.
     pub one_frame: f64,
     /// Rollouts that diverged.
     pub diverged: usize,
-    /// The same error with the robot moved [`AWAY`]; nothing where the robot's base is fixed.
-    pub away: Option<Vec<f64>>,
+    /// `error` and `one_frame` with the robot moved [`AWAY`]; nothing where the robot's base is fixed.
+    pub away: Option<(Vec<f64>, f64)>,
     /// The floor that repeats the start, by quantity.
     pub hold: Vec<f64>,
 }
@@ -74,8 +75,12 @@ pub fn measure(run: &Path, system: &Arc<System>, starts: usize, seed: u64, devic
     let scales = learned.model().normalizer.inputs.scale();
     let scales = scales.into_iter().filter(|s| *s > 0.01).fold([f64::MAX, 0.0], |[a, b], s| [a.min(s), f64::max(b, s)]);
     let here = roll(&mut learned)?;
+    let first = |report: &PassiveReport| report.curve.first().copied().unwrap_or(0.0);
     let away = match system.robot.floating() {
-        true => Some(summary(system, &roll(&mut Away(Box::new(model()?)))?.error)),
+        true => {
+            let there = roll(&mut Away(Box::new(model()?)))?;
+            Some((summary(system, &there.error), first(&there)))
+        }
         false => None,
     };
     Ok(Measured {
@@ -85,7 +90,7 @@ pub fn measure(run: &Path, system: &Arc<System>, starts: usize, seed: u64, devic
         scales,
         error: summary(system, &here.error),
         standard_error: summary(system, &here.standard_error),
-        one_frame: here.curve.first().copied().unwrap_or(0.0),
+        one_frame: first(&here),
         diverged: here.diverged,
         away,
         hold: summary(system, &here.hold),

@@ -112,12 +112,12 @@ pub fn here(m: &Measured) -> Option<&[f64]> {
     Some(&m.error)
 }
 
-/// [`AWAY`] from there.
+/// Of the first prediction [`AWAY`] from where the data lies.
 pub fn away(m: &Measured) -> Option<&[f64]> {
-    m.away.as_deref()
+    m.away.as_ref().map(|(_, one)| std::slice::from_ref(one))
 }
 
-/// Of one prediction.
+/// Of the first prediction.
 pub fn one_frame(m: &Measured) -> Option<&[f64]> {
     Some(std::slice::from_ref(&m.one_frame))
 }
@@ -187,7 +187,7 @@ fn section(robot: &str, all: &[Row]) -> String {
         format!(
             "\n## {robot}, passive motion on its ground, {frames} frames\n\n\
              It stands in for the paper's three running policies, whose reward gap the paper's bars are. Since a runner leaves the\n\
-             data's box, the same rollouts are made {AWAY} m away. Errors: position (m) / orientation / joints (rad).\n\n"
+             data's box, the first prediction is made {AWAY} m away, too. Errors: position (m) / orientation / joints (rad).\n\n"
         )
     } else {
         format!("\n## {robot}, contact-free passive motion, {frames} frames\n\nErrors: joints (rad).\n\n")
@@ -210,9 +210,9 @@ fn section(robot: &str, all: &[Row]) -> String {
             shown(r, here),
             digits(r.loss()),
             shown(r, one_frame),
-            ratio(r, one_frame),
             r.measured.iter().map(|m| m.diverged).sum::<usize>().to_string(),
             ratio(r, here),
+            ratio(r, one_frame),
         ];
         if floating {
             cells.push(ratio(r, away));
@@ -228,9 +228,9 @@ fn section(robot: &str, all: &[Row]) -> String {
         "error",
         "validation loss",
         "one frame",
-        "of NeRD's",
         "diverged",
-        "error of NeRD's",
+        "error / NeRD's",
+        "one frame / NeRD's",
     ];
     let far = format!("{AWAY} m away");
     if floating {
@@ -240,24 +240,25 @@ fn section(robot: &str, all: &[Row]) -> String {
     text.push_str(&markdown(&header, &cells.collect::<Vec<_>>()));
     let hold = rows.first().and_then(|r| r.mean(|m| Some(&m.hold))).unwrap_or_default();
     text.push_str(&format!("\nA predictor that repeats the start: {}.\n", pair(&hold)));
-    let of: Errors = if floating { away } else { here };
-    let apart = pairs(&rows, all, of);
-    let wrong: Vec<_> = apart.iter().filter(|p| p.3 <= 1.0).collect();
-    let frame = pairs(&rows, all, one_frame);
+    let rollout = pairs(&rows, all, here);
+    let first = pairs(&rows, all, if floating { away } else { one_frame });
+    let kept = |pairs: &[(&Row, &Row, f64, f64)]| pairs.iter().filter(|p| p.3 > 1.0).count();
     text.push_str(&format!(
-        "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order here{}; by the error of one frame {}.\n",
-        apart.len(),
-        apart.len() - wrong.len(),
+        "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order by the error of rollouts, {} by\n\
+         that of one frame{}.\n",
+        rollout.len(),
+        kept(&rollout),
+        kept(&first),
         if floating { format!(" ({AWAY} m away)") } else { String::new() },
-        frame.iter().filter(|p| p.3 > 1.0).count(),
     ));
+    let one = |a: &Row, b: &Row| first.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map_or(f64::NAN, |p| p.3);
+    let wrong: Vec<_> = rollout.iter().filter(|p| p.3 <= 1.0 || one(p.0, p.1) <= 1.0).collect();
     if !wrong.is_empty() {
-        let one = |a: &Row, b: &Row| frame.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map_or(f64::NAN, |p| p.3);
         let cells = wrong
             .iter()
             .map(|(a, b, theirs, ours)| vec![format!("{} over {}", a.name, b.name), digits(*theirs), digits(*ours), digits(one(a, b))]);
-        text.push_str("The others:\n\n");
-        text.push_str(&markdown(&["pair", "paper", "here", "one frame"], &cells.collect::<Vec<_>>()));
+        text.push_str("Margins of those that do not by both:\n\n");
+        text.push_str(&markdown(&["pair", "paper", "rollouts", "one frame"], &cells.collect::<Vec<_>>()));
     }
     text
 }
