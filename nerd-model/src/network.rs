@@ -8,6 +8,8 @@ use crate::recurrent::Recurrent;
 use crate::transformer::{Architecture, Forward, ForwardError, PackedForward, Transformer, TransformerConfig, Weights, check};
 
 /// A network of any [`Architecture`] on one device.
+// One of them a thread: a box would save nothing.
+#[allow(clippy::large_enum_variant)]
 #[derive(Module, Debug)]
 pub enum Network {
     /// The causal Transformer.
@@ -95,7 +97,9 @@ impl Forward for PlainForward {
                 .map(|((x, l), o)| scope.spawn(move || this.piece(x, tokens, l, o)))
                 .collect();
             let lost = || Err(ForwardError { message: "a worker thread panicked".into() });
-            work.into_iter().map(|w| w.join().unwrap_or_else(|_| lost())).collect()
+            // Every thread is waited for, also behind a failed one.
+            let done: Vec<_> = work.into_iter().map(|w| w.join().unwrap_or_else(|_| lost())).collect();
+            done.into_iter().collect()
         })
     }
 }

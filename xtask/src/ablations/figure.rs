@@ -116,11 +116,6 @@ impl Picture for Bars<'_> {
                 let name = if row.name == NERD { format!("{} (NeRD)", row.name) } else { row.name.clone() };
                 area.draw(&Text::new(name, (x, y + 7), centred(14, VPos::Top))).map_err(failed)?;
             }
-            if let Some(level) = ceiling {
-                // Over the gap before the control, where no bar stands.
-                let (x, y) = pixel(x - 1.0 - GAP / 2.0, level);
-                area.draw(&Text::new("repeating the start", (x, y - 4), centred(12, VPos::Bottom))).map_err(failed)?;
-            }
             for (group, words) in COLUMNS {
                 let first = rows.iter().position(|r| r.group == group).map(|k| places[k] - 0.45);
                 let Some(first) = first else { continue };
@@ -140,6 +135,11 @@ impl Picture for Bars<'_> {
             area.draw(&Rectangle::new([(x, y), (x + 16, y + 14)], colour.mix(0.85).filled())).map_err(failed)?;
             area.draw(&Text::new(words.clone(), (x + 24, y), ("sans-serif", 14))).map_err(failed)?;
         }
+        let (x, y) = (70 + 260 * legend.len() as i32, height - FOOT + 13);
+        for dash in 0..3 {
+            area.draw(&PathElement::new([(x + 11 * dash, y), (x + 11 * dash + 6, y)], BLACK.mix(0.5))).map_err(failed)?;
+        }
+        area.draw(&Text::new("ours, repeating the start", (x + 38, y - 7), ("sans-serif", 14))).map_err(failed)?;
         area.present().map_err(failed)
     }
 }
