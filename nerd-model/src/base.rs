@@ -28,13 +28,21 @@ pub enum Base {
     Flight,
     /// The state after a frame of flight by Runge-Kutta: the residual form for other engines.
     ExactFlight,
+    /// Nothing: the prediction is the next state itself, endless angles continued from the token's (paper A.3.3.3, to be
+    /// compared with).
+    Nothing,
 }
 
 impl Base {
+    /// Whether predictions are added to a frame of flight.
+    pub fn flies(self) -> bool {
+        matches!(self, Self::Flight | Self::ExactFlight)
+    }
+
     /// The flight that predictions are added to, if any.
     pub fn flight(self, system: &Arc<System>) -> Option<Flight> {
         let config = match self {
-            Self::State => return None,
+            Self::State | Self::Nothing => return None,
             Self::Flight => ArticulatedConfig::paper(system, Friction::Coulomb),
             Self::ExactFlight => ArticulatedConfig::converged(Friction::Coulomb),
         };

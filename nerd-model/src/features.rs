@@ -7,10 +7,12 @@
 //! point (3 C, m, masked likewise), since what contact adds depends first on that, and kinematics is hard to learn.
 //! The target is the change over the frame from its base ([`Base`]), seen from the frame of the token: additive
 //! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
+//!
+//! With another [`View`] than the robot's own, all this is seen from the world's axes and origin.
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, kinematics, link_pose, point_position};
 use nerd_core::frames::RootFrame;
@@ -18,12 +20,13 @@ use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
 use nerd_sim::system::System;
 
 use crate::base::Base;
+use crate::form::{Form, View};
 
 /// Turns states into tokens and predictions into states, for one system.
 #[derive(Clone)]
 pub struct Features {
     system: Arc<System>,
-    base: Base,
+    form: Form,
     data: Data,
     ways: Vec<Vector3<f64>>,
     near: Vec<f64>,
@@ -31,11 +34,11 @@ pub struct Features {
 }
 
 impl Features {
-    /// For a system and what its predictions are added to.
-    pub fn new(system: &Arc<System>, base: Base) -> Self {
+    /// For a system and a form.
+    pub fn new(system: &Arc<System>, form: impl Into<Form>) -> Self {
         let d = system.robot.state_dim();
         let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
-        Self { data, system: system.clone(), base, ways: Vec::new(), near, far }
+        Self { data, system: system.clone(), form: form.into(), ways: Vec::new(), near, far }
     }
 
     /// Whether the robot's surroundings matter: it has contact points or a free base.
@@ -44,10 +47,11 @@ impl Features {
     }
 
     /// Width of a token.
-    pub fn inputs(system: &System, base: Base) -> usize {
+    pub fn inputs(system: &System, form: impl Into<Form>) -> usize {
+        let Form { base, view } = form.into();
         let plain = system.robot.state_dim() + system.robot.joint_count();
-        let a_point = if base == Base::State { 7 } else { 10 };
-        if Self::situated(system) { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
+        let a_point = if base.flies() { 10 } else { 7 };
+        if Self::situated(system) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
 
     /// Width of a prediction.
@@ -55,9 +59,12 @@ impl Features {
         system.robot.state_dim()
     }
 
-    /// Pose of the frame B of a state: the floating base, or the first moving link.
+    /// Pose of the frame B of a state: the floating base, or the first moving link; or the world.
     fn frame(&mut self, state: &[f64]) -> RootFrame {
         let robot = &self.system.robot;
+        if self.form.view != View::Own {
+            return world();
+        }
         if robot.floating() {
             return RootFrame::of(state);
         }
@@ -84,12 +91,16 @@ impl Features {
         }
         let frame = self.frame(state);
         let system = self.system.clone();
-        if self.base != Base::State {
+        if self.form.base.flies() && self.form.view != View::Blind {
             self.carry(state, base);
         }
         frame.state_in(&system.robot, state, &mut self.near);
         wrap_state(&system.robot, &mut self.near);
         cast(&self.near, &mut out[..d]);
+        if self.form.view == View::Blind {
+            cast(torques, &mut out[d..]);
+            return;
+        }
         let c = contacts.len();
         let (normals, rest) = out[d..].split_at_mut(3 * c);
         let (points, rest) = rest.split_at_mut(3 * c);
@@ -126,23 +137,38 @@ impl Features {
         self.ways.iter_mut().enumerate().for_each(|(k, way)| *way = place(&self.data, k) - *way);
     }
 
+    /// The frame in which changes are taken: a floating root's own, elsewhere the world, since joints have no other.
+    fn place(&self, state: &[f64]) -> RootFrame {
+        if self.system.robot.floating() && self.form.view == View::Own { RootFrame::of(state) } else { world() }
+    }
+
+    /// Writes what a prediction is added to, seen from `frame`, into `near`: a base, or the state with only zeros in it.
+    fn ground(&mut self, frame: &RootFrame, base: &[f64]) {
+        let robot = &self.system.robot;
+        if self.form.base != Base::Nothing {
+            return frame.state_in(robot, base, &mut self.near);
+        }
+        self.near.fill(0.0);
+        if robot.floating() {
+            write_quaternion(&mut self.near[3..7], &UnitQuaternion::identity());
+        }
+    }
+
     /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`.
     pub fn target(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
         let system = self.system.clone();
         let robot = &system.robot;
-        self.near.copy_from_slice(base);
-        self.far.copy_from_slice(next);
-        if robot.floating() {
-            let frame = RootFrame::of(state);
-            frame.state_in(robot, base, &mut self.near);
-            frame.state_in(robot, next, &mut self.far);
-        }
+        let frame = self.place(state);
+        self.ground(&frame, base);
+        frame.state_in(robot, next, &mut self.far);
         for (o, (a, b)) in out.iter_mut().zip(self.near.iter().zip(&self.far)) {
             *o = (b - a) as f32;
         }
         for (i, _) in robot.joints().enumerate().filter(|(_, joint)| joint.wraps()) {
             let k = robot.root_coords() + i;
-            out[k] = wrap(self.far[k] - self.near[k]) as f32;
+            // An angle itself is said without a seam: the token's, wrapped, and what it turned by since.
+            let from = if self.form.base == Base::Nothing { wrap(state[k]) } else { 0.0 };
+            out[k] = (from + wrap(next[k] - base[k])) as f32;
         }
         if robot.floating() {
             let turn = quaternion(&self.far[3..7]) * quaternion(&self.near[3..7]).inverse();
@@ -154,17 +180,20 @@ impl Features {
     pub fn apply(&mut self, state: &[f64], base: &[f64], change: &[f64], next: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
-        if !robot.floating() {
-            next.iter_mut().zip(base.iter().zip(change)).for_each(|(n, (s, c))| *n = s + c);
-            return;
-        }
-        let frame = RootFrame::of(state);
-        frame.state_in(robot, base, &mut self.near);
+        let frame = self.place(state);
+        self.ground(&frame, base);
         self.far.iter_mut().zip(self.near.iter().zip(change)).for_each(|(f, (n, c))| *f = n + c);
-        let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
-        write_quaternion(&mut self.far[3..7], &turned);
+        if robot.floating() {
+            let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
+            write_quaternion(&mut self.far[3..7], &turned);
+        }
         frame.state_out(robot, &self.far, next);
     }
+}
+
+/// The world seen from itself.
+fn world() -> RootFrame {
+    RootFrame::at(&Isometry3::identity())
 }
 
 fn cast(x: &[f64], out: &mut [f32]) {

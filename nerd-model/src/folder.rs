@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::Base;
 use crate::features::Features;
+use crate::form::{Form, View};
 use crate::normalizer::Normalizer;
 use crate::transformer::{Storage, TransformerConfig, Weights, WeightsError};
 
@@ -55,6 +56,9 @@ pub struct ModelConfig {
     /// What its predictions are added to.
     #[serde(default)]
     pub base: Base,
+    /// Where its tokens are seen from.
+    #[serde(default, skip_serializing_if = "own")]
+    pub view: View,
     /// Shape of the network.
     pub network: TransformerConfig,
     /// SHA-256 of the training data.
@@ -75,6 +79,16 @@ impl ModelConfig {
     pub fn read(folder: &Path) -> Result<Self, ModelError> {
         read_json(&folder.join("config.json"))
     }
+
+    /// In which form it sees and predicts motion.
+    pub fn form(&self) -> Form {
+        Form { base: self.base, view: self.view }
+    }
+}
+
+/// The usual view stands in no file.
+fn own(view: &View) -> bool {
+    *view == View::Own
 }
 
 /// A trained network with its normaliser and its provenance.
@@ -103,7 +117,7 @@ impl Model {
         let normalizer: Normalizer = read_json(&folder.join("normalizer.json"))?;
         let path = folder.join("model.safetensors");
         let wrong = |reason: String| ModelError::Format { path: path.clone(), reason };
-        let (inputs, outputs) = (Features::inputs(system, config.base), Features::outputs(system));
+        let (inputs, outputs) = (Features::inputs(system, config.form()), Features::outputs(system));
         let network = config.network;
         if (network.inputs, network.outputs) != (inputs, outputs) {
             return Err(wrong(format!(

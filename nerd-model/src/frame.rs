@@ -28,7 +28,7 @@ impl Frame {
     pub fn new(model: &Model, system: &Arc<System>) -> Self {
         let d = system.robot.state_dim();
         Self {
-            features: Features::new(system, model.config.base),
+            features: Features::new(system, model.config.form()),
             data: Data::new(&system.robot),
             events: Vec::new(),
             far: Vec::new(),

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 use crate::base::Flight;
 use crate::folder::Model;
 use crate::frame::Frame;
-use crate::transformer::{Stream, packed};
+use crate::network;
+use crate::transformer::Stream;
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
@@ -48,7 +49,7 @@ impl Neural {
 
     /// The same, evaluated on the CPU.
     pub fn on_cpu(model: Model, system: &Arc<System>) -> Self {
-        let network = packed(&model.weights);
+        let network = network::on_cpu(&model.weights);
         Self::new(model, system, network)
     }
 

@@ -40,6 +40,11 @@ impl Moments {
         Self { mean, variance: square.iter().map(|s| s / f64::max(total, 1.0)).collect() }
     }
 
+    /// Moments that leave rows of `width` as they are.
+    pub fn identity(width: usize) -> Self {
+        Self { mean: vec![0.0; width], variance: vec![1.0 - EPSILON; width] }
+    }
+
     /// Scale `sqrt(var + 1e-5)` by coordinate.
     pub fn scale(&self) -> Vec<f64> {
         self.variance.iter().map(|v| scale(*v)).collect()

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use nerd_model::transformer::{
-    BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, Transformer, TransformerConfig, Weights, Windowed,
+    Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, Transformer, TransformerConfig, Weights,
+    Windowed,
 };
 
 const SMALL: TransformerConfig = TransformerConfig {
@@ -17,6 +18,7 @@ const SMALL: TransformerConfig = TransformerConfig {
     history: 6,
     head: 7,
     positions: Positions::Table,
+    architecture: Architecture::Transformer,
 };
 
 /// The same without a position table; a token sees the last four.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
-use nerd_model::base::Base;
 use nerd_model::features::Features;
+use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, read_shard, record, sha256_of};
 use nerd_sim::scene::Scene;
@@ -16,18 +16,19 @@ use rayon::prelude::*;
 
 use crate::windows::Windows;
 
-/// Tokens and targets of every frame of a recording, not normalised yet; targets are changes from `base`.
+/// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
 ///
 /// # Errors
 /// Of the base's flight.
-pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, base: Base) -> Result<Windows, DatasetError> {
-    let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
+pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Result<Windows, DatasetError> {
+    let form = form.into();
+    let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
     let mut y = vec![0.0; recording.trajectories * f * outputs];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate();
     rows.try_for_each_init(
-        || (Features::new(system, base), base.flight(system)),
+        || (Features::new(system, form), form.base.flight(system)),
         |(features, flight), (trajectory, (x, y))| {
             let row = Row::of(system, recording, trajectory);
             let bases = match flight {
@@ -116,14 +117,15 @@ pub fn generate(
     solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
     config: &GenerateConfig,
     history: usize,
-    base: Base,
+    form: impl Into<Form>,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared, DatasetError> {
+    let form = form.into();
     let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
         let recording = record(system, &mut *solver(), config, first as u64, count)?;
-        let done = (tokens(system, &recording, history, base)?, recording.sha256());
+        let done = (tokens(system, &recording, history, form)?, recording.sha256());
         progress(count * config.frames);
         Ok(done)
     };
@@ -131,7 +133,8 @@ pub fn generate(
 }
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
-pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, base: Base) -> Result<Prepared, DatasetError> {
+pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
+    let form = form.into();
     let path = folder.join("manifest.json");
     let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
     let text = std::fs::read_to_string(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
@@ -146,7 +149,7 @@ pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, ba
             return Err(wrong(format!("holds transitions of truth `{found}`, not `{truth}`")));
         }
         recording.check(&system.robot).map_err(|reason| wrong(format!("{name}: {reason}")))?;
-        Ok((tokens(system, &recording, history, base)?, recording.sha256()))
+        Ok((tokens(system, &recording, history, form)?, recording.sha256()))
     };
     let prepared = joined(manifest.shards.par_iter().map(shard).collect::<Result<_, DatasetError>>()?);
     if prepared.sha256 != manifest.sha256 {

@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use nerd_model::base::Base;
 use nerd_model::folder::Model;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
@@ -277,7 +276,7 @@ fn legend(setting: &Setting, system: &Arc<System>) -> Result<String> {
         Setting::RapierSteps(_) => "rapier, steps of 4 iterations".into(),
         Setting::Neural(folder) => {
             let model = Model::load(folder, system, None)?;
-            let form = if model.config.base == Base::State { "paper's form" } else { "on flight" };
+            let form = if model.config.base.flies() { "on flight" } else { "paper's form" };
             let name = format!("NeRD {form}, {:.2} M parameters", model.config.network.parameters() as f64 / 1e6);
             own(setting)?.map_or(name.clone(), |truth| format!("{name}, against {}", truth.name()))
         }

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
+mod ablations;
 mod chart;
 mod check;
 mod common;

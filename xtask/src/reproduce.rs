@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 
+use crate::ablations::{self, AblationArgs};
 use crate::chart::{self, ChartArgs};
 use crate::common::Device;
 use crate::evaluate::{self, EvaluateArgs};
@@ -23,7 +24,10 @@ const OWN: &str = "out/reproduce";
 
 /// Reproduce the tables and charts of the README.
 #[derive(clap::Args, Clone, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct ReproduceArgs {
+    #[command(subcommand)]
+    pub part: Option<Part>,
     /// Train small models from nothing instead of taking the shipped ones
     #[arg(long)]
     pub train: bool,
@@ -44,8 +48,18 @@ pub struct ReproduceArgs {
     pub out: Option<PathBuf>,
 }
 
+/// What is reproduced by itself.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub enum Part {
+    /// The paper's Figure A.2: NeRD against itself with one design decision taken back
+    Ablations(AblationArgs),
+}
+
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
+    if let Some(Part::Ablations(args)) = args.part {
+        return ablations::run(args);
+    }
     if args.starts == 0 {
         bail!("--starts 0: at least one is needed");
     }

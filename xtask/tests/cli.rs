@@ -122,6 +122,9 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (["evaluate", "--robot", "cartpole", "--starts", "0", "--out", &out].map(String::from).into(), "--starts"),
         (["chart", "--robot", "cartpole", "--horizon", "0", "--out", &out].map(String::from).into(), "--horizon"),
         (chart_with(&path("no-python")), "no-python"),
+        (["reproduce", "ablations", "--robot", "cube", "--out", &out].map(String::from).into(), "cube"),
+        (["reproduce", "ablations", "--updates", "0", "--out", &out].map(String::from).into(), "--updates"),
+        (["train", "--robot", "ant", "--variant", "absolute", "--base", "flight", "--out", &out].map(String::from).into(), "--variant"),
         (["dance"].map(String::from).into(), "dance"),
     ];
     for (args, culprit) in cases {

@@ -10,6 +10,29 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::{mlp, recurrent};
+
+/// What maps windows to predictions: the causal Transformer, or what it is compared with (paper A.3.3.1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Architecture {
+    /// The causal Transformer.
+    #[default]
+    Transformer,
+    /// [`crate::mlp`].
+    Mlp,
+    /// [`crate::recurrent`], gated recurrent units.
+    Gru,
+    /// [`crate::recurrent`], long short-term memory.
+    Lstm,
+}
+
+impl Architecture {
+    fn usual(&self) -> bool {
+        *self == Self::Transformer
+    }
+}
+
 /// Hyper-parameters of the Transformer. Everything is a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -34,6 +57,9 @@ pub struct TransformerConfig {
     /// How a token's place in time is told.
     #[serde(default)]
     pub positions: Positions,
+    /// What stands between tokens and head; of another one, `embedding` is the width, and `heads` and `block` mean nothing.
+    #[serde(default, skip_serializing_if = "Architecture::usual")]
+    pub architecture: Architecture,
 }
 
 /// How a token's place in time is told.
@@ -54,7 +80,8 @@ const ROTARY_BASE: f64 = 100.0;
 impl TransformerConfig {
     /// The paper's network for a robot with `inputs` features and `outputs` state coordinates.
     pub fn paper(inputs: usize, outputs: usize, embedding: usize) -> Self {
-        Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64, positions: Positions::Table }
+        let (positions, architecture) = Default::default();
+        Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64, positions, architecture }
     }
 
     /// Tokens of a training sequence: the window, or a longer one where positions are rotary.
@@ -96,6 +123,11 @@ impl TransformerConfig {
 
     /// Every tensor of the network in the order it is used. Linear weights are `[in, out]`, row-major: `y = x W + b`.
     pub fn tensors(&self) -> Vec<TensorSpec> {
+        match self.architecture {
+            Architecture::Transformer => {}
+            Architecture::Mlp => return mlp::tensors(self),
+            Architecture::Gru | Architecture::Lstm => return recurrent::tensors(self),
+        }
         let e = self.embedding;
         let scaled = 0.02 / (2.0 * self.layers as f64).sqrt();
         let mut t = vec![
@@ -147,7 +179,7 @@ pub enum Init {
 }
 
 impl TensorSpec {
-    fn new(name: &str, shape: &[usize], init: Init) -> Self {
+    pub(crate) fn new(name: &str, shape: &[usize], init: Init) -> Self {
         Self { name: name.into(), shape: shape.to_vec(), init }
     }
 

@@ -35,7 +35,7 @@ impl Transformer {
     /// If `weights.flat` is shorter than the configuration asks for.
     pub fn new(weights: &Weights, device: &Device) -> Self {
         let config = weights.config;
-        let mut reader = Reader { flat: &weights.flat, specs: config.tensors().into_iter(), device };
+        let mut reader = Reader::new(weights, device);
         Self {
             embed_weight: reader.param(),
             embed_bias: reader.param(),
@@ -109,10 +109,16 @@ impl Transformer {
 impl Transformer {
     /// The gradients of one backward pass in the order of the flat vector; zeros where none was recorded.
     pub fn gradients(&self, gradients: &burn::tensor::Gradients) -> Vec<f32> {
-        let mut visitor = FlattenGradients { flat: Vec::with_capacity(self.config.parameters()), gradients };
-        self.visit(&mut visitor);
-        visitor.flat
+        gradients_of(self, gradients)
     }
+}
+
+/// The gradients of a module's parameters in the order of its fields; zeros where none was recorded.
+#[cfg(feature = "autodiff")]
+pub(crate) fn gradients_of(module: &impl Module, gradients: &burn::tensor::Gradients) -> Vec<f32> {
+    let mut visitor = FlattenGradients { flat: Vec::with_capacity(module.num_params()), gradients };
+    module.visit(&mut visitor);
+    visitor.flat
 }
 
 /// Flat rows `w * tokens + last[w]`.
@@ -122,15 +128,20 @@ fn newest_rows(last: &[u32], tokens: usize, device: &Device) -> Tensor<1, Int> {
 }
 
 /// Hands out the tensors of a flat vector in the configuration's order.
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     flat: &'a [f32],
     specs: std::vec::IntoIter<TensorSpec>,
     device: &'a Device,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
+    /// From the start of `weights`.
+    pub(crate) fn new(weights: &'a Weights, device: &'a Device) -> Self {
+        Self { flat: &weights.flat, specs: weights.config.tensors().into_iter(), device }
+    }
+
     /// The next tensor as a trainable parameter.
-    pub(super) fn param<const D: usize>(&mut self) -> Param<Tensor<D>> {
+    pub(crate) fn param<const D: usize>(&mut self) -> Param<Tensor<D>> {
         let spec = self.specs.next().expect("a field for every tensor of the configuration");
         let (entries, rest) = self.flat.split_at(spec.len());
         self.flat = rest;

@@ -84,7 +84,7 @@ impl Forward for BurnForward {
 }
 
 /// Refuses windows that do not fit a network.
-pub(super) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
+pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
     let expected = last.len() * tokens * config.inputs;
     let message = if tokens == 0 || (config.positions == Positions::Table && tokens > config.block) {
         format!("{tokens} tokens in a window, the position table has {}", config.block)

@@ -19,6 +19,7 @@ pub fn model(system: &Arc<System>, base: Base) -> Model {
         robot,
         truth,
         base,
+        view: Default::default(),
         network,
         data_sha256: "none".into(),
         transitions: 0,

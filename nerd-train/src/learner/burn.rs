@@ -9,7 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::transformer::{Transformer, Weights};
+use nerd_model::network::Network;
+use nerd_model::transformer::Weights;
 use rayon::prelude::*;
 
 use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
@@ -110,12 +111,12 @@ impl BurnLearner {
         weights: &Weights,
         device: &Device,
         rows: &[u64],
-        work: impl Fn(&Transformer, &[u64]) -> Result<T, LearnError> + Sync,
+        work: impl Fn(&Network, &[u64]) -> Result<T, LearnError> + Sync,
     ) -> Result<Vec<T>, LearnError> {
         let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
         let next = AtomicUsize::new(0);
         let thread = || {
-            let network = Transformer::new(weights, device);
+            let network = Network::new(weights, device);
             let mut done = Vec::new();
             loop {
                 let i = next.fetch_add(1, Ordering::Relaxed);
@@ -174,7 +175,7 @@ impl Learner for BurnLearner {
 }
 
 /// Squared errors of the windows `rows`, summed over windows, tokens and outputs.
-fn squared_error(network: &Transformer, set: &Windows, rows: &[u64], device: &Device) -> Tensor<1> {
+fn squared_error(network: &Network, set: &Windows, rows: &[u64], device: &Device) -> Tensor<1> {
     let gather = |data: &[f32], width: usize| {
         let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
         let flat: Vec<f32> = rows.iter().flat_map(window).copied().collect();

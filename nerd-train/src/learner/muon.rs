@@ -4,7 +4,7 @@
 //! that an update has the root mean square that Adam's usually has and one learning rate serves both (Liu and others
 //! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm and iterates five times
 //! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything that is no
-//! hidden matrix stays with Adam. Query, key and value count as three matrices.
+//! hidden matrix stays with Adam. Query, key and value count as three matrices, as do the gates of a recurrent cell.
 
 use std::ops::Range;
 
@@ -48,7 +48,7 @@ impl Hidden {
     }
 }
 
-/// The hidden matrices of a network: all `E x E` ones (query, key, value, projection), then all `E x 4E` ones.
+/// The hidden matrices of a network: all `E x E` ones (query, key, value, projection; gates), then all wider ones (the MLP's).
 pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     let (e, mut offset) = (config.embedding, 0);
     let (mut square, mut wide) = (Vec::new(), Vec::new());
@@ -60,11 +60,21 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
             columns,
             transposed,
         };
-        match tensor.name.rsplit_once('.').map_or("", |(path, _)| path).splitn(3, '.').nth(2) {
-            Some("attn.qkv") => square.extend((0..3).map(|k| matrix(k * e, 3 * e, e, false))),
-            Some("attn.proj") => square.push(matrix(0, e, e, false)),
-            Some("mlp.up") => wide.push(matrix(0, 4 * e, 4 * e, false)),
-            Some("mlp.down") => wide.push(matrix(0, e, 4 * e, true)),
+        let mut path = tensor.name.split('.');
+        let (place, layer, rest) = (path.next().unwrap_or(""), path.next().unwrap_or(""), path.collect::<Vec<_>>().join("."));
+        match (place, rest.as_str()) {
+            ("blocks", "attn.qkv.weight") => square.extend((0..3).map(|k| matrix(k * e, 3 * e, e, false))),
+            ("blocks", "attn.proj.weight") => square.push(matrix(0, e, e, false)),
+            ("blocks", "mlp.up.weight") => wide.push(matrix(0, 4 * e, 4 * e, false)),
+            ("blocks", "mlp.down.weight") => wide.push(matrix(0, e, 4 * e, true)),
+            // What reads the token itself is no hidden matrix.
+            ("cells", "state.weight") => square.extend((0..tensor.shape[1] / e).map(|k| matrix(k * e, tensor.shape[1], e, false))),
+            ("cells", "token.weight") if layer != "0" => {
+                square.extend((0..tensor.shape[1] / e).map(|k| matrix(k * e, tensor.shape[1], e, false)));
+            }
+            ("layers", "weight") if layer != "0" => {
+                wide.push(Hidden { rows: tensor.shape[1], ..matrix(0, tensor.shape[1], tensor.shape[0], true) });
+            }
             _ => {}
         }
         offset += tensor.len();

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use burn::tensor::Device;
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
 use nerd_train::windows::Windows;
 
@@ -21,6 +21,7 @@ pub const NETWORK: TransformerConfig = TransformerConfig {
     history: 4,
     head: 8,
     positions: nerd_model::transformer::Positions::Table,
+    architecture: Architecture::Transformer,
 };
 
 /// 24 windows an update, clip 1, moving average 0.99.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::variant::Variant;
 use crate::common::Device;
 use crate::truth::Truth;
 
@@ -38,6 +39,9 @@ pub struct TrainArgs {
     /// What predictions are added to: state (the paper) or flight (one contact-free frame; the residual form)
     #[arg(long, value_enum, default_value_t = BaseName::State)]
     pub base: BaseName,
+    /// NeRD, or one of the designs it is compared with (paper A.3.3)
+    #[arg(long, value_enum, default_value_t = Variant::Nerd)]
+    pub variant: Variant,
     /// Folder of shards made by `dataset`; recorded in memory if absent
     #[arg(long)]
     pub data: Option<PathBuf>,
@@ -109,6 +113,7 @@ impl TrainArgs {
             layers: None,
             truth: Truth::Articulated,
             base: BaseName::State,
+            variant: Variant::Nerd,
             data: None,
             from: None,
             transitions: None,

@@ -7,12 +7,13 @@ use anyhow::Result;
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
-use nerd_model::transformer::{Storage, TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
 use nerd_train::learner::LearnerConfig;
 use nerd_train::trainer::TrainerConfig;
 use serde::{Deserialize, Serialize};
 
 use super::TrainArgs;
+use super::variant::Variant;
 use crate::provenance::Provenance;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
@@ -21,6 +22,8 @@ pub struct Run {
     pub robot: String,
     pub truth: String,
     pub base: Base,
+    #[serde(default, skip_serializing_if = "Variant::usual")]
+    pub variant: Variant,
     pub network: TransformerConfig,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
@@ -33,10 +36,12 @@ pub struct Run {
 
 /// What `config.json` will hold.
 pub fn model_config(run: &Run, provenance: &HashMap<String, String>) -> ModelConfig {
+    let form = run.variant.form(run.base);
     ModelConfig {
         robot: run.robot.clone(),
         truth: run.truth.clone(),
-        base: run.base,
+        base: form.base,
+        view: form.view,
         network: run.network,
         data_sha256: run.data_sha256.clone(),
         transitions: run.transitions,
@@ -100,14 +105,16 @@ pub fn export(
     let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
     let config = model_config(run, &provenance);
     let mut card = format!(
-        "# NeRD of `{}`\n\nA causal Transformer ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
+        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
          {} updates of {} windows on {} random transitions (SHA-256 `{}`).\n\n| | |\n|---|---|\n",
+        run.variant.name(),
         run.robot,
+        if run.network.architecture == Architecture::Transformer { "A causal Transformer" } else { "A network" },
         run.network.parameters(),
         run.network.embedding,
         run.network.layers,
         run.network.history,
-        if run.base == Base::State { "one frame" } else { "what contact adds to one frame of flight" },
+        if run.base.flies() { "what contact adds to one frame of flight" } else { "one frame" },
         run.truth,
         run.trainer.updates,
         run.learner.batch,
@@ -118,6 +125,6 @@ pub fn export(
     card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
     // becomes 0.017).
-    let storage = if run.base == Base::State { Storage::F32 } else { Storage::F16 };
+    let storage = if run.base.flies() { Storage::F16 } else { Storage::F32 };
     Ok(Model { config, normalizer, weights }.save(folder, &card, storage)?)
 }

@@ -16,8 +16,11 @@ use anyhow::{Context, Result, bail};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::Model;
+use nerd_model::form::Form;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::Normalizer;
+#[cfg(feature = "cuda")]
+use nerd_model::transformer::Architecture;
 use nerd_model::transformer::{Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::law::Law;
@@ -30,10 +33,12 @@ use nerd_train::trainer::{Trainer, TrainerConfig};
 
 mod args;
 mod card;
+mod variant;
 
-pub use args::TrainArgs;
-use args::{BaseName, OptimizerName, Preset};
+use args::{BaseName, Preset};
+pub use args::{OptimizerName, TrainArgs};
 use card::{Run, export, history, log_time, model_config};
+pub use variant::Variant;
 
 use crate::common::Device;
 use crate::paper;
@@ -41,14 +46,28 @@ use crate::paper;
 /// A network on a device, for so many environments.
 pub fn network(weights: &Weights, device: Device, envs: usize) -> Result<Box<dyn Stream>> {
     match device {
-        Device::Flex => Ok(nerd_model::transformer::packed(weights)),
-        #[cfg(feature = "cuda")]
-        Device::Cuda => Ok(nerd_train::learner::cuda::stream(weights, nerd_train::learner::cuda::Precision::F32, envs)?),
-        #[cfg(not(feature = "cuda"))]
-        Device::Cuda => {
-            let _ = envs;
-            bail!("--device cuda needs a build with `--features cuda`")
-        }
+        Device::Flex => Ok(nerd_model::network::on_cpu(weights)),
+        Device::Cuda => on_cuda(weights, envs),
+    }
+}
+
+#[cfg(feature = "cuda")]
+fn on_cuda(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
+    transformer_only(&weights.config)?;
+    Ok(nerd_train::learner::cuda::stream(weights, nerd_train::learner::cuda::Precision::F32, envs)?)
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
+    bail!("--device cuda needs a build with `--features cuda`")
+}
+
+/// The fused engine is one network's.
+#[cfg(feature = "cuda")]
+fn transformer_only(network: &TransformerConfig) -> Result<()> {
+    match network.architecture {
+        Architecture::Transformer => Ok(()),
+        other => bail!("--device cuda computes Transformers, no {other:?}; leave it out"),
     }
 }
 
@@ -76,12 +95,15 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         }
         BaseName::Flight => args.truth.flight(),
     };
-    let (inputs, outputs) = (Features::inputs(&system, base), Features::outputs(&system));
+    args.variant.check(base)?;
+    let form = args.variant.form(base);
+    let (inputs, outputs) = (Features::inputs(&system, form), Features::outputs(&system));
     let mut network = TransformerConfig::paper(inputs, outputs, 192);
     if small {
         network = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..network };
     }
     network.history = args.history.unwrap_or(network.history);
+    network.block = network.block.max(network.history);
     if args.stream {
         network = TransformerConfig { positions: Positions::Rotary, block: args.sequence.max(network.history), ..network };
     }
@@ -91,6 +113,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         let heads = (embedding * network.heads).div_euclid(network.embedding).max(1);
         network = TransformerConfig { embedding, heads, ..network };
     }
+    let network = args.variant.network(network);
     network.check().map_err(anyhow::Error::msg)?;
     let updates = args.updates.unwrap_or(if small { 6_000 } else { 500_000 });
     let optimizer = match args.optimizer {
@@ -121,10 +144,10 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
     let mut data = match &args.data {
-        Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), base)?,
-        None => recorded(&system, args, transitions, args.seed, network.sequence(), base)?,
+        Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), form)?,
+        None => recorded(&system, args, transitions, args.seed, network.sequence(), form)?,
     };
-    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.sequence(), base)?.windows;
+    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.sequence(), form)?.windows;
     if data.windows.is_empty() || validation.is_empty() {
         bail!(
             "{} trajectories of {} frames hold no sequence of {} tokens",
@@ -134,10 +157,10 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         );
     }
     let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(&args.truth.name()))).transpose()?;
-    if let Some(parent) = parent.as_ref().filter(|p| (p.config.network, p.config.base) != (network, base)) {
-        bail!("--from: its network is {:?} on {:?}, this run's {network:?} on {base:?}", parent.config.network, parent.config.base);
+    if let Some(parent) = parent.as_ref().filter(|p| (p.config.network, p.config.form()) != (network, form)) {
+        bail!("--from: its network is {:?} in {:?}, this run's {network:?} in {form:?}", parent.config.network, parent.config.form());
     }
-    let normalizer = parent.as_ref().map_or_else(|| moments(&data.windows), |p| p.normalizer.clone());
+    let normalizer = parent.as_ref().map_or_else(|| args.variant.normalizer(moments(&data.windows)), |p| p.normalizer.clone());
     normalize(&mut data.windows, &normalizer);
     normalize(&mut validation, &normalizer);
     let transitions = data.windows.trajectories() * data.windows.frames;
@@ -145,6 +168,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         robot: system.name.clone(),
         truth: args.truth.name(),
         base,
+        variant: args.variant,
         network,
         learner,
         trainer,
@@ -201,13 +225,13 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     Ok(Some(folder))
 }
 
-fn recorded(system: &Arc<System>, args: &TrainArgs, transitions: usize, seed: u64, history: usize, base: Base) -> Result<Prepared> {
+fn recorded(system: &Arc<System>, args: &TrainArgs, transitions: usize, seed: u64, history: usize, form: Form) -> Result<Prepared> {
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     let config = GenerateConfig { transitions, seed, torque_scale, shard_trajectories: 512, ..Default::default() };
     let bar = crate::common::bar("recording transitions", (config.trajectories() * config.frames) as u64);
     let done = AtomicUsize::new(0);
     let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-    let prepared = generate(system, &|| args.truth.solver(system), &config, history, base, &tell)?;
+    let prepared = generate(system, &|| args.truth.solver(system), &config, history, form, &tell)?;
     bar.finish();
     Ok(prepared)
 }
@@ -241,6 +265,7 @@ fn engine(
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use nerd_train::learner::cuda::{CudaLearner, Precision};
+            transformer_only(&state.weights.config)?;
             let precision = if args.f32 { Precision::F32 } else { Precision::Tf32 };
             Ok(Box::new(CudaLearner::new(config, precision, state, &data.windows, &validation)?))
         }
@@ -256,7 +281,7 @@ fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weigh
     let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed, action: Action::Zero };
     // Flight has no error where there is nothing to touch.
     let scenes: Vec<&str> = match run.base {
-        Base::State => system.usual_scenes().into_iter().take(2).collect(),
+        Base::State | Base::Nothing => system.usual_scenes().into_iter().take(2).collect(),
         Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
     };
     let mut total = 0.0;

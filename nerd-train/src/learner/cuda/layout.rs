@@ -70,7 +70,7 @@ impl Layout {
     }
 
     fn of(config: TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
-        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head, positions } = config;
+        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head, positions, .. } = config;
         if heads == 0
             || !e.is_multiple_of(4 * heads)
             || history == 0
