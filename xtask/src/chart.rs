@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use nerd_model::folder::Model;
+use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
@@ -22,6 +22,7 @@ use crate::common::bar;
 use crate::mujoco::series::{self, Against};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
+use crate::solvers::describe;
 use crate::table::{digits, markdown, pair};
 use crate::truth::Truth;
 
@@ -171,7 +172,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp };
     // Begun first, for it may not be there.
     let mut referee = args.mujoco.as_ref().map(|python| series::referee(python, system, scene, config)).transpose()?;
-    let built = methods.into_iter().map(|m| Ok((own(&m)?, legend(&m, system)?, m.solver(system)?, m))).collect::<Result<Vec<_>>>()?;
+    let built = methods.into_iter().map(|m| Ok((own(&m)?, legend(&m)?, m.solver(system)?, m))).collect::<Result<Vec<_>>>()?;
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).solver(system)?, frames: Vec::new() };
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, config, &mut |_| ())?;
@@ -266,7 +267,7 @@ fn own(setting: &Setting) -> Result<Option<Truth>> {
 }
 
 /// Name in the legend.
-fn legend(setting: &Setting, system: &Arc<System>) -> Result<String> {
+fn legend(setting: &Setting) -> Result<String> {
     Ok(match setting {
         Setting::Rk4(_) => "articulated RK4".into(),
         Setting::Euler(_) => "articulated symplectic Euler".into(),
@@ -275,9 +276,7 @@ fn legend(setting: &Setting, system: &Arc<System>) -> Result<String> {
         Setting::Rapier(_) => "rapier, iterations of 1 step".into(),
         Setting::RapierSteps(_) => "rapier, steps of 4 iterations".into(),
         Setting::Neural(folder) => {
-            let model = Model::load(folder, system, None)?;
-            let form = if model.config.base.flies() { "on flight" } else { "paper's form" };
-            let name = format!("NeRD {form}, {:.2} M parameters", model.config.network.parameters() as f64 / 1e6);
+            let name = describe(&ModelConfig::read(folder)?);
             own(setting)?.map_or(name.clone(), |truth| format!("{name}, against {}", truth.name()))
         }
     })
@@ -289,9 +288,11 @@ pub fn mean(x: &[f64]) -> f64 {
 }
 
 /// Adds up the time its solver takes.
-struct Timed {
-    solver: Box<dyn Solver>,
-    spent: Duration,
+pub struct Timed {
+    /// The solver.
+    pub solver: Box<dyn Solver>,
+    /// Time it has taken.
+    pub spent: Duration,
 }
 
 impl Solver for Timed {
@@ -308,9 +309,11 @@ impl Solver for Timed {
 }
 
 /// Keeps every state its solver comes to.
-struct Recorder {
-    solver: Box<dyn Solver>,
-    frames: Vec<Vec<f64>>,
+pub struct Recorder {
+    /// The solver.
+    pub solver: Box<dyn Solver>,
+    /// States by frame.
+    pub frames: Vec<Vec<f64>>,
 }
 
 impl Solver for Recorder {

@@ -51,6 +51,8 @@ pub struct EvaluateArgs {
 pub struct Row {
     /// Robot.
     pub robot: String,
+    /// Solver, of a learned one form and size.
+    pub method: String,
     /// Scene.
     pub scene: String,
     /// What it is held against.
@@ -91,14 +93,16 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
     let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
     let truth = args.solver.against(&system)?;
+    let method = args.solver.title(&system)?;
     let mut rows = Vec::new();
     for (k, scene) in found.iter().enumerate() {
         let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed, action };
-        let mut solver = build(&args.solver, &system, args.starts)?;
+        let mut solver = build(&args.solver, &system, &scene.name, args.starts)?;
         let mut tell = |step| bar.set((k * steps + step) as u64);
         let report = passive(&system, scene, &mut *truth.solver(&system), &mut *solver, protocol, &mut tell)?;
         rows.push(Row {
             robot: system.name.clone(),
+            method: method.clone(),
             scene: scene.name.clone(),
             truth: truth.name(),
             protocol,
@@ -117,6 +121,7 @@ pub fn table(rows: &[Row]) -> String {
         let pair = |x: &[f64]| System::named(&r.robot).map_or_else(|_| pair(x), |system| pair(&summary(&system, x)));
         vec![
             if r.truth == Truth::Articulated.name() { r.robot.clone() } else { format!("{} ({})", r.robot, r.truth) },
+            r.method.clone(),
             r.scene.clone(),
             format!("{} x {}", r.protocol.starts, r.protocol.steps),
             pair(&p.error),
@@ -128,7 +133,7 @@ pub fn table(rows: &[Row]) -> String {
         ]
     });
     markdown(
-        &["robot", "scene", "starts x steps", "error (rad or m)", "standard error", "paper", "hold last", "constant velocity", "diverged"],
+        &["robot", "method", "scene", "starts x steps", "error (rad or m)", "standard error", "paper", "hold last", "constant velocity", "diverged"],
         &cells.collect::<Vec<_>>(),
     )
 }

@@ -11,6 +11,7 @@ mod common;
 mod dataset;
 mod evaluate;
 mod files;
+mod grow;
 mod inspect;
 mod mujoco;
 mod paper;
@@ -42,6 +43,8 @@ enum Verb {
     Evaluate(evaluate::EvaluateArgs),
     /// Draw speed against accuracy of every solver of a scene
     Chart(chart::ChartArgs),
+    /// Time a frame of arms of more and more links, analytic and learned
+    Grow(grow::GrowArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
     /// Show where each method stays right, bends and breaks
@@ -74,6 +77,7 @@ fn main() -> ExitCode {
         Verb::Rollout(args) => rollout::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Chart(args) => chart::run(args),
+        Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),

@@ -15,9 +15,17 @@ use crate::solvers::{SolverArgs, SolverName};
 use crate::train::{self, TrainArgs};
 use crate::truth::Truth;
 
-/// Robots with a model, its truth, and the scenes whose charts are drawn.
-const MODELS: [(&str, Truth, &[&str]); 3] =
-    [("cartpole", Truth::Articulated, &["free"]), ("pendulum", Truth::Articulated, &["free", "ground1"]), ("ant", Truth::Articulated, &[])];
+/// Robots, the names of their models in `models/`, the first of them the default, and the scenes whose charts are drawn.
+const MODELS: [(&str, &[&str], &[&str]); 5] = [
+    ("cartpole", &["cartpole"], &["free"]),
+    ("pendulum", &["pendulum", "pendulum-small", "pendulum-paper"], &["free", "ground1"]),
+    ("cube", &["cube"], &[]),
+    ("ant", &["ant", "ant-window", "ant-small"], &[]),
+    ("anymal", &["anymal"], &[]),
+];
+
+/// Those whose data and network are a matter of minutes on a CPU.
+const QUICK: [&str; 2] = ["cartpole", "pendulum"];
 
 /// Where models trained here and now, and what is said of them, go.
 const OWN: &str = "out/reproduce";
@@ -65,23 +73,23 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     }
     let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });
     let mut rows = Vec::new();
-    let mut models = Vec::new();
-    // The Ant's data and network are no matter of minutes on a CPU, nor is rapier's data.
-    let quick = |(robot, truth, _): &(&str, Truth, &[&str])| *robot != "ant" && *truth == Truth::Articulated;
-    let chosen: Vec<_> = MODELS.into_iter().filter(|m| !args.train || quick(m)).collect();
-    for (robot, truth, _) in &chosen {
-        let model = if args.train { trained(robot, &args)? } else { truth.shipped(robot) };
-        rows.extend(evaluate::rows(&EvaluateArgs {
-            robot: robot.to_string(),
-            scene: Vec::new(),
-            solver: SolverArgs { solver: SolverName::Neural, model: Some(model.clone()), device: args.device, ..SolverArgs::default() },
-            starts: args.starts,
-            steps: None,
-            seed: args.seed,
-            drive: 0.0,
-            out: None,
-        })?);
-        models.push(model);
+    let mut charts: Vec<(&str, Vec<PathBuf>, &[&str])> = Vec::new();
+    for (robot, names, scenes) in MODELS.into_iter().filter(|m| !args.train || QUICK.contains(&m.0)) {
+        let models: Vec<PathBuf> =
+            if args.train { vec![trained(robot, &args)?] } else { names.iter().map(|name| Path::new("models").join(name)).collect() };
+        for model in &models {
+            rows.extend(evaluate::rows(&EvaluateArgs {
+                robot: robot.to_string(),
+                scene: Vec::new(),
+                solver: SolverArgs { solver: SolverName::Neural, model: Some(model.clone()), device: args.device, ..SolverArgs::default() },
+                starts: args.starts,
+                steps: None,
+                seed: args.seed,
+                drive: 0.0,
+                out: None,
+            })?);
+        }
+        charts.push((robot, models, scenes));
     }
     let table = evaluate::table(&rows);
     println!("\nNeRD against its truth (`{}` where none is named), mean |dq| by joint:\n\n{table}", Truth::default().name());
@@ -90,9 +98,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
     crate::files::write(&out.join("passive.md"), (table + &from).as_bytes())?;
     if !args.tables_only {
-        for ((robot, _, scenes), model) in chosen.iter().zip(models) {
-            for scene in *scenes {
-                chart::run(ChartArgs { model: vec![model.clone()], seed: args.seed, out: out.clone(), ..ChartArgs::new(robot, scene) })?;
+        for (robot, models, scenes) in charts {
+            for scene in scenes {
+                chart::run(ChartArgs { model: models.clone(), seed: args.seed, out: out.clone(), ..ChartArgs::new(robot, scene) })?;
             }
         }
     }

@@ -55,7 +55,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
         let start = t.start.as_ref().with_context(|| format!("{}: trajectory {id} has no row of step 0", args.states.display()))?;
         batch.reset(env, start);
     }
-    let mut solver = build(&args.solver, &system, ids.len())?;
+    let mut solver = build(&args.solver, &system, &scene.name, ids.len())?;
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)))?;
     write_rows(&mut out, &ids, 0, &batch)?;

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use nerd_model::folder::Model;
+use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::neural::Neural;
+use nerd_model::pick::pick;
 use nerd_sim::prelude::*;
 
 use crate::common::Device;
@@ -34,6 +35,10 @@ pub struct SolverArgs {
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
+    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE.json` found to be at most so far (mean |dq|, rad or m)
+    /// from a converged motion
+    #[arg(long, value_name = "ERROR")]
+    pub tolerance: Option<f64>,
     /// Where `neural` is computed
     #[arg(long, value_enum, default_value_t = Device::Flex)]
     pub device: Device,
@@ -78,6 +83,7 @@ impl Default for SolverArgs {
             substeps: None,
             truth: None,
             model: None,
+            tolerance: None,
             device: Device::Flex,
         }
     }
@@ -87,6 +93,15 @@ impl SolverArgs {
     /// Folder of the model.
     fn folder(&self, system: &System) -> PathBuf {
         self.model.clone().unwrap_or_else(|| self.truth.unwrap_or_default().shipped(&system.name))
+    }
+
+    /// The solver in a table.
+    pub fn title(&self, system: &System) -> Result<String> {
+        Ok(match (self.tolerance, self.solver) {
+            (Some(tolerance), _) => format!("within {tolerance}"),
+            (None, SolverName::Neural) => describe(&ModelConfig::read(&self.folder(system))?),
+            (None, other) => format!("{other:?}").to_lowercase(),
+        })
     }
 
     /// What the solver is held against.
@@ -99,8 +114,13 @@ impl SolverArgs {
     }
 }
 
-/// Makes the solver for `n` environments of `system`.
-pub fn build(args: &SolverArgs, system: &Arc<System>, n: usize) -> Result<Box<dyn Solver>> {
+/// Makes the solver for `n` environments of `system` in `scene`.
+pub fn build(args: &SolverArgs, system: &Arc<System>, scene: &str, n: usize) -> Result<Box<dyn Solver>> {
+    if let Some(tolerance) = args.tolerance {
+        let picked = pick(Path::new("results"), &system.name, scene, tolerance)?;
+        eprintln!("{:?}: {:.2} us a frame for {:.2e}", picked.setting, picked.microseconds, picked.error);
+        return Ok(picked.setting.solver(system)?);
+    }
     if args.substeps == Some(0) {
         bail!("--substeps 0: at least one is needed");
     }
@@ -129,6 +149,12 @@ pub fn build(args: &SolverArgs, system: &Arc<System>, n: usize) -> Result<Box<dy
             Box::new(neural(&args.folder(system), system, truth.as_deref(), args.device, n)?)
         }
     })
+}
+
+/// Form and size of a model, for tables and legends.
+pub fn describe(model: &ModelConfig) -> String {
+    let form = if model.base.flies() { "on flight" } else { "paper's form" };
+    format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)
 }
 
 /// A model as a solver for `n` environments.

@@ -68,6 +68,6 @@ fn a_model_of_rapier_is_held_against_rapier() {
     done(&[&["chart", "--robot", "pendulum"][..], &short].concat());
     let chart = json(&folder.path().join("charts/chart-pendulum-ground1.json"));
     let points = chart["points"].as_array().expect("points");
-    let learned = points.iter().find(|p| p["series"].as_str().is_some_and(|s| s.starts_with("NeRD,"))).expect("the model");
+    let learned = points.iter().find(|p| p["series"].as_str().is_some_and(|s| s.starts_with("NeRD "))).expect("the model");
     assert!(learned["own"] == true && learned["series"].as_str().is_some_and(|s| s.ends_with(NAME)), "{learned}");
 }
