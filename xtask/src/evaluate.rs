@@ -133,7 +133,18 @@ pub fn table(rows: &[Row]) -> String {
         ]
     });
     markdown(
-        &["robot", "method", "scene", "starts x steps", "error (rad or m)", "standard error", "paper", "hold last", "constant velocity", "diverged"],
+        &[
+            "robot",
+            "method",
+            "scene",
+            "starts x steps",
+            "error (rad or m)",
+            "standard error",
+            "paper",
+            "hold last",
+            "constant velocity",
+            "diverged",
+        ],
         &cells.collect::<Vec<_>>(),
     )
 }

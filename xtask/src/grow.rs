@@ -89,7 +89,10 @@ pub fn run(args: GrowArgs) -> Result<()> {
     let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
     let json = serde_json::json!({ "provenance": stamp, "horizon": args.horizon, "starts": args.starts, "points": points });
     crate::files::write(&args.out.join("grow.json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
-    crate::files::write(&args.out.join("grow.md"), format!("Microseconds a frame of one environment on one core.\n\n{table}{from}").as_bytes())?;
+    crate::files::write(
+        &args.out.join("grow.md"),
+        format!("Microseconds a frame of one environment on one core.\n\n{table}{from}").as_bytes(),
+    )?;
     let figure = Figure {
         title: "An arm on the ground, growing".into(),
         x: "links".into(),
@@ -117,11 +120,23 @@ fn measure(args: &GrowArgs, links: usize) -> Result<Vec<Point>> {
         // What leaves has no error to speak of.
         let Ok(report) = passive(&system, &scene, &mut replay, &mut timed, config, &mut |_| ()) else { continue };
         let microseconds = timed.spent.as_secs_f64() * 1e6 / (args.starts * args.horizon) as f64;
-        points.push(Point { links, solver: format!("{setting:?}"), setting: Some(setting), microseconds, error: Some(mean(&report.error)) });
+        points.push(Point {
+            links,
+            solver: format!("{setting:?}"),
+            setting: Some(setting),
+            microseconds,
+            error: Some(mean(&report.error)),
+        });
     }
     for (embedding, layers, base) in [(64, 2, Base::State), (64, 2, Base::Flight), (192, 6, Base::State), (192, 6, Base::Flight)] {
         let solver = format!("NeRD {}, E {embedding}, {layers} layers", if base.flies() { "on flight" } else { "paper's form" });
-        points.push(Point { links, solver, setting: None, microseconds: untrained(&system, &scene, embedding, layers, base)?, error: None });
+        points.push(Point {
+            links,
+            solver,
+            setting: None,
+            microseconds: untrained(&system, &scene, embedding, layers, base)?,
+            error: None,
+        });
     }
     Ok(points)
 }

@@ -80,13 +80,11 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
 pub(super) fn softmax_by_head(scores: &mut [f32], heads: usize, most: &mut [f32], total: &mut [f32]) {
     most.fill(f32::NEG_INFINITY);
     scores.chunks_exact(heads).for_each(|row| most.iter_mut().zip(row).for_each(|(m, s)| *m = m.max(*s)));
+    scores.chunks_exact_mut(heads).for_each(|row| row.iter_mut().zip(&*most).for_each(|(s, m)| *s -= m));
+    // All at once, since heads are few and vectors are long.
+    scores.iter_mut().for_each(|s| *s = exp(*s));
     total.fill(0.0);
-    for row in scores.chunks_exact_mut(heads) {
-        for ((s, m), t) in row.iter_mut().zip(&*most).zip(&mut *total) {
-            *s = exp(*s - m);
-            *t += *s;
-        }
-    }
+    scores.chunks_exact(heads).for_each(|row| total.iter_mut().zip(row).for_each(|(t, s)| *t += s));
     total.iter_mut().for_each(|t| *t = t.recip());
     scores.chunks_exact_mut(heads).for_each(|row| row.iter_mut().zip(&*total).for_each(|(s, t)| *s *= t));
 }

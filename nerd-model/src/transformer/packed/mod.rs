@@ -27,7 +27,7 @@ pub fn packed(weights: &Weights) -> Box<dyn Stream> {
 }
 
 /// Rows (tokens) of a block.
-const ROWS: usize = 160;
+const ROWS: usize = 320;
 
 /// A network's matrices, `[in, out]` row-major.
 struct Packed {
