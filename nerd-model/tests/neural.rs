@@ -6,23 +6,23 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{gap, model};
+use common::{POSITIONS, gap, model};
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::transformer::Storage;
+use nerd_model::transformer::{Positions, Storage};
 use nerd_sim::prelude::*;
 
 const BOUND: f64 = 1e-5;
 
-fn simulation(scene: &str, n: usize) -> Simulation {
+fn simulation(scene: &str, n: usize, positions: Positions) -> Simulation {
     let system = System::named("pendulum").expect("built in");
     let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), n);
     batch.states.iter_mut().enumerate().for_each(|(i, x)| *x = (0.7 * i as f64).sin());
-    Simulation::new(batch, Neural::on_cpu(model(&system, Base::State), &system))
+    Simulation::new(batch, Neural::on_cpu(common::placed(&system, Base::State, positions), &system))
 }
 
 fn run(simulation: &mut Simulation, frames: usize) {
@@ -32,42 +32,46 @@ fn run(simulation: &mut Simulation, frames: usize) {
 
 #[test]
 fn history_matters_and_a_reset_ends_it_for_that_environment_alone() {
-    let mut all = simulation("ground1", 3);
-    let mut undisturbed = simulation("ground1", 3);
-    run(&mut all, 14);
-    let state = all.batch.state(1).to_vec();
-    let mut continued = simulation("ground1", 3);
-    run(&mut continued, 14);
-    all.reset(1, &state);
-    let mut fresh = simulation("ground1", 1);
-    fresh.reset(0, &state);
-    run(&mut all, 12);
-    run(&mut fresh, 12);
-    run(&mut continued, 12);
-    run(&mut undisturbed, 26);
-    let difference = gap(all.batch.state(1), fresh.batch.state(0));
-    assert!(difference < BOUND, "reset against fresh: {difference:.1e}");
-    let difference = gap(all.batch.state(2), undisturbed.batch.state(2));
-    assert!(difference < BOUND, "the neighbour noticed: {difference:.1e}");
-    let difference = gap(all.batch.state(1), continued.batch.state(1));
-    assert!(difference > 10.0 * BOUND, "with and without history alike ({difference:.1e}): the network sees no history");
+    for positions in POSITIONS {
+        let mut all = simulation("ground1", 3, positions);
+        let mut undisturbed = simulation("ground1", 3, positions);
+        run(&mut all, 14);
+        let state = all.batch.state(1).to_vec();
+        let mut continued = simulation("ground1", 3, positions);
+        run(&mut continued, 14);
+        all.reset(1, &state);
+        let mut fresh = simulation("ground1", 1, positions);
+        fresh.reset(0, &state);
+        run(&mut all, 12);
+        run(&mut fresh, 12);
+        run(&mut continued, 12);
+        run(&mut undisturbed, 26);
+        let difference = gap(all.batch.state(1), fresh.batch.state(0));
+        assert!(difference < BOUND, "reset against fresh: {difference:.1e}");
+        let difference = gap(all.batch.state(2), undisturbed.batch.state(2));
+        assert!(difference < BOUND, "the neighbour noticed: {difference:.1e}");
+        let difference = gap(all.batch.state(1), continued.batch.state(1));
+        assert!(difference > 10.0 * BOUND, "with and without history alike ({difference:.1e}): the network sees no history");
+    }
 }
 
 #[test]
 fn frames_of_another_solver_in_between_empty_the_window() {
-    let mut swapped = simulation("ground1", 2);
-    let system = swapped.batch.system.clone();
-    run(&mut swapped, 8);
-    let mut truth: Box<dyn Solver> = Box::new(Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb)));
-    std::mem::swap(&mut truth, &mut swapped.solver);
-    run(&mut swapped, 3);
-    std::mem::swap(&mut truth, &mut swapped.solver);
-    let mut fresh = simulation("ground1", 2);
-    (0..2).for_each(|env| fresh.reset(env, swapped.batch.state(env)));
-    run(&mut swapped, 5);
-    run(&mut fresh, 5);
-    let difference = gap(&swapped.batch.states, &fresh.batch.states);
-    assert!(difference < BOUND, "tokens from before the swap were used: {difference:.1e}");
+    for positions in POSITIONS {
+        let mut swapped = simulation("ground1", 2, positions);
+        let system = swapped.batch.system.clone();
+        run(&mut swapped, 8);
+        let mut truth: Box<dyn Solver> = Box::new(Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb)));
+        std::mem::swap(&mut truth, &mut swapped.solver);
+        run(&mut swapped, 3);
+        std::mem::swap(&mut truth, &mut swapped.solver);
+        let mut fresh = simulation("ground1", 2, positions);
+        (0..2).for_each(|env| fresh.reset(env, swapped.batch.state(env)));
+        run(&mut swapped, 5);
+        run(&mut fresh, 5);
+        let difference = gap(&swapped.batch.states, &fresh.batch.states);
+        assert!(difference < BOUND, "tokens from before the swap were used: {difference:.1e}");
+    }
 }
 
 #[test]

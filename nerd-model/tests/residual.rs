@@ -6,13 +6,14 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{gap, model};
+use common::{POSITIONS, gap, model, placed};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::dynamics::Data;
 use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::neural::Neural;
+use nerd_model::transformer::Positions;
 use nerd_sim::batch::contacts;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
@@ -33,8 +34,8 @@ fn batch(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
     (batch, torques)
 }
 
-fn learned(system: &Arc<System>) -> Neural {
-    Neural::on_cpu(model(system, Base::Flight), system)
+fn learned(system: &Arc<System>, positions: Positions) -> Neural {
+    Neural::on_cpu(placed(system, Base::Flight, positions), system)
 }
 
 fn run(solver: &mut dyn Solver, batch: &mut Batch, torques: &[f64], frames: usize) {
@@ -59,7 +60,7 @@ fn where_nothing_is_there_to_touch_it_is_the_truth_to_the_bit() {
         let scene = if robot == "pendulum" { "ground1" } else { "ground" };
         let (mut ours, torques) = batch(&system, scene, 5);
         let mut truth = ours.clone();
-        run(&mut learned(&system), &mut ours, &torques, 60);
+        run(&mut learned(&system, Positions::Rotary), &mut ours, &torques, 60);
         run(&mut Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb)), &mut truth, &torques, 60);
         assert_ne!(ours.states, truth.states, "{robot} on {scene}: the network is never asked");
     }
@@ -67,31 +68,35 @@ fn where_nothing_is_there_to_touch_it_is_the_truth_to_the_bit() {
 
 #[test]
 fn an_environment_is_that_environment_alone() {
-    let system = named("pendulum");
-    let (first, torques) = batch(&system, "ground1", 6);
-    let mut all = first.clone();
-    run(&mut learned(&system), &mut all, &torques, 25);
-    for env in 0..6 {
-        let mut alone = Batch::new(&system, &first.scenes[env], 1);
-        alone.reset(0, first.state(env));
-        run(&mut learned(&system), &mut alone, &torques[2 * env..2 * env + 2], 25);
-        let difference = gap(alone.state(0), all.state(env));
-        assert!(difference < BOUND, "environment {env} of 6 and alone: {difference:.1e}");
+    for positions in POSITIONS {
+        let system = named("pendulum");
+        let (first, torques) = batch(&system, "ground1", 6);
+        let mut all = first.clone();
+        run(&mut learned(&system, positions), &mut all, &torques, 25);
+        for env in 0..6 {
+            let mut alone = Batch::new(&system, &first.scenes[env], 1);
+            alone.reset(0, first.state(env));
+            run(&mut learned(&system, positions), &mut alone, &torques[2 * env..2 * env + 2], 25);
+            let difference = gap(alone.state(0), all.state(env));
+            assert!(difference < BOUND, "environment {env} of 6 and alone: {difference:.1e}");
+        }
     }
 }
 
 #[test]
 fn a_reset_forgets() {
-    let system = named("pendulum");
-    let (first, torques) = batch(&system, "ground1", 3);
-    let mut used = Simulation::new(first.clone(), learned(&system));
-    run(&mut *used.solver, &mut used.batch, &torques, 14);
-    (0..3).for_each(|env| used.reset(env, first.state(env)));
-    let mut fresh = Simulation::new(first, learned(&system));
-    run(&mut *used.solver, &mut used.batch, &torques, 14);
-    run(&mut *fresh.solver, &mut fresh.batch, &torques, 14);
-    let difference = gap(&used.batch.states, &fresh.batch.states);
-    assert!(difference < BOUND, "reset against fresh: {difference:.1e}");
+    for positions in POSITIONS {
+        let system = named("pendulum");
+        let (first, torques) = batch(&system, "ground1", 3);
+        let mut used = Simulation::new(first.clone(), learned(&system, positions));
+        run(&mut *used.solver, &mut used.batch, &torques, 14);
+        (0..3).for_each(|env| used.reset(env, first.state(env)));
+        let mut fresh = Simulation::new(first, learned(&system, positions));
+        run(&mut *used.solver, &mut used.batch, &torques, 14);
+        run(&mut *fresh.solver, &mut fresh.batch, &torques, 14);
+        let difference = gap(&used.batch.states, &fresh.batch.states);
+        assert!(difference < BOUND, "reset against fresh: {difference:.1e}");
+    }
 }
 
 /// What is learned of a frame leads back to its end, from whatever it is added to: f32 of a change of at most a few units.

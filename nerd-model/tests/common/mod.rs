@@ -6,13 +6,22 @@ use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::{Positions, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
+
+/// Windows and streams.
+pub const POSITIONS: [Positions; 2] = [Positions::Table, Positions::Rotary];
 
 /// A model of `system` whose predictions are added to `base`; none of it is learned.
 pub fn model(system: &Arc<System>, base: Base) -> Model {
+    placed(system, base, Positions::Table)
+}
+
+/// The same with positions of either kind.
+pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
-    let network = TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, ..TransformerConfig::paper(inputs, outputs, 192) };
+    let network =
+        TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 192) };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n] };
     let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
     let config = ModelConfig {
