@@ -7,5 +7,6 @@ pub mod metrics;
 pub mod prepare;
 pub mod report;
 pub mod schedule;
+pub mod supply;
 pub mod trainer;
 pub mod windows;

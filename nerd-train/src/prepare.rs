@@ -124,12 +124,24 @@ pub fn generate(
     let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
-        let recording = record(system, &mut *solver(), config, first as u64, count)?;
-        let done = (tokens(system, &recording, history, form)?, recording.sha256());
+        let done = shard(system, solver, config, first as u64, count, (history, form))?;
         progress(count * config.frames);
         Ok(done)
     };
     Ok(joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
+}
+
+/// Tokens and targets of trajectories `first .. first + count`, and the hash of their recording.
+pub(crate) fn shard(
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    config: &GenerateConfig,
+    first: u64,
+    count: usize,
+    (history, form): (usize, Form),
+) -> Result<(Windows, [u8; 32]), DatasetError> {
+    let recording = record(system, &mut *solver(), config, first, count)?;
+    Ok((tokens(system, &recording, history, form)?, recording.sha256()))
 }
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.

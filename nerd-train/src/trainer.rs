@@ -18,6 +18,7 @@ use crate::learner::{LearnError, Learner, LearnerState};
 use crate::metrics::{Line, Metrics};
 use crate::report::Report;
 use crate::schedule::Schedule;
+use crate::supply::{Supply, SupplyError};
 
 /// Length of a run and how often it does what. An interval of 0 means "only at the end".
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +61,9 @@ pub enum TrainError {
     /// A file of the run could not be written or read.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// Fresh data could not be recorded.
+    #[error(transparent)]
+    Supply(#[from] SupplyError),
     /// The best weights could not be encoded or decoded.
     #[error("best.safetensors: {0}")]
     Weights(#[from] WeightsError),
@@ -113,11 +117,11 @@ impl Trainer {
         self
     }
 
-    /// Trains from the learner's step to the configured number of updates or until the time is over.
+    /// Trains, on `fresh` data as it comes if there is any, from the learner's step to the configured number of updates or until the time is over.
     ///
     /// # Errors
     /// [`TrainError`]; the files of the last checkpoint stay as they are.
-    pub fn run(&self, learner: &mut dyn Learner, hook: &mut Hook) -> Result<Outcome, TrainError> {
+    pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome, TrainError> {
         let (c, started) = (&self.config, Instant::now());
         let first = learner.state()?.step;
         let mut metrics = Metrics::open(&self.folder.join("metrics.jsonl"), first)?;
@@ -126,6 +130,10 @@ impl Trainer {
         let mut report = Report::new(first, c.updates);
         let (mut step, mut logged, mut since) = (first, first, Instant::now());
         while step < c.updates {
+            while let Some(shard) = fresh.as_mut().and_then(|supply| supply.take(step)) {
+                let (trajectory, windows) = shard?;
+                learner.replace(trajectory, &windows)?;
+            }
             let lr = c.schedule.rate(step, c.updates);
             learner.update(lr as f32)?;
             step += 1;

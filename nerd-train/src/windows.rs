@@ -42,6 +42,29 @@ impl Windows {
         self.len() == 0
     }
 
+    /// Puts the trajectories of `fresh` over those from number `first` on.
+    ///
+    /// # Errors
+    /// What does not fit.
+    pub fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), String> {
+        fresh.fits(first, [self.inputs, self.outputs, self.frames, self.history], self.trajectories())?;
+        self.x[first * self.frames * self.inputs..][..fresh.x.len()].copy_from_slice(&fresh.x);
+        self.y[first * self.frames * self.outputs..][..fresh.y.len()].copy_from_slice(&fresh.y);
+        Ok(())
+    }
+
+    /// Whether these may replace trajectories from number `first` on of `trajectories` with (inputs, outputs, frames, history).
+    pub(crate) fn fits(&self, first: usize, shape: [usize; 4], trajectories: usize) -> Result<(), String> {
+        let own = [self.inputs, self.outputs, self.frames, self.history];
+        if own != shape || first + self.trajectories() > trajectories {
+            let last = first + self.trajectories();
+            return Err(format!(
+                "fresh trajectories {first}..{last} of (inputs, outputs, frames, history) {own:?} among {trajectories} of {shape:?}"
+            ));
+        }
+        Ok(())
+    }
+
     /// First token of a window, counted in tokens from the start of `x`; its tokens follow one another.
     pub fn first_token(&self, window: usize) -> usize {
         window / self.per_trajectory() * self.frames + window % self.per_trajectory()

@@ -24,7 +24,7 @@ const CONFIG: TrainerConfig = TrainerConfig {
 fn train(folder: &Path, state: LearnerState, wall: Option<Duration>) -> (Outcome, LearnerState) {
     let mut learner = learner(state);
     let trainer = Trainer::new(CONFIG, LEARNER.batch, folder, "{\"name\":\"test\"}").stop_at(wall);
-    let outcome = trainer.run(&mut learner, &mut |_, _| Ok(None)).unwrap();
+    let outcome = trainer.run(&mut learner, None, &mut |_, _| Ok(None)).unwrap();
     (outcome, learner.state().unwrap())
 }
 
@@ -72,7 +72,7 @@ fn killed_between_checkpoints() {
     let trainer = Trainer::new(CONFIG, LEARNER.batch, killed.path(), "{\"name\":\"test\"}");
     let mut hook =
         |_: &mut dyn Learner, step: u64| -> Result<Option<f64>, HookError> { if step == 18 { Err("power cut".into()) } else { Ok(None) } };
-    let error = trainer.run(&mut learner(fresh()), &mut hook).unwrap_err();
+    let error = trainer.run(&mut learner(fresh()), None, &mut hook).unwrap_err();
     assert!(matches!(&error, TrainError::Hook { step: 18, .. }) && error.to_string().contains("power cut"), "{error}");
     let state = load(killed.path());
     assert_eq!(state.step, 14);
@@ -92,7 +92,7 @@ fn the_hooks_value_chooses_the_best_weights() {
         }
         Ok(Some(if step == 18 { f64::NAN } else { (step as f64 - 12.0).abs() }))
     };
-    let outcome = trainer.run(&mut learner(fresh()), &mut hook).unwrap();
+    let outcome = trainer.run(&mut learner(fresh()), None, &mut hook).unwrap();
     assert_eq!(outcome.best, Some((12, 0.0)));
     let bytes = std::fs::read(folder.path().join("best.safetensors")).unwrap();
     assert!(Some(Weights::from_bytes(NETWORK, &bytes).unwrap().flat) == at_twelve, "other weights than those of step 12");

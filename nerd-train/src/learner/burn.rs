@@ -154,6 +154,10 @@ impl Learner for BurnLearner {
         Ok(())
     }
 
+    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
+        Arc::make_mut(&mut self.train).replace(first, fresh).map_err(LearnError::Mismatch)
+    }
+
     fn progress(&mut self) -> Result<Progress, LearnError> {
         let (loss, norm, n) = std::mem::take(&mut self.sums);
         let n = f64::from(n.max(1));

@@ -14,6 +14,8 @@ pub mod cuda;
 
 use nerd_model::transformer::Weights;
 
+use crate::windows::Windows;
+
 /// Share of their distance by which the averaged weights follow the weights after update `step`, counted from 0: the
 /// average's decay d is `(1 + s) / (10 + s)` while that is below `average`; from then on sixteen updates are taken at
 /// once, since in f32 an average stops wherever `blend |w - a|` is below half a unit of its last place: at d = 0.9999
@@ -109,6 +111,8 @@ pub enum LearnError {
 pub trait Learner {
     /// One optimiser update with learning rate `lr`. May return before the device is done.
     fn update(&mut self, lr: f32) -> Result<(), LearnError>;
+    /// Puts normalised trajectories of the same shape over those from number `first` on.
+    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError>;
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
     fn progress(&mut self) -> Result<Progress, LearnError>;
     /// Normalised MSE of the averaged weights over the first `windows` validation windows.

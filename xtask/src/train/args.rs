@@ -51,6 +51,9 @@ pub struct TrainArgs {
     /// Transitions to record
     #[arg(long)]
     pub transitions: Option<usize>,
+    /// Transitions recorded while the run goes on, which take the places of the oldest
+    #[arg(long, default_value_t = 0)]
+    pub fresh: usize,
     /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
     /// trajectories are passive); the paper's data has 1
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
@@ -117,6 +120,7 @@ impl TrainArgs {
             data: None,
             from: None,
             transitions: None,
+            fresh: 0,
             torque_scale: 0.0,
             updates: None,
             batch: None,

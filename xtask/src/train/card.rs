@@ -30,6 +30,9 @@ pub struct Run {
     pub torque_scale: f64,
     pub data_sha256: String,
     pub transitions: usize,
+    /// Transitions recorded during the run.
+    #[serde(default)]
+    pub fresh: usize,
     /// What the weights it started from had been through.
     pub from: Option<String>,
 }
@@ -44,7 +47,7 @@ pub fn model_config(run: &Run, provenance: &HashMap<String, String>) -> ModelCon
         view: form.view,
         network: run.network,
         data_sha256: run.data_sha256.clone(),
-        transitions: run.transitions,
+        transitions: run.transitions + run.fresh,
         updates: run.trainer.updates,
         batch: run.learner.batch,
         provenance: provenance.clone(),
@@ -106,7 +109,7 @@ pub fn export(
     let config = model_config(run, &provenance);
     let mut card = format!(
         "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
-         {} updates of {} windows on {} random transitions (SHA-256 `{}`).\n\n| | |\n|---|---|\n",
+         {} updates of {} windows on {} random transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
         run.variant.name(),
         run.robot,
         if run.network.architecture == Architecture::Transformer { "A causal Transformer" } else { "A network" },
@@ -118,7 +121,8 @@ pub fn export(
         run.truth,
         run.trainer.updates,
         run.learner.batch,
-        run.transitions,
+        run.transitions + run.fresh,
+        if run.fresh > 0 { format!(" of the first {}", run.transitions) } else { String::new() },
         run.data_sha256,
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));

@@ -29,6 +29,7 @@ use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::prepare::{Prepared, generate, moments, normalize, read};
 use nerd_train::schedule::Schedule;
+use nerd_train::supply::{Supply, SupplyConfig};
 use nerd_train::trainer::{Trainer, TrainerConfig};
 
 mod args;
@@ -143,11 +144,19 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     }
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
+    let mut config = recording(args, transitions, args.seed);
+    if args.fresh > 0 {
+        if args.data.is_some() {
+            bail!("--fresh records by itself: leave out --data");
+        }
+        config.transitions = transitions.next_multiple_of(config.frames * config.shard_trajectories);
+    }
     let mut data = match &args.data {
         Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), form)?,
-        None => recorded(&system, args, transitions, args.seed, network.sequence(), form)?,
+        None => recorded(&system, args, &config, network.sequence(), form)?,
     };
-    let mut validation = recorded(&system, args, 200_000.min(transitions), args.seed + 10, network.sequence(), form)?.windows;
+    let validation = recording(args, 200_000.min(transitions), args.seed + 10);
+    let mut validation = recorded(&system, args, &validation, network.sequence(), form)?.windows;
     if data.windows.is_empty() || validation.is_empty() {
         bail!(
             "{} trajectories of {} frames hold no sequence of {} tokens",
@@ -175,6 +184,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         torque_scale: args.torque_scale,
         data_sha256: data.sha256.clone(),
         transitions,
+        fresh: args.fresh,
         from: parent.as_ref().map(|p| history(&p.config)),
     };
     let first_weights = || parent.map_or_else(|| Weights::init(network, args.seed), |p| p.weights);
@@ -184,6 +194,12 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     eprintln!("{} parameters, {} windows, update {} of {updates}", network.parameters(), data.windows.len(), state.step);
 
     let first = state.step;
+    let supply = (args.fresh > 0).then(|| {
+        let (truth, shards) = (args.truth, args.fresh.div_ceil(config.frames * config.shard_trajectories) as u64);
+        let (history, normalizer, of) = (network.sequence(), normalizer.clone(), system.clone());
+        let config = SupplyConfig { data: config, shards, updates, step: first, history, form, normalizer };
+        Supply::new(&system, move || truth.solver(&of), config)
+    });
     let mut engine = engine(args, learner, state, data, validation)?;
     let mut hook = |learner: &mut dyn Learner, _step: u64| -> Result<Option<f64>, nerd_train::trainer::HookError> {
         if args.rollouts == 0 {
@@ -200,7 +216,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let outcome = Trainer::new(trainer, learner.batch, &args.out, &text)
         // More minutes than a duration holds are no limit.
         .stop_at(args.minutes.and_then(|m| Duration::try_from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0)).ok()))
-        .run(&mut *engine, &mut hook)?;
+        .run(&mut *engine, supply.transpose()?, &mut hook)?;
     let seconds = started.elapsed().as_secs_f64();
     log_time(&args.out, first, outcome.step, seconds)?;
     if !outcome.finished {
@@ -225,13 +241,16 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     Ok(Some(folder))
 }
 
-fn recorded(system: &Arc<System>, args: &TrainArgs, transitions: usize, seed: u64, history: usize, form: Form) -> Result<Prepared> {
+fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig {
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
-    let config = GenerateConfig { transitions, seed, torque_scale, shard_trajectories: 512, ..Default::default() };
+    GenerateConfig { transitions, seed, torque_scale, shard_trajectories: 512, ..Default::default() }
+}
+
+fn recorded(system: &Arc<System>, args: &TrainArgs, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
     let bar = crate::common::bar("recording transitions", (config.trajectories() * config.frames) as u64);
     let done = AtomicUsize::new(0);
     let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-    let prepared = generate(system, &|| args.truth.solver(system), &config, history, form, &tell)?;
+    let prepared = generate(system, &|| args.truth.solver(system), config, history, form, &tell)?;
     bar.finish();
     Ok(prepared)
 }

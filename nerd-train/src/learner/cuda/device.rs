@@ -139,12 +139,17 @@ impl Device {
 
     /// Copies `values` to the start of `buffer`, after the work before it.
     pub fn write<T: Copy>(&self, buffer: &Buffer<T>, values: &[T]) -> Result<(), LearnError> {
-        check_fit(buffer, values.len())?;
+        self.write_at(buffer, 0, values)
+    }
+
+    /// Copies `values` to `buffer` from entry `first` on, after the work before it.
+    pub fn write_at<T: Copy>(&self, buffer: &Buffer<T>, first: usize, values: &[T]) -> Result<(), LearnError> {
+        check_fit(buffer, first + values.len())?;
         if values.is_empty() {
             return Ok(());
         }
         self.wait()?;
-        unsafe { driver::result::memcpy_htod_sync(buffer.ptr, values) }.map_err(failed("copy to the device"))
+        unsafe { driver::result::memcpy_htod_sync(buffer.at(first), values) }.map_err(failed("copy to the device"))
     }
 
     /// Copies the start of `buffer` to `values`, after the work before it.

@@ -224,6 +224,14 @@ impl Learner for CudaLearner {
         self.graph.launch().map_err(super::device::failed("update"))
     }
 
+    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
+        let (data, c) = (&self.train, self.network.layout.config);
+        let trajectories = data.windows / data.per;
+        fresh.fits(first, [c.inputs, c.outputs, data.frames, c.sequence()], trajectories).map_err(LearnError::Mismatch)?;
+        self.network.device.write_at(&data.x, first * data.frames * c.inputs, &fresh.x)?;
+        self.network.device.write_at(&data.y, first * data.frames * c.outputs, &fresh.y)
+    }
+
     fn progress(&mut self) -> Result<Progress, LearnError> {
         let s = self.scalars()?;
         if s.bad_step != u64::MAX {
