@@ -165,8 +165,10 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
             network.sequence()
         );
     }
-    let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, Some(&args.truth.name()))).transpose()?;
-    if let Some(parent) = parent.as_ref().filter(|p| (p.config.network, p.config.form()) != (network, form)) {
+    // A parent may have learned another truth: most of what it knows holds in this one, too.
+    let parent = args.from.as_ref().map(|folder| Model::load(folder, &system, None)).transpose()?;
+    let like = |form: Form| (form.view, form.base.flies());
+    if let Some(parent) = parent.as_ref().filter(|p| p.config.network != network || like(p.config.form()) != like(form)) {
         bail!("--from: its network is {:?} in {:?}, this run's {network:?} in {form:?}", parent.config.network, parent.config.form());
     }
     let normalizer = parent.as_ref().map_or_else(|| args.variant.normalizer(moments(&data.windows)), |p| p.normalizer.clone());
