@@ -16,7 +16,7 @@ fn training(c: &mut Criterion) {
     let network = TransformerConfig { layers: 2, heads: 4, ..TransformerConfig::paper(37, 4, 64) };
     let data = |n: usize| (0..n).map(|i| (i as f32 * 0.37).sin()).collect();
     let windows = Arc::new(Windows { inputs: 37, outputs: 4, frames: 100, history: 10, x: data(100 * 100 * 37), y: data(100 * 100 * 4) });
-    let config = LearnerConfig { batch: 512, clip: 1.0, average: 0.999, seed: 0, optimizer: Default::default() };
+    let config = LearnerConfig { batch: 512, clip: 1.0, average: 0.999, seed: 0, huber: None, optimizer: Default::default() };
     let state = LearnerState::new(Weights::init(network, 0));
     let mut learner = BurnLearner::new(config, state, windows.clone(), windows, &Device::flex()).expect("windows fit the network");
     group.bench_function("512 windows", |b| b.iter(|| learner.update(1e-4).expect("a finite loss")));

@@ -61,7 +61,7 @@ fn weights(config: TransformerConfig, size: f32) -> Weights {
 }
 
 fn configuration(batch: usize) -> LearnerConfig {
-    LearnerConfig { batch, clip: 1.0, average: 0.999, seed: 5, optimizer: Default::default() }
+    LearnerConfig { batch, clip: 1.0, average: 0.999, seed: 5, huber: None, optimizer: Default::default() }
 }
 
 fn learner(batch: usize, precision: Precision, scale: f32) -> Result<CudaLearner, Box<dyn Error>> {

@@ -6,13 +6,21 @@ use std::sync::Arc;
 use rand::{Rng, RngExt};
 
 use crate::control::Controller;
+use crate::spec::RandomGains;
 use crate::system::System;
 
 /// Random torques of a system, as in its training data.
 pub struct Drive {
     amplitudes: Vec<f64>,
-    law: Option<(Controller, crate::spec::RandomGains)>,
+    law: Option<Law>,
     action: Vec<f64>,
+}
+
+/// A position law whose gains are drawn anew every frame.
+struct Law {
+    controller: Controller,
+    own: Vec<[f64; 2]>,
+    gains: RandomGains,
 }
 
 impl Drive {
@@ -20,20 +28,32 @@ impl Drive {
     pub fn new(system: &Arc<System>) -> Self {
         let gains = system.spec.control.and_then(|c| c.data);
         let amplitudes = system.torque_amplitudes();
-        Self { action: vec![0.0; amplitudes.len()], amplitudes, law: gains.map(|g| (Controller::new(system), g)) }
+        Self { action: vec![0.0; amplitudes.len()], amplitudes, law: gains.map(|gains| Law::new(system, gains)) }
     }
 
-    /// Torques of one frame at a state; `scale` is a factor on torques or actions.
+    /// Torques of one frame at a state; `scale` is a factor on torques or actions, and at 0 a position law has its own gains.
     pub fn draw(&mut self, state: &[f64], scale: f64, rng: &mut impl Rng, out: &mut [f64]) {
         let mut side = || 2.0 * rng.random::<f64>() - 1.0;
-        let Some((controller, gains)) = &mut self.law else {
+        let Some(Law { controller, own, gains }) = &mut self.law else {
             for (tau, a) in out.iter_mut().zip(&self.amplitudes) {
                 *tau = if *a == 0.0 { 0.0 } else { scale * a * side() };
             }
             return;
         };
         self.action.iter_mut().for_each(|a| *a = scale * side());
-        controller.gains.fill([gains.kp.draw(rng), gains.kd.draw(rng)]);
+        // A passive robot stands by its own law, as it will when it is evaluated.
+        if scale == 0.0 {
+            controller.gains.copy_from_slice(own);
+        } else {
+            controller.gains.fill([gains.kp.draw(rng), gains.kd.draw(rng)]);
+        }
         controller.torques(state, &self.action, out);
+    }
+}
+
+impl Law {
+    fn new(system: &Arc<System>, gains: RandomGains) -> Self {
+        let controller = Controller::new(system);
+        Self { own: controller.gains.clone(), controller, gains }
     }
 }

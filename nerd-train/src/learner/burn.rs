@@ -74,16 +74,20 @@ impl BurnLearner {
         self
     }
 
-    /// Loss and its gradient, before clipping, for the training windows `rows`.
+    /// Squared error and the gradient of the loss, before clipping, for the training windows `rows`.
     ///
     /// # Errors
     /// If the device fails.
     pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
         let scale = 1.0 / self.values(&self.train, rows.len());
         let parts = self.sharded(&self.state.weights, &self.device, rows, |network, rows| {
-            let loss = squared_error(network, &self.train, rows, &self.device) * scale;
-            let value = scalar(loss.clone())?;
-            Ok((value, network.gradients(&loss.backward())))
+            let error = errors(network, &self.train, rows, &self.device);
+            let squares = (error.clone() * error.clone()).sum() * scale;
+            let loss = match self.config.huber.map(f64::from) {
+                None => squares.clone(),
+                Some(d) => ((error.clone() * error / (d * d) + 1.0).sqrt() - 1.0).sum() * (2.0 * d * d * scale),
+            };
+            Ok((scalar(squares)?, network.gradients(&loss.backward())))
         })?;
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
@@ -168,8 +172,10 @@ impl Learner for BurnLearner {
         let rows: Vec<u64> = (0..windows.clamp(1, self.validation.len()) as u64).collect();
         let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
         let device = self.device.clone().inner();
-        let parts =
-            self.sharded(&weights, &device, &rows, |network, rows| scalar(squared_error(network, &self.validation, rows, &device)))?;
+        let parts = self.sharded(&weights, &device, &rows, |network, rows| {
+            let error = errors(network, &self.validation, rows, &device);
+            scalar((error.clone() * error).sum())
+        })?;
         Ok((parts.iter().sum::<f64>() / self.values(&self.validation, rows.len())) as f32)
     }
 
@@ -178,15 +184,14 @@ impl Learner for BurnLearner {
     }
 }
 
-/// Squared errors of the windows `rows`, summed over windows, tokens and outputs.
-fn squared_error(network: &Network, set: &Windows, rows: &[u64], device: &Device) -> Tensor<1> {
+/// Errors of the windows `rows`, `[windows, tokens, outputs]`.
+fn errors(network: &Network, set: &Windows, rows: &[u64], device: &Device) -> Tensor<3> {
     let gather = |data: &[f32], width: usize| {
         let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
         let flat: Vec<f32> = rows.iter().flat_map(window).copied().collect();
         Tensor::<3>::from_data(TensorData::new(flat, [rows.len(), set.history, width]), device)
     };
-    let error = network.forward(gather(&set.x, set.inputs)) - gather(&set.y, set.outputs);
-    (error.clone() * error).sum()
+    network.forward(gather(&set.x, set.inputs)) - gather(&set.y, set.outputs)
 }
 
 /// A scalar tensor's value.

@@ -1,6 +1,7 @@
 //! What one optimiser update is, whoever computes it.
 //!
-//! Loss: mean over windows, all tokens and all outputs of the squared error in normalised target units. Adam
+//! Loss: mean over windows, all tokens and all outputs of the squared error in normalised target units, or of its pseudo-Huber
+//! form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`; what is reported is the squared error. Adam
 //! (beta 0.9, 0.999, epsilon 1e-8, no decay), gradient clipped to a global norm, and a moving average of the weights
 //! `a += blend (w - a)` (see [`blend`]).
 
@@ -40,6 +41,10 @@ pub struct LearnerConfig {
     pub average: f64,
     /// Seed of the window draws.
     pub seed: u64,
+    /// Error, in deviations of a target, around which the loss goes over from squares to a straight line (pseudo-Huber);
+    /// squares alone if none (paper).
+    #[serde(default)]
+    pub huber: Option<f32>,
     /// What updates the hidden matrices (paper: Adam).
     #[serde(default)]
     pub optimizer: Optimizer,

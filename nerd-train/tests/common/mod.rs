@@ -26,7 +26,7 @@ pub const NETWORK: TransformerConfig = TransformerConfig {
 
 /// 24 windows an update, clip 1, moving average 0.99.
 pub const LEARNER: LearnerConfig =
-    LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, optimizer: nerd_train::learner::Optimizer::Adam };
+    LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, huber: None, optimizer: nerd_train::learner::Optimizer::Adam };
 
 /// 30 trajectories of 12 frames: `y0 = x0 - x1 / 2`, `y1 = x2`.
 pub fn windows(phase: f32) -> Arc<Windows> {

@@ -51,6 +51,9 @@ pub struct TrainArgs {
     /// Transitions to record
     #[arg(long)]
     pub transitions: Option<usize>,
+    /// Frames of a trajectory (paper: 100)
+    #[arg(long, default_value_t = 100)]
+    pub frames: usize,
     /// Transitions recorded while the run goes on, which take the places of the oldest
     #[arg(long, default_value_t = 0)]
     pub fresh: usize,
@@ -79,6 +82,9 @@ pub struct TrainArgs {
     /// What updates the hidden matrices: adam (the paper) or muon
     #[arg(long, value_enum, default_value_t = OptimizerName::Adam)]
     pub optimizer: OptimizerName,
+    /// Error, in deviations of a target, around which the loss goes over from squares (the paper's) to a straight line
+    #[arg(long)]
+    pub huber: Option<f32>,
     /// Decay of the moving average of the weights, per update
     #[arg(long, default_value_t = 0.9995)]
     pub average: f64,
@@ -120,6 +126,7 @@ impl TrainArgs {
             data: None,
             from: None,
             transitions: None,
+            frames: 100,
             fresh: 0,
             torque_scale: 0.0,
             updates: None,
@@ -129,6 +136,7 @@ impl TrainArgs {
             tail: 0.3,
             warmup: 0,
             optimizer: OptimizerName::Muon,
+            huber: None,
             average: 0.9995,
             validate_every: None,
             rollouts: 64,

@@ -126,6 +126,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         clip: 1.0,
         average: args.average,
         seed: args.seed,
+        huber: args.huber,
         optimizer,
     };
     let tail = (args.tail.clamp(0.0, 1.0) * updates as f64) as u64;
@@ -245,7 +246,9 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
 
 fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig {
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
-    GenerateConfig { transitions, seed, torque_scale, shard_trajectories: 512, ..Default::default() }
+    // Small shards come soon, whatever the truth.
+    let shard_trajectories = if args.fresh > 0 { 64 } else { 512 };
+    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames: args.frames.max(1) }
 }
 
 fn recorded(system: &Arc<System>, args: &TrainArgs, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {

@@ -3,7 +3,7 @@
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use super::{Memory, Packed, ROWS, fresh, norm, product};
+use super::{Memory, Packed, ROWS, norm};
 use crate::transformer::elementwise::{dot, softmax_by_head};
 use crate::transformer::{ForwardError, Positions, Stream, TransformerConfig, Weights};
 
@@ -33,7 +33,7 @@ impl PackedStream {
         let (cos, sin) = (|t: &(f32, f32)| t.0, |t: &(f32, f32)| t.1);
         let of = |turn: Vec<(f32, f32)>| turn.iter().map(cos).chain(turn.iter().map(sin)).collect::<Vec<f32>>();
         let turns = (0..c.history).flat_map(|distance| of(c.turn(distance))).collect();
-        Self { packed: Packed::new(weights), turns, rings: Vec::new(), taken: Vec::new(), memory: Vec::new() }
+        Self { packed: Packed::new(weights, |i| i), turns, rings: Vec::new(), taken: Vec::new(), memory: Vec::new() }
     }
 
     /// Floats of one environment's keys and values.
@@ -99,14 +99,14 @@ impl Envs<'_> {
         }
         out.resize(self.asked.len() * outputs, 0.0);
         if !self.asked.is_empty() {
-            product(newest, width, &self.packed.embed, e, x, true);
+            self.packed.embed.add_product(newest, x);
             for (layer, block) in self.packed.blocks.iter().enumerate() {
                 norm(x, e, normed);
-                fresh(normed, e, &block.qkv, 3 * e, qkv);
+                block.qkv.product(normed, qkv);
                 mixed.clear();
                 mixed.resize(x.len(), 0.0);
                 Arch::new().dispatch(Attend { envs: &mut self, layer, qkv, out: mixed, scores, turned });
-                product(mixed, e, &block.proj, e, x, true);
+                block.proj.add_product(mixed, x);
                 block.mlp(e, x, normed, wide);
             }
             self.packed.top(x, normed, mixed, wide, out);

@@ -3,7 +3,7 @@
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use super::{Memory, Packed, ROWS, fresh, norm, product};
+use super::{Memory, Packed, ROWS, norm};
 use crate::transformer::elementwise::{dot, softmax};
 use crate::transformer::{Forward, ForwardError, Positions, TransformerConfig, Weights};
 
@@ -20,35 +20,35 @@ impl PackedForward {
     /// If their positions are rotary; that network wants [`super::PackedStream`].
     pub fn new(weights: &Weights) -> Self {
         assert_eq!(weights.config.positions, Positions::Table, "whole windows are for position tables");
-        Self { packed: Packed::new(weights), memory: Vec::new() }
+        Self { packed: Packed::new(weights, |i| i), memory: Vec::new() }
     }
 
     /// One block of windows.
     fn block(&self, inputs: &[f32], tokens: usize, last: &[u32], memory: &mut Memory, out: &mut [f32]) {
-        let TransformerConfig { inputs: width, embedding: e, .. } = self.packed.config;
+        let TransformerConfig { embedding: e, .. } = self.packed.config;
         let Memory { x, normed, qkv, mixed, wide, newest, scores, .. } = memory;
         let rows = last.len() * tokens;
         x.resize(rows * e, 0.0);
         for token in x.chunks_exact_mut(tokens * e) {
             token.copy_from_slice(&self.packed.place[..tokens * e]);
         }
-        product(inputs, width, &self.packed.embed, e, x, true);
+        self.packed.embed.add_product(inputs, x);
         let Some((tail, body)) = self.packed.blocks.split_last() else { return };
         for block in body {
             norm(x, e, normed);
-            fresh(normed, e, &block.qkv, 3 * e, qkv);
+            block.qkv.product(normed, qkv);
             self.attend(qkv, (0..rows).map(|row| (row, row % tokens)), scores, mixed);
-            product(mixed, e, &block.proj, e, x, true);
+            block.proj.add_product(mixed, x);
             block.mlp(e, x, normed, wide);
         }
         // The newest tokens alone go through the last block: keys and values of all, the rest of them.
         norm(x, e, normed);
-        fresh(normed, e, &tail.qkv, 3 * e, qkv);
+        tail.qkv.product(normed, qkv);
         let places = last.iter().enumerate().map(|(w, l)| (w * tokens + *l as usize, *l as usize));
         newest.clear();
         places.clone().for_each(|(row, _)| newest.extend_from_slice(&x[row * e..(row + 1) * e]));
         self.attend(qkv, places, scores, mixed);
-        product(mixed, e, &tail.proj, e, newest, true);
+        tail.proj.add_product(mixed, newest);
         tail.mlp(e, newest, normed, wide);
         self.packed.top(newest, normed, mixed, wide, out);
     }

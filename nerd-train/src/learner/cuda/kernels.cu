@@ -461,9 +461,10 @@ extern "C" __global__ void head_predict(const float* z, const float* b1, const f
 }
 
 // Squared error and all that follows from it. z becomes the gradient of z; a row of `partial` per block holds the
-// sums over its tokens of db1 [HID], dW2 [HID][OUT], db2 [OUT], squared error [1]. gain = 2 / (tokens OUT).
+// sums over its tokens of db1 [HID], dW2 [HID][OUT], db2 [OUT], squared error [1]. gain = 2 / (tokens OUT); the gradient is
+// that of the pseudo-Huber loss with bend = 1 / delta^2, of the squares where bend is 0.
 extern "C" __global__ void head_loss(float* z, const float* b1, const float* w2, const float* b2, const float* y,
-                                     float* partial, int tokens, float gain) {
+                                     float* partial, int tokens, float gain, float bend) {
     __shared__ float acc[HID + HID * OUT + OUT + 1];
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32, warps = blockDim.x / 32;
     float w[HPL][OUT], gw[HPL][OUT], gb1[HPL], gb2[OUT], loss = 0.0f;
@@ -481,7 +482,7 @@ extern "C" __global__ void head_loss(float* z, const float* b1, const float* w2,
         for (int o = 0; o < OUT; o++) {
             d[o] -= y[(u64)t * OUT + o];
             loss += d[o] * d[o];
-            d[o] *= gain;
+            d[o] *= gain * rsqrtf(1.0f + bend * d[o] * d[o]);
             gb2[o] += d[o];
         }
 #pragma unroll

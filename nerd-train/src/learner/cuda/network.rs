@@ -197,25 +197,25 @@ impl Network {
     }
 
     /// Squared error of the first `n` tokens against the targets. `sums` gets the gradients of the head's biases
-    /// and output matrix, then the squared error; `z` becomes its own gradient.
-    pub fn loss(&self, w: u64, n: usize, sums: u64) -> Result<(), LearnError> {
+    /// and output matrix, then the squared error; `z` becomes its own gradient ([`crate::learner::LearnerConfig::huber`]).
+    pub fn loss(&self, w: u64, n: usize, huber: Option<f32>, sums: u64) -> Result<(), LearnError> {
         let l = &self.layout;
         let blocks = n.div_ceil(8).min(HEAD_ROWS);
         let gain = 2.0 / (n * l.config.outputs) as f32;
         let weights = [Ptr(self.z.ptr), Ptr(l.at(w, l.hidden_bias)), Ptr(l.at(w, l.head_out)), Ptr(l.at(w, l.head_bias))];
-        let rest = [Ptr(self.targets.ptr), Ptr(self.head.ptr), Int(n), Float(gain)];
+        let rest = [Ptr(self.targets.ptr), Ptr(self.head.ptr), Int(n), Float(gain), Float(huber.map_or(0.0, |d| (d * d).recip()))];
         self.device.launch("head_loss", (blocks, 1), (256, 1), 0, &[&weights[..], &rest[..]].concat())?;
         self.column_sum(self.head.ptr, blocks, l.head_columns(), sums)
     }
 
     /// Gradient of the loss of all windows with respect to the parameters at `w`, to `g`; behind its end the
     /// squared error. Needs [`Network::trunk`] and [`Network::top`] before it.
-    pub fn backward(&self, w: u64, g: u64) -> Result<(), LearnError> {
+    pub fn backward(&self, w: u64, huber: Option<f32>, g: u64) -> Result<(), LearnError> {
         let Some(m) = &self.backward else { return Err(LearnError::Device("the network was built without a backward pass".into())) };
         let (l, d) = (&self.layout, &self.device);
         let (e, n, hidden) = (l.config.embedding, self.rows * l.tokens, l.config.head);
         let (threads, _, shared) = l.attention();
-        self.loss(w, n, l.at(g, l.hidden_bias))?;
+        self.loss(w, n, huber, l.at(g, l.hidden_bias))?;
 
         // Head and final norm. `dqkv` serves as scratch for the gradient of `mapped`.
         self.linear_dx(self.z.ptr, l.at(w, l.hidden), m.dqkv.ptr, (n, e, hidden))?;

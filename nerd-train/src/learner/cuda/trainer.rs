@@ -259,7 +259,7 @@ impl Learner for CudaLearner {
             gather(net, &self.validation, rows, 0, 0, (first, stride))?;
             net.windows(w, rows)?;
             net.top(w, net.x.ptr, rows * net.layout.tokens)?;
-            net.loss(w, rows * net.layout.tokens, self.head_sums.ptr)?;
+            net.loss(w, rows * net.layout.tokens, None, self.head_sums.ptr)?;
             net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
         }
         let mut total = [0.0];
@@ -307,7 +307,7 @@ impl Step<'_> {
         net.fold(w)?;
         net.windows(w, self.config.batch)?;
         net.top(w, net.x.ptr, self.config.batch * net.layout.tokens)?;
-        net.backward(w, self.gradients.ptr)
+        net.backward(w, self.config.huber, self.gradients.ptr)
     }
 
     fn all(&self) -> Result<(), LearnError> {

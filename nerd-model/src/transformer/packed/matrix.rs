@@ -1,0 +1,167 @@
+//! A matrix cut once, when a network is loaded, in panels as wide as the processor's registers hold.
+//!
+//! A general product packs its operands at every call, which for the few rows of a frame costs more than the product. Here
+//! a panel stays in the first-level cache while all rows pass it, and a tile of sums stays in registers.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// `W`, `[inner, outer]`.
+pub struct Matrix {
+    inner: usize,
+    outer: usize,
+    /// Vectors in a row of a panel.
+    vectors: usize,
+    /// `[panel][inner][vectors * lanes]`, zeros beyond the last column.
+    panels: Vec<f32>,
+}
+
+impl Matrix {
+    /// Cuts a row-major `[inner, outer]` matrix.
+    pub fn new(inner: usize, values: &[f32]) -> Self {
+        let outer = values.len() / inner;
+        let lanes = Arch::new().dispatch(Lanes);
+        // As few columns of zeros as may be; among equals the wider panel.
+        let vectors = [3, 4].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        let width = vectors * lanes;
+        let mut panels = Vec::with_capacity(inner * outer.next_multiple_of(width));
+        for first in (0..outer).step_by(width) {
+            for row in values.chunks_exact(outer) {
+                let row = &row[first..outer.min(first + width)];
+                panels.extend_from_slice(row);
+                panels.resize(panels.len() + width - row.len(), 0.0);
+            }
+        }
+        Self { inner, outer, vectors, panels }
+    }
+
+    /// `out = x W` for the rows of `x`.
+    pub fn product(&self, x: &[f32], out: &mut Vec<f32>) {
+        out.resize(x.len() / self.inner * self.outer, 0.0);
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false });
+    }
+
+    /// `out += x W` for the rows of `x`.
+    pub fn add_product(&self, x: &[f32], out: &mut [f32]) {
+        Arch::new().dispatch(Product { matrix: self, x, out, add: true });
+    }
+}
+
+/// Floats in a vector.
+struct Lanes;
+
+impl WithSimd for Lanes {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        S::F32_LANES
+    }
+}
+
+struct Product<'a> {
+    matrix: &'a Matrix,
+    x: &'a [f32],
+    out: &'a mut [f32],
+    add: bool,
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        // Tiles of sums that leave registers for a row of the panel and an entry of x.
+        match (S::F32_LANES, self.matrix.vectors) {
+            (16.., 4) => self.panels::<S, 6, 4>(simd),
+            (16.., _) => self.panels::<S, 8, 3>(simd),
+            (_, 4) => self.panels::<S, 3, 4>(simd),
+            _ => self.panels::<S, 4, 3>(simd),
+        }
+    }
+}
+
+impl Product<'_> {
+    #[inline(always)]
+    fn panels<S: Simd, const R: usize, const V: usize>(self, simd: S) {
+        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out, add } = self;
+        let (inner, outer, width) = (*inner, *outer, V * S::F32_LANES);
+        let (vectors, _) = S::as_simd_f32s(panels);
+        for (panel, first) in vectors.chunks_exact(inner * V).zip((0..outer).step_by(width)) {
+            let panel = &panel.as_chunks::<V>().0[..inner];
+            let columns = first..outer.min(first + width);
+            let mut rows = x.chunks_exact(R * inner);
+            let mut outs = out.chunks_exact_mut(R * outer);
+            for (x, out) in (&mut rows).zip(&mut outs) {
+                store::<S, R, V>(simd, tile(simd, x, panel), out, outer, columns.clone(), add);
+            }
+            for (x, out) in rows.remainder().chunks_exact(inner).zip(outs.into_remainder().chunks_exact_mut(outer)) {
+                store::<S, 1, V>(simd, tile(simd, x, panel), out, outer, columns.clone(), add);
+            }
+        }
+    }
+}
+
+/// Sums of R rows of x with one panel.
+#[inline(always)]
+fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S::f32s; V]]) -> [[S::f32s; V]; R] {
+    let inner = panel.len();
+    let rows: [&[f32]; R] = std::array::from_fn(|r| &x[r * inner..][..inner]);
+    let mut sums = [[simd.splat_f32s(0.0); V]; R];
+    for k in 0..inner {
+        for r in 0..R {
+            let x = simd.splat_f32s(rows[r][k]);
+            for v in 0..V {
+                sums[r][v] = simd.mul_add_f32s(x, panel[k][v], sums[r][v]);
+            }
+        }
+    }
+    sums
+}
+
+#[inline(always)]
+fn store<S: Simd, const R: usize, const V: usize>(
+    simd: S,
+    sums: [[S::f32s; V]; R],
+    out: &mut [f32],
+    outer: usize,
+    columns: std::ops::Range<usize>,
+    add: bool,
+) {
+    for (sums, out) in sums.iter().zip(out.chunks_exact_mut(outer)) {
+        let (whole, rest) = S::as_mut_simd_f32s(&mut out[columns.clone()]);
+        let last = sums.get(whole.len());
+        for (o, s) in whole.iter_mut().zip(sums) {
+            *o = if add { simd.add_f32s(*o, *s) } else { *s };
+        }
+        if let Some(s) = last.filter(|_| !rest.is_empty()) {
+            let old = if add { simd.partial_load_f32s(rest) } else { simd.splat_f32s(0.0) };
+            simd.partial_store_f32s(rest, simd.add_f32s(old, *s));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_of_every_shape_are_those_of_the_definition() {
+        let value = |i: usize| ((i * 2_654_435_761) % 1000) as f32 * 1e-3 - 0.5;
+        for (rows, inner, outer) in [(1, 1, 1), (7, 5, 3), (8, 37, 48), (9, 192, 64), (17, 48, 100), (33, 64, 14), (2, 3, 577)] {
+            let (x, w): (Vec<_>, Vec<_>) = ((0..rows * inner).map(value).collect(), (0..inner * outer).map(|i| value(i + 7)).collect());
+            let matrix = Matrix::new(inner, &w);
+            let exact = |i: usize| {
+                let (r, c) = (i / outer, i % outer);
+                (0..inner).map(|k| f64::from(x[r * inner + k]) * f64::from(w[k * outer + c])).sum::<f64>()
+            };
+            let (mut set, mut added) = (Vec::new(), vec![1.0; rows * outer]);
+            matrix.product(&x, &mut set);
+            matrix.add_product(&x, &mut added);
+            assert_eq!(set.len(), rows * outer);
+            for (i, (s, a)) in set.iter().zip(&added).enumerate() {
+                let (s, a) = (f64::from(*s) - exact(i), f64::from(*a) - 1.0 - exact(i));
+                assert!(s.abs() < 1e-5 && a.abs() < 1e-5, "[{rows}, {inner}] [{inner}, {outer}], entry {i}: off by {s:.1e}, added {a:.1e}");
+            }
+        }
+    }
+}
