@@ -42,6 +42,9 @@ pub struct EvaluateArgs {
     /// Random torques of the training data times this, in place of passive motion
     #[arg(long, default_value_t = 0.0)]
     pub drive: f64,
+    /// No torque whatever, in place of what a position law holds its pose with
+    #[arg(long, conflicts_with = "drive")]
+    pub limp: bool,
     /// JSON file to write
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -90,7 +93,11 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     if args.starts == 0 || steps == 0 {
         anyhow::bail!("--starts and --steps are at least 1");
     }
-    let action = if args.drive == 0.0 { Action::Zero } else { Action::Random(args.drive) };
+    let action = match args.drive {
+        _ if args.limp => Action::Limp,
+        0.0 => Action::Zero,
+        factor => Action::Random(factor),
+    };
     let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
     let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
     let truth = args.solver.against(&system)?;
@@ -124,7 +131,7 @@ pub fn table(rows: &[Row]) -> String {
             if r.truth == Truth::Articulated.name() { r.robot.clone() } else { format!("{} ({})", r.robot, r.truth) },
             r.method.clone(),
             r.scene.clone(),
-            format!("{} x {}", r.protocol.starts, r.protocol.steps),
+            format!("{} x {}{}", r.protocol.starts, r.protocol.steps, if r.protocol.action == Action::Limp { ", limp" } else { "" }),
             pair(&p.error),
             pair(&p.standard_error),
             r.paper.as_deref().map_or_else(|| "-".into(), crate::table::pair),

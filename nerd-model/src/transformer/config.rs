@@ -92,11 +92,16 @@ impl TransformerConfig {
         }
     }
 
-    /// Cosine and sine of each pair's angle at `place`, `[d / 2]`: columns m and m + d/2 of a head are turned together.
-    pub fn turn(&self, place: usize) -> Vec<(f32, f32)> {
+    /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, `[d / 2]`: columns m and
+    /// m + d/2 are turned together.
+    pub fn frequencies(&self) -> impl Iterator<Item = f64> {
         let half = self.embedding / self.heads / 2;
-        let angle = |m: usize| place as f64 * ROTARY_BASE.powf(-(m as f64) / half as f64);
-        (0..half).map(|m| (angle(m).cos() as f32, angle(m).sin() as f32)).collect()
+        (0..half).map(move |m| ROTARY_BASE.powf(-(m as f64) / half as f64))
+    }
+
+    /// Cosine and sine of each pair's angle at `place`.
+    pub fn turn(&self, place: usize) -> Vec<(f32, f32)> {
+        self.frequencies().map(|f| (place as f64 * f).sin_cos()).map(|(sin, cos)| (cos as f32, sin as f32)).collect()
     }
 
     /// Says what of the shape cannot be, if anything.
@@ -109,6 +114,9 @@ impl TransformerConfig {
         }
         if history == 0 || history > block {
             return Err(format!("a window of {history} tokens: 1 to {block}"));
+        }
+        if heads > 64 {
+            return Err(format!("{heads} heads: at most 64"));
         }
         if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {
             return Err(format!("rotary positions in heads of {} columns: they are turned in pairs", embedding / heads));

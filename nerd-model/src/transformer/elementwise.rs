@@ -4,7 +4,7 @@ use pulp::Arch;
 
 /// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor's series to r^7: 2e-8 relative, 0 below -87.
 #[inline(always)]
-fn exp(x: f32) -> f32 {
+pub(super) fn exp(x: f32) -> f32 {
     let x = x.max(-87.0);
     // Adding and taking away 1.5 x 2^23 rounds to a whole number.
     let shift = 12_582_912.0f32;
@@ -73,20 +73,6 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
     }
     let halves = [lanes[0] + lanes[4], lanes[1] + lanes[5], lanes[2] + lanes[6], lanes[3] + lanes[7]];
     (halves[0] + halves[2]) + (halves[1] + halves[3]) + rest
-}
-
-/// Scores `[tokens][heads]` of one query to shares that add up to 1 for each head; `most` and `total` are working memory.
-#[inline(always)]
-pub(super) fn softmax_by_head(scores: &mut [f32], heads: usize, most: &mut [f32], total: &mut [f32]) {
-    most.fill(f32::NEG_INFINITY);
-    scores.chunks_exact(heads).for_each(|row| most.iter_mut().zip(row).for_each(|(m, s)| *m = m.max(*s)));
-    scores.chunks_exact_mut(heads).for_each(|row| row.iter_mut().zip(&*most).for_each(|(s, m)| *s -= m));
-    // All at once, since heads are few and vectors are long.
-    scores.iter_mut().for_each(|s| *s = exp(*s));
-    total.fill(0.0);
-    scores.chunks_exact(heads).for_each(|row| total.iter_mut().zip(row).for_each(|(t, s)| *t += s));
-    total.iter_mut().for_each(|t| *t = t.recip());
-    scores.chunks_exact_mut(heads).for_each(|row| row.iter_mut().zip(&*total).for_each(|(s, t)| *s *= t));
 }
 
 /// Scores to shares that add up to 1.

@@ -31,18 +31,21 @@ impl Drive {
         Self { action: vec![0.0; amplitudes.len()], amplitudes, law: gains.map(|gains| Law::new(system, gains)) }
     }
 
-    /// Torques of one frame at a state; `scale` is a factor on torques or actions, and at 0 a position law has its own gains.
+    /// Torques of one frame at a state; `scale` is a factor on torques or actions. Not above 0, the robot is passive: a position
+    /// law holds its pose with its own gains, or below -1/2 lets go.
     pub fn draw(&mut self, state: &[f64], scale: f64, rng: &mut impl Rng, out: &mut [f64]) {
         let mut side = || 2.0 * rng.random::<f64>() - 1.0;
         let Some(Law { controller, own, gains }) = &mut self.law else {
             for (tau, a) in out.iter_mut().zip(&self.amplitudes) {
-                *tau = if *a == 0.0 { 0.0 } else { scale * a * side() };
+                *tau = if *a == 0.0 { 0.0 } else { scale.max(0.0) * a * side() };
             }
             return;
         };
-        self.action.iter_mut().for_each(|a| *a = scale * side());
-        // A passive robot stands by its own law, as it will when it is evaluated.
-        if scale == 0.0 {
+        self.action.iter_mut().for_each(|a| *a = scale.max(0.0) * side());
+        if scale < -0.5 {
+            return out.fill(0.0);
+        }
+        if scale <= 0.0 {
             controller.gains.copy_from_slice(own);
         } else {
             controller.gains.fill([gains.kp.draw(rng), gains.kd.draw(rng)]);

@@ -27,8 +27,8 @@ pub struct GenerateConfig {
     pub seed: u64,
     /// Trajectories of a shard.
     pub shard_trajectories: usize,
-    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); negative draws count as 0, so
-    /// that a share of the trajectories is passive.
+    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
+    /// passive where draws are negative ([`super::Drive::draw`]).
     pub torque_scale: Law,
 }
 
@@ -79,7 +79,7 @@ pub fn record(
         let state = start(system, Start::Sample, rng);
         batch.scenes[env] = scene(system, &state, rng);
         batch.reset(env, &state);
-        scales.push(config.torque_scale.draw(rng).max(0.0));
+        scales.push(config.torque_scale.draw(rng));
         solver.reset(env);
     }
     let f = config.frames;

@@ -47,7 +47,7 @@ impl Matrix {
 }
 
 /// Floats in a vector.
-struct Lanes;
+pub struct Lanes;
 
 impl WithSimd for Lanes {
     type Output = usize;

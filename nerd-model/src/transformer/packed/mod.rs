@@ -4,6 +4,7 @@
 //! vectors the processor has, and rows are cut into blocks whose activations stay in the second-level cache, one block to
 //! a thread at a time. Equal to the burn module to rounding.
 
+mod attention;
 mod matrix;
 mod stream;
 mod window;
@@ -61,12 +62,12 @@ struct Memory {
     wide: Vec<f32>,
     newest: Vec<f32>,
     scores: Vec<f32>,
-    turned: Vec<f32>,
+    turns: Vec<f32>,
 }
 
 impl Packed {
-    /// Packs `weights`, with columns of queries, keys and values in the order `column(0..E)`.
-    fn new(weights: &Weights, column: impl Fn(usize) -> usize) -> Self {
+    /// Packs `weights`, with `width` columns of queries, keys and values in the order that `source` says, none of it zeros.
+    fn new(weights: &Weights, width: usize, source: impl Fn(usize) -> Option<usize>) -> Self {
         let c = weights.config;
         let e = c.embedding;
         let mut tensors = weights.iter().map(|(_, _, values)| values.to_vec());
@@ -84,12 +85,12 @@ impl Packed {
         let mut blocks = Vec::new();
         for _ in 0..c.layers {
             let qkv = folded(next(), next());
-            let qkv: Vec<f32> = qkv.chunks_exact(e).flat_map(|part| (0..e).map(|i| part[column(i)])).collect();
+            let qkv: Vec<f32> = qkv.chunks_exact(e).flat_map(|part| (0..width).map(|i| source(i).map_or(0.0, |s| part[s]))).collect();
             let proj = next();
-            let proj: Vec<f32> = (0..e).flat_map(|i| proj[column(i) * e..][..e].to_vec()).collect();
+            let proj: Vec<f32> = (0..width).flat_map(|i| source(i).map_or(vec![0.0; e], |s| proj[s * e..][..e].to_vec())).collect();
             let up = folded(next(), next());
-            let [qkv, proj, up] = [qkv, proj, up].map(|matrix| Matrix::new(e, &matrix));
-            blocks.push(Block { qkv, proj, up, down: Matrix::new(4 * e, &next()) });
+            let [qkv, up] = [qkv, up].map(|matrix| Matrix::new(e, &matrix));
+            blocks.push(Block { qkv, proj: Matrix::new(width, &proj), up, down: Matrix::new(4 * e, &next()) });
         }
         let out = Matrix::new(e, &folded(next(), next()));
         let (hidden, hidden_bias, head, head_bias) = (Matrix::new(e, &next()), next(), Matrix::new(c.head, &next()), next());

@@ -1,21 +1,24 @@
 //! [`Stream`] for rotary positions: keys and values of old tokens are kept, one token is computed a frame.
+//!
+//! A key is turned once, by its place since the environment was cleared, and so is a query: what they make of each other depends on
+//! their distance alone. The angle of the place is kept as a unit vector that every frame turns on, so that it may grow for ever.
 
-use pulp::{Arch, NullaryFnOnce};
+use pulp::Arch;
 use rayon::prelude::*;
 
+use super::attention::{Attend, Columns};
 use super::{Memory, Packed, ROWS, norm};
-use crate::transformer::elementwise::{dot, softmax_by_head};
 use crate::transformer::{ForwardError, Positions, Stream, TransformerConfig, Weights};
-
-/// Floats that every processor of the last decade multiplies at once.
-const LANES: usize = 8;
 
 /// A network that remembers.
 pub struct PackedStream {
     packed: Packed,
-    /// Cosines and sines of each distance in time, `[history][2][d / 2]`.
-    turns: Vec<f32>,
-    /// Keys, not turned, and values: `[env][layer][2][slot][E]`.
+    columns: Columns,
+    /// Cosines and sines of a frame's turn, `[2][d / 2]`.
+    turn: Vec<f64>,
+    /// The same of the newest token's place, `[env][2][d / 2]`.
+    places: Vec<f64>,
+    /// Keys, turned, and values: `[env][layer][2][slot][columns]`.
     rings: Vec<f32>,
     /// Tokens taken of each environment since it was cleared.
     taken: Vec<usize>,
@@ -30,16 +33,16 @@ impl PackedStream {
     pub fn new(weights: &Weights) -> Self {
         let c = weights.config;
         assert_eq!(c.positions, Positions::Rotary, "keys and values can be kept only if positions are relative");
-        let (cos, sin) = (|t: &(f32, f32)| t.0, |t: &(f32, f32)| t.1);
-        let of = |turn: Vec<(f32, f32)>| turn.iter().map(cos).chain(turn.iter().map(sin)).collect::<Vec<f32>>();
-        let turns = (0..c.history).flat_map(|distance| of(c.turn(distance))).collect();
-        Self { packed: Packed::new(weights, |i| i), turns, rings: Vec::new(), taken: Vec::new(), memory: Vec::new() }
+        let columns = Columns::new(&c);
+        let packed = Packed::new(weights, columns.width, |i| columns.source(i));
+        let turn = c.frequencies().map(f64::cos).chain(c.frequencies().map(f64::sin)).collect();
+        Self { packed, columns, turn, places: Vec::new(), rings: Vec::new(), taken: Vec::new(), memory: Vec::new() }
     }
 
     /// Floats of one environment's keys and values.
     fn ring(&self) -> usize {
         let c = &self.packed.config;
-        c.layers * c.history * 2 * c.embedding
+        c.layers * c.history * 2 * self.columns.width
     }
 }
 
@@ -50,18 +53,20 @@ impl Stream for PackedStream {
         let ring = self.ring();
         self.rings.resize(envs * ring, 0.0);
         self.taken.resize(envs, 0);
+        let d = self.turn.len();
+        self.places.resize(envs * d, 0.0);
         // Even blocks of environments, as many as keep every thread busy.
         let threads = rayon::current_num_threads();
         let size = envs.div_ceil(threads * envs.div_ceil(threads * ROWS).max(1)).max(1);
         let mut memory = std::mem::take(&mut self.memory);
         memory.resize_with(memory.len().max(envs.div_ceil(size)), Default::default);
-        let (packed, turns) = (&self.packed, &self.turns);
-        let blocks = self.rings.par_chunks_mut(size * ring).zip(self.taken.par_chunks_mut(size)).zip(memory.par_iter_mut());
-        blocks.enumerate().for_each(|(i, ((rings, taken), (memory, out)))| {
+        let (packed, columns, turn) = (&self.packed, &self.columns, &self.turn);
+        let kept = self.rings.par_chunks_mut(size * ring).zip(self.places.par_chunks_mut(size * d)).zip(self.taken.par_chunks_mut(size));
+        kept.zip(memory.par_iter_mut()).enumerate().for_each(|(i, (((rings, places), taken), (memory, out)))| {
             let first = i * size;
             let from = asked.partition_point(|env| *env < first);
             let to = asked.partition_point(|env| *env < first + taken.len());
-            let block = Envs { packed, turns, rings, taken, asked: &asked[from..to], first };
+            let block = Envs { packed, columns, turn, places, rings, taken, asked: &asked[from..to], first };
             block.push(tokens, memory, out);
         });
         out.clear();
@@ -80,7 +85,9 @@ impl Stream for PackedStream {
 /// A block of environments, counted from `first`.
 struct Envs<'a> {
     packed: &'a Packed,
-    turns: &'a [f32],
+    columns: &'a Columns,
+    turn: &'a [f64],
+    places: &'a mut [f64],
     rings: &'a mut [f32],
     taken: &'a mut [usize],
     asked: &'a [usize],
@@ -89,13 +96,15 @@ struct Envs<'a> {
 
 impl Envs<'_> {
     fn push(mut self, tokens: &[f32], memory: &mut Memory, out: &mut Vec<f32>) {
-        let TransformerConfig { inputs: width, embedding: e, outputs, .. } = self.packed.config;
-        let Memory { x, normed, qkv, mixed, wide, newest, scores, turned } = memory;
+        let TransformerConfig { inputs: width, embedding: e, outputs, layers, history, .. } = self.packed.config;
+        let Memory { x, normed, qkv, mixed, wide, newest, scores, turns } = memory;
         newest.clear();
         x.clear();
+        turns.clear();
         for env in self.asked {
             newest.extend_from_slice(&tokens[env * width..(env + 1) * width]);
             x.extend_from_slice(&self.packed.place);
+            self.place(env - self.first, turns);
         }
         out.resize(self.asked.len() * outputs, 0.0);
         if !self.asked.is_empty() {
@@ -103,9 +112,19 @@ impl Envs<'_> {
             for (layer, block) in self.packed.blocks.iter().enumerate() {
                 norm(x, e, normed);
                 block.qkv.product(normed, qkv);
-                mixed.clear();
-                mixed.resize(x.len(), 0.0);
-                Arch::new().dispatch(Attend { envs: &mut self, layer, qkv, out: mixed, scores, turned });
+                mixed.resize(self.asked.len() * self.columns.width, 0.0);
+                Arch::new().dispatch(Attend {
+                    columns: self.columns,
+                    envs: &mut self.asked.iter().map(|env| (env - self.first, self.taken[env - self.first])),
+                    rings: self.rings,
+                    layer,
+                    layers,
+                    history,
+                    qkv,
+                    turns,
+                    out: mixed,
+                    scratch: scores,
+                });
                 block.proj.add_product(mixed, x);
                 block.mlp(e, x, normed, wide);
             }
@@ -117,80 +136,18 @@ impl Envs<'_> {
             *taken = if asked.next_if_eq(&&(self.first + i)).is_some() { *taken + 1 } else { 0 };
         }
     }
-}
 
-/// Attention of one new token of each environment to its last ones. A type, not a closure, so that the compiler can be made to
-/// inline it where the vectors are wide.
-struct Attend<'a, 'b> {
-    envs: &'b mut Envs<'a>,
-    layer: usize,
-    qkv: &'b [f32],
-    out: &'b mut [f32],
-    scores: &'b mut Vec<f32>,
-    turned: &'b mut Vec<f32>,
-}
-
-impl NullaryFnOnce for Attend<'_, '_> {
-    type Output = ();
-
-    /// Keeps the keys and values of rows `qkv`, and mixes the values of the last h tokens.
-    #[inline(always)]
-    fn call(self) {
-        let Envs { packed, turns, rings, taken, asked, first } = self.envs;
-        let TransformerConfig { embedding: e, heads, history: h, layers, .. } = packed.config;
-        let (d, scale) = (e / heads, ((e / heads) as f32).powf(-0.5));
-        self.scores.resize(heads * (h + 2), 0.0);
-        let (scores, rest) = self.scores.split_at_mut(heads * h);
-        let (most, total) = rest.split_at_mut(heads);
-        self.turned.resize(e, 0.0);
-        for ((env, row), out) in asked.iter().zip(self.qkv.chunks_exact(3 * e)).zip(self.out.chunks_exact_mut(e)) {
-            let i = env - *first;
-            let ring = &mut rings[(i * layers + self.layer) * h * 2 * e..][..h * 2 * e];
-            let (keys, values) = ring.split_at_mut(h * e);
-            let (now, q) = (taken[i], &row[..e]);
-            let (newest, seen) = (now % h, (now + 1).min(h));
-            keys[newest * e..][..e].copy_from_slice(&row[e..2 * e]);
-            values[newest * e..][..e].copy_from_slice(&row[2 * e..]);
-            // Turning a query by the distance to a key is turning both by their places.
-            let scores = &mut scores[..seen * heads];
-            for ((slot, key), scores) in keys.chunks_exact(e).enumerate().zip(scores.chunks_exact_mut(heads)) {
-                turn(q, &turns[(newest + h - slot) % h * d..][..d], self.turned);
-                for ((q, k), score) in self.turned.chunks_exact(d).zip(key.chunks_exact(d)).zip(scores) {
-                    *score = scale * dot(q, k);
-                }
-            }
-            softmax_by_head(scores, heads, most, total);
-            for (value, shares) in values.chunks_exact(e).zip(scores.chunks_exact(heads)) {
-                for ((sum, v), share) in out.chunks_exact_mut(d).zip(value.chunks_exact(d)).zip(shares) {
-                    sum.iter_mut().zip(v).for_each(|(s, v)| *s += share * v);
-                }
-            }
+    /// Turns the place of environment i on, and appends its cosines and sines, each once for every head: `[2][d / 2][heads]`.
+    fn place(&mut self, i: usize, turns: &mut Vec<f32>) {
+        let (d, heads) = (self.turn.len(), self.columns.heads);
+        let (cos, sin) = self.places[i * d..][..d].split_at_mut(d / 2);
+        let (cos_on, sin_on) = self.turn.split_at(d / 2);
+        for m in 0..d / 2 {
+            (cos[m], sin[m]) = match self.taken[i] {
+                0 => (1.0, 0.0),
+                _ => (cos[m] * cos_on[m] - sin[m] * sin_on[m], sin[m] * cos_on[m] + cos[m] * sin_on[m]),
+            };
         }
-    }
-}
-
-/// Turns the columns m and m + d/2 of every head of `q` together; `angles` are d/2 cosines and as many sines.
-#[inline(always)]
-fn turn(q: &[f32], angles: &[f32], out: &mut [f32]) {
-    let (d, half) = (angles.len(), angles.len() / 2);
-    let (cos, sin) = angles.split_at(half);
-    let ((cos, cos_rest), (sin, sin_rest)) = (cos.as_chunks::<LANES>(), sin.as_chunks::<LANES>());
-    for (q, out) in q.chunks_exact(d).zip(out.chunks_exact_mut(d)) {
-        let ((a, b), (x, y)) = (q.split_at(half), out.split_at_mut(half));
-        let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
-        let ((x, x_rest), (y, y_rest)) = (x.as_chunks_mut::<LANES>(), y.as_chunks_mut::<LANES>());
-        for i in 0..x.len() {
-            turn_by(&a[i], &b[i], &cos[i], &sin[i], &mut x[i], &mut y[i]);
-        }
-        turn_by(a_rest, b_rest, cos_rest, sin_rest, x_rest, y_rest);
-    }
-}
-
-/// `(x, y) = (a cos - b sin, a sin + b cos)`.
-#[inline(always)]
-fn turn_by(a: &[f32], b: &[f32], cos: &[f32], sin: &[f32], x: &mut [f32], y: &mut [f32]) {
-    for i in 0..x.len() {
-        x[i] = a[i] * cos[i] - b[i] * sin[i];
-        y[i] = a[i] * sin[i] + b[i] * cos[i];
+        cos.iter().chain(&*sin).for_each(|x| turns.extend(std::iter::repeat_n(*x as f32, heads)));
     }
 }

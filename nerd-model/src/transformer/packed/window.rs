@@ -20,7 +20,7 @@ impl PackedForward {
     /// If their positions are rotary; that network wants [`super::PackedStream`].
     pub fn new(weights: &Weights) -> Self {
         assert_eq!(weights.config.positions, Positions::Table, "whole windows are for position tables");
-        Self { packed: Packed::new(weights, |i| i), memory: Vec::new() }
+        Self { packed: Packed::new(weights, weights.config.embedding, Some), memory: Vec::new() }
     }
 
     /// One block of windows.
