@@ -81,8 +81,14 @@ impl Attend<'_> {
         let Self { columns, envs, rings, layer, layers, history, qkv, turns, out, scratch } = self;
         let Columns { width, heads, d, .. } = *columns;
         let (tile, scale) = (vectors * S::F32_LANES, simd.splat_f32s((d as f32).powf(-0.5)));
-        scratch.resize(3 * history * tile, 0.0);
-        let (sums, shares) = scratch.split_at_mut(2 * history * tile);
+        // As many columns as hold every head once, and after how many they come again.
+        let (few, period) = match S::F32_LANES {
+            lanes if heads <= lanes => (lanes, lanes / heads * heads),
+            _ => (tile, tile),
+        };
+        scratch.resize(2 * history * tile + (history + 1) * (few + tile) + few, 0.0);
+        let (sums, rest) = scratch.split_at_mut(2 * history * tile);
+        let (scores, shares) = rest.split_at_mut((history + 1) * few);
         let rows = qkv.chunks_exact_mut(3 * width).zip(turns.chunks_exact(width)).zip(out.chunks_exact_mut(width));
         for ((env, before), ((row, turns), out)) in envs.zip(rows) {
             let ring = &mut rings[(env * layers + layer) * 2 * history * width..][..2 * history * width];
@@ -105,32 +111,39 @@ impl Attend<'_> {
                 sums[..vectors].copy_from_slice(sum);
                 sums[vectors..].copy_from_slice(sum);
             }
-            // Scores, in each column those of its head.
-            let shares = &mut shares[..seen * tile];
+            // Scores, in each of a few columns those of its head.
+            let (scores, rest) = scores.split_at_mut(seen * few);
             let mut most = [simd.splat_f32s(f32::NEG_INFINITY); MOST];
-            for (share, sums) in shares.chunks_exact_mut(tile).zip(sums.chunks_exact(2 * tile)) {
-                let mut score = [simd.splat_f32s(0.0); MOST];
-                for from in (0..tile).step_by(heads) {
-                    let sums = &of::<S>(&sums[from..from + tile])[..vectors];
-                    (0..vectors).for_each(|i| score[i] = simd.add_f32s(score[i], sums[i]));
+            for (score, sums) in scores.chunks_exact_mut(few).zip(sums.chunks_exact(2 * tile)) {
+                let (score, _) = S::as_mut_simd_f32s(score);
+                for (i, score) in score.iter_mut().enumerate() {
+                    let mut sum = simd.splat_f32s(0.0);
+                    for from in (0..tile).step_by(heads) {
+                        sum = simd.add_f32s(sum, of::<S>(&sums[from + i * S::F32_LANES..][..S::F32_LANES])[0]);
+                    }
+                    *score = simd.mul_f32s(sum, scale);
+                    most[i] = simd.max_f32s(most[i], *score);
                 }
-                let (share, _) = S::as_mut_simd_f32s(share);
-                for (i, share) in share.iter_mut().enumerate() {
-                    *share = simd.mul_f32s(score[i], scale);
-                    most[i] = simd.max_f32s(most[i], *share);
+            }
+            for score in scores.chunks_exact_mut(few) {
+                let (score, _) = S::as_mut_simd_f32s(score);
+                score.iter_mut().zip(&most).for_each(|(s, m)| *s = simd.sub_f32s(*s, *m));
+            }
+            scores.iter_mut().for_each(|s| *s = exp(*s));
+            let (total, _) = S::as_mut_simd_f32s(&mut rest[..few]);
+            total.fill(simd.splat_f32s(0.0));
+            for score in scores.chunks_exact(few) {
+                of::<S>(score).iter().zip(&mut *total).for_each(|(s, t)| *t = simd.add_f32s(*t, *s));
+            }
+            // Shares and their total, over the whole tile; what goes beyond it the next one writes over.
+            for (slot, score) in scores.chunks_exact(few).chain([&rest[..few]]).enumerate() {
+                for at in (0..tile).step_by(period) {
+                    let (share, _) = S::as_mut_simd_f32s(&mut shares[slot * tile + at..][..few]);
+                    share.iter_mut().zip(of::<S>(score)).for_each(|(s, x)| *s = *x);
                 }
             }
-            for share in shares.chunks_exact_mut(tile) {
-                let (share, _) = S::as_mut_simd_f32s(share);
-                share.iter_mut().zip(&most).for_each(|(s, m)| *s = simd.sub_f32s(*s, *m));
-            }
-            shares.iter_mut().for_each(|s| *s = exp(*s));
-            let mut total = [simd.splat_f32s(0.0); MOST];
-            for share in shares.chunks_exact(tile) {
-                of::<S>(share).iter().zip(&mut total).for_each(|(s, t)| *t = simd.add_f32s(*t, *s));
-            }
-            let one = simd.splat_f32s(1.0);
-            total[..vectors].iter_mut().for_each(|t| *t = simd.div_f32s(one, *t));
+            let (shares, total) = shares.split_at(seen * tile);
+            let total = &of::<S>(total)[..vectors];
             let (out, _) = S::as_mut_simd_f32s(out);
             for (at, out) in out.chunks_exact_mut(vectors).enumerate() {
                 let mut sum = [simd.splat_f32s(0.0); MOST];
@@ -138,7 +151,7 @@ impl Attend<'_> {
                     let (share, value) = (of::<S>(share), &of::<S>(value)[at * vectors..][..vectors]);
                     (0..vectors).for_each(|i| sum[i] = simd.mul_add_f32s(share[i], value[i], sum[i]));
                 }
-                (0..vectors).for_each(|i| out[i] = simd.mul_f32s(sum[i], total[i]));
+                (0..vectors).for_each(|i| out[i] = simd.div_f32s(sum[i], total[i]));
             }
         }
     }

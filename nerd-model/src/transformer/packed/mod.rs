@@ -28,7 +28,7 @@ pub fn packed(weights: &Weights) -> Box<dyn Stream> {
 }
 
 /// Rows (tokens) of a block.
-const ROWS: usize = 320;
+const ROWS: usize = 512;
 
 /// A network's matrices.
 struct Packed {
