@@ -241,18 +241,24 @@ fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
     let config = PpoConfig { environments: 24, minibatch: 100, stack: 2, ..config("") };
     let begin = || Trainer::new(cartpole(24), config.clone(), 9).expect("fits");
     let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-    let (mut whole, mut broken) = (begin(), begin());
-    pool(1).install(|| (0..25).for_each(|_| drop(whole.iterate().expect("goes on"))));
-    pool(3).install(|| {
-        (0..12).for_each(|_| drop(broken.iterate().expect("goes on")));
-        broken.save(&file, "this run").expect("written");
-        broken = begin();
-        assert!(broken.resume(&file, "another run").is_err(), "another run's file is refused");
-        broken.resume(&file, "this run").expect("its own file");
-        (0..13).for_each(|_| drop(broken.iterate().expect("goes on")));
+    // Solvers stay on one thread, so a run begins and ends inside its pool.
+    let whole = pool(1).install(|| {
+        let mut run = begin();
+        (0..25).for_each(|_| drop(run.iterate().expect("goes on")));
+        run.state
     });
-    assert!(whole.state.recent.len() > 24, "episodes ended: {}", whole.state.recent.len());
-    assert!(whole.state == broken.state, "the runs differ");
+    let broken = pool(3).install(|| {
+        let mut run = begin();
+        (0..12).for_each(|_| drop(run.iterate().expect("goes on")));
+        run.save(&file, "this run").expect("written");
+        run = begin();
+        assert!(run.resume(&file, "another run").is_err(), "another run's file is refused");
+        run.resume(&file, "this run").expect("its own file");
+        (0..13).for_each(|_| drop(run.iterate().expect("goes on")));
+        run.state
+    });
+    assert!(whole.recent.len() > 24, "episodes ended: {}", whole.recent.len());
+    assert!(whole == broken, "the runs differ");
     let mut other = Trainer::new(cartpole(24), config.clone(), 8).expect("fits");
     assert!(other.resume(&file, "this run").is_err(), "another seed's file is refused");
     assert!(Trainer::new(cartpole(3), config, 8).is_err(), "three environments, where 24 are asked for");
