@@ -11,7 +11,10 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let (whole, broken) = (path("whole"), path("broken"));
     let train = |out: &str, iterations: &str, more: &[&str]| {
         let small = ["--envs", "8", "--horizon", "16", "--minibatch", "64", "--seed", "3"];
-        let run = xtask(&[&["policy", "train", "cartpole-swingup", "--iterations", iterations, "--out", out], &small, more].concat());
+        let run = xtask(
+            &[["policy", "train", "cartpole-swingup", "--iterations", iterations, "--out", out].as_slice(), small.as_slice(), more]
+                .concat(),
+        );
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     };
     train(&whole, "30", &[]);
