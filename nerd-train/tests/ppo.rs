@@ -40,7 +40,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
         let data = Data::new(&policy, &rollout, &returns);
         let batch: Vec<usize> = (0..n).step_by(2).collect();
-        let (found, _, _) = gradient(&policy, &data, &batch, &config);
+        let found = gradient(&policy, &data, &batch, &config).flat;
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
         for k in 0..params.len() {
             let at = |h: f64| {
@@ -119,10 +119,10 @@ fn moments_in_pieces_are_the_moments_of_the_whole() {
     let (mut whole, mut pieces) = (Moments::new(2), Moments::new(2));
     whole.update(&rows);
     rows.chunks(34).for_each(|c| pieces.update(c));
-    for k in 0..2 {
+    for (k, x) in rows.iter().enumerate().take(2) {
         assert!((whole.mean[k] - pieces.mean[k]).abs() < 1e-9, "{whole:?} {pieces:?}");
         assert!((whole.variance[k] / pieces.variance[k] - 1.0).abs() < 1e-9, "{whole:?} {pieces:?}");
-        assert!((whole.restore(k, whole.normalize(k, rows[k])) - rows[k]).abs() < 1e-9);
+        assert!((whole.restore(k, whole.normalize(k, *x)) - x).abs() < 1e-9);
     }
     assert_eq!(whole.normalize(0, 1e9), 5.0, "outliers are kept in bounds");
 }
@@ -234,6 +234,12 @@ fn cartpole(n: usize) -> Episodes {
     Episodes::new(task, Simulation::new(batch, solver), 11)
 }
 
+fn steps(run: &mut Trainer<Episodes>, n: usize) {
+    for _ in 0..n {
+        run.iterate().expect("goes on");
+    }
+}
+
 #[test]
 fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
     let folder = tempfile::tempdir().expect("temporary folder");
@@ -244,17 +250,17 @@ fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
     // Solvers stay on one thread, so a run begins and ends inside its pool.
     let whole = pool(1).install(|| {
         let mut run = begin();
-        (0..25).for_each(|_| drop(run.iterate().expect("goes on")));
+        steps(&mut run, 25);
         run.state
     });
     let broken = pool(3).install(|| {
         let mut run = begin();
-        (0..12).for_each(|_| drop(run.iterate().expect("goes on")));
+        steps(&mut run, 12);
         run.save(&file, "this run").expect("written");
         run = begin();
         assert!(run.resume(&file, "another run").is_err(), "another run's file is refused");
         run.resume(&file, "this run").expect("its own file");
-        (0..13).for_each(|_| drop(run.iterate().expect("goes on")));
+        steps(&mut run, 13);
         run.state
     });
     assert!(whole.recent.len() > 24, "episodes ended: {}", whole.recent.len());
@@ -268,7 +274,7 @@ fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
 fn a_learned_solver_goes_on_to_the_bit_too() {
     use nerd_model::{folder::Model, neural::Neural};
     let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
-    for (task, model) in [("cartpole-swingup", "cartpole"), ("ant-run", "ant")] {
+    for (task, model) in [("cartpole-swingup", "cartpole"), ("ant-run", "ant"), ("anymal-side", "anymal")] {
         let system = System::named(named(task).expect("registered").robot()).expect("built in");
         let begin = || {
             let task = named(task).expect("registered");
@@ -316,6 +322,7 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         folder::save(folder_.path(), &config, &policy, "# A card\n").expect("written");
         assert_eq!(folder::load(folder_.path()).expect("read"), (config, policy), "{name}");
     }
+    assert!(PpoConfig::small("cartpole-swingup").is_some() && PpoConfig::small("cartpole-juggle").is_none());
     let wrong = |text: &str| PpoConfig::from_text(text).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(wrong("environments = 1\nhurry = true").contains("hurry"));
     let zero = "environments = 0\nhorizon = 1\niterations = 1\nminibatch = 1\nepochs = 1\nhidden = []\n";

@@ -58,6 +58,7 @@ fn what_cannot_be_trained_is_refused_in_one_line() {
         (&["policy", "train", "ant-run", "--solver", "magic"], "magic"),
         (&["policy", "train", "ant-run", "--solver", "neural", "--model", "nowhere"], "nowhere"),
         (&["policy", "train", "ant-run", "--config", settings], "hurry"),
+        (&["policy", "train", "ant-run", "--preset", "small"], "ant-run"),
         (&["policy", "evaluate", "ant-run", "--policy", "nowhere"], "nowhere"),
     ] {
         let args = if args[1] == "train" { [args, &["--out", out]].concat() } else { args.to_vec() };

@@ -106,7 +106,17 @@ const FILES: [(&str, &str); 4] = [
     ("anymal-", include_str!("../../assets/ppo/anymal.toml")),
 ];
 
+/// Settings for where steps are dear.
+const SMALL: [(&str, &str); 1] = [("cartpole-", include_str!("../../assets/ppo/cartpole-small.toml"))];
+
 impl PpoConfig {
+    /// Fewer environments and more updates a step than the paper's, for tasks that have such settings: for a learned simulator
+    /// on the CPU.
+    pub fn small(task: &str) -> Option<Self> {
+        let found = SMALL.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task))?;
+        Self::from_text(found.1).ok()
+    }
+
     /// The paper's for a task.
     ///
     /// # Errors

@@ -6,7 +6,7 @@
 //! steps costs tenths of a second on two cores. Whatever the number of threads, the same seed gives the same bytes.
 //!
 //! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`]; [`Trainer`] repeats it and keeps all that a run needs
-//! to go on; [`play`] plays the result.
+//! to go on; [`play()`] plays the result.
 
 mod activation;
 mod checkpoint;

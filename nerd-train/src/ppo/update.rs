@@ -86,10 +86,10 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
         let mut rng = stream(seed, iteration * config.epochs as u64 + epoch as u64);
         (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
         for batch in order.chunks(config.minibatch) {
-            let (gradient, terms, answers) = gradient(policy, &data, batch, config);
-            data.compare_with(batch, &answers);
-            norms += f64::from(adam.update(&mut policy.flat, &gradient, config.gradient_norm));
-            let terms = terms.over(batch.len() as f64);
+            let said = gradient(policy, &data, batch, config);
+            data.compare_with(batch, &said);
+            norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
+            let terms = said.terms.over(batch.len() as f64);
             sums.add(&terms);
             batches += 1.0;
             if config.kl > 0.0 && terms.kl > 2.0 * config.kl {
@@ -129,19 +129,31 @@ impl<'a> Data<'a> {
         Self { inputs, advantages, goals: normal(returns), values: normal(&rollout.values), mean, spread, rollout }
     }
 
-    fn compare_with(&mut self, batch: &[usize], answers: &[(Vec<f32>, Vec<f32>)]) {
+    /// From now on these steps are compared with what the policy has just said of them.
+    fn compare_with(&mut self, batch: &[usize], said: &Gradient) {
         let a = self.mean.len() / self.values.len().max(1);
-        for (part, (mean, spread)) in batch.chunks(ROWS).zip(answers) {
-            for (row, i) in part.iter().enumerate() {
-                self.mean[i * a..(i + 1) * a].copy_from_slice(&mean[row * a..(row + 1) * a]);
-                self.spread[i * a..(i + 1) * a].copy_from_slice(&spread[row * a..(row + 1) * a]);
-            }
+        for ((i, mean), spread) in batch.iter().zip(said.mean.chunks_exact(a)).zip(said.spread.chunks_exact(a)) {
+            self.mean[i * a..(i + 1) * a].copy_from_slice(mean);
+            self.spread[i * a..(i + 1) * a].copy_from_slice(spread);
         }
     }
 }
 
-/// Gradient of the mean loss over some steps, sums of its terms, and what the policy now says of them.
-pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfig) -> (Vec<f32>, Terms, Vec<(Vec<f32>, Vec<f32>)>) {
+/// What one minibatch asks for.
+#[derive(Clone, Debug, Default)]
+pub struct Gradient {
+    /// Gradient of the mean loss by the policy's parameters.
+    pub flat: Vec<f32>,
+    /// Sums of the loss's terms.
+    pub terms: Terms,
+    /// Mean actions that the policy now has for the steps, `[step][action]`.
+    pub mean: Vec<f32>,
+    /// Logarithms of their spread.
+    pub spread: Vec<f32>,
+}
+
+/// Forward and backward over some steps.
+pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfig) -> Gradient {
     let (shape, network) = (&policy.shape, policy.shape.network());
     let (a, width, inner) = (shape.action, shape.observation * shape.stack, network.parameters());
     let outputs = network.sizes.last().copied().unwrap_or(1);
@@ -153,8 +165,8 @@ pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfi
         network.forward(&policy.flat, tape);
         tape.gradient.clear();
         tape.gradient.resize(rows.len() * outputs, 0.0);
-        let (mut flat, mut terms) = (vec![0.0; policy.flat.len()], Terms::default());
-        let (mut mean, mut spread, mut of_spread) = (Vec::new(), Vec::new(), vec![0.0; a]);
+        let mut part = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
+        let mut of_spread = vec![0.0; a];
         let answers = tape.layers[network.sizes.len() - 1].chunks_exact(outputs);
         for ((i, said), d) in rows.iter().zip(answers).zip(tape.gradient.chunks_exact_mut(outputs)) {
             let past = Past {
@@ -170,21 +182,22 @@ pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfi
             let d_s = if shape.spread_by_state { d_out } else { &mut of_spread[..] };
             let mut one = step(config, past, (&said[..a], s, said[a]), scale, (d_mu, d_s, &mut d_v[0]));
             one.kl = f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
-            terms.add(&one);
+            part.terms.add(&one);
             if !shape.spread_by_state {
-                flat[inner..].iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
+                part.flat[inner..].iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
             }
-            mean.extend_from_slice(&said[..a]);
-            spread.extend_from_slice(s);
+            part.mean.extend_from_slice(&said[..a]);
+            part.spread.extend_from_slice(s);
         }
-        network.backward(&policy.flat, tape, &mut flat[..inner]);
-        (flat, terms, (mean, spread))
+        network.backward(&policy.flat, tape, &mut part.flat[..inner]);
+        part
     });
-    let (mut sum, mut terms, mut answers) = (vec![0.0; policy.flat.len()], Terms::default(), Vec::new());
-    for (flat, part, answer) in parts.collect::<Vec<_>>() {
-        sum.iter_mut().zip(flat).for_each(|(s, g)| *s += g);
-        terms.add(&part);
-        answers.push(answer);
+    let mut sum = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
+    for part in parts.collect::<Vec<_>>() {
+        sum.flat.iter_mut().zip(part.flat).for_each(|(s, g)| *s += g);
+        sum.terms.add(&part.terms);
+        sum.mean.extend(part.mean);
+        sum.spread.extend(part.spread);
     }
-    (sum, terms, answers)
+    sum
 }

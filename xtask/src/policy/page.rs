@@ -20,17 +20,17 @@ pub struct Page {
     /// Height of the floor along `up`, if there is one.
     floor: Option<f64>,
     shapes: Vec<Shape>,
-    /// Poses of the links that have shapes, by step.
+    /// Links whose origins a rod joins, since not every robot has a collision shape for each.
+    rods: Vec<[usize; 2]>,
+    /// Poses of the links, by step.
     poses: Vec<Vec<[f32; 7]>>,
     goals: Vec<Vec<f32>>,
     rewards: Vec<f32>,
-    #[serde(skip)]
-    links: Vec<usize>,
 }
 
 #[derive(Serialize)]
 struct Shape {
-    /// Index into a step's poses.
+    /// The link it is fixed on.
     link: usize,
     pose: [f32; 7],
     kind: &'static str,
@@ -44,17 +44,17 @@ impl Page {
         let (batch, view) = (&episodes.simulation.batch, episodes.view(0));
         let (system, gravity) = (&batch.system, view.scene.gravity);
         let up = if gravity.norm() > 0.0 { -gravity.normalize() } else { nalgebra::Vector3::z() };
-        let links: Vec<usize> = (0..system.robot.links.len()).filter(|l| !system.robot.links[*l].shapes.is_empty()).collect();
+        let links = system.robot.links.iter().enumerate();
         Self {
             title: title.into(),
             dt: system.frame_time * episodes.task.frames() as f64,
             up: up.into(),
             floor: floor(view.scene, &up),
-            shapes: shapes(&system.robot, &links),
+            shapes: shapes(&system.robot),
+            rods: links.filter_map(|(i, link)| Some([link.parent?, i])).collect(),
             poses: Vec::new(),
             goals: Vec::new(),
             rewards: Vec::new(),
-            links,
         }
     }
 
@@ -63,7 +63,7 @@ impl Page {
         let (view, robot) = (episodes.view(0), &episodes.simulation.batch.system.robot);
         let mut data = Data::new(robot);
         kinematics(robot, view.state, &mut data);
-        self.poses.push(self.links.iter().map(|l| numbers(&link_pose(&data, *l))).collect());
+        self.poses.push((0..robot.links.len()).map(|link| numbers(&link_pose(&data, link))).collect());
         self.goals.push(view.goal.iter().map(|x| *x as f32).collect());
         self.rewards.push(reward as f32);
     }
@@ -86,22 +86,18 @@ fn floor(scene: &Scene, up: &nalgebra::Vector3<f64>) -> Option<f64> {
     scene.colliders.iter().filter_map(|c| c.plane).find(|p| p.normal.dot(up) > 0.99).map(|p| p.offset)
 }
 
-fn shapes(robot: &Robot, links: &[usize]) -> Vec<Shape> {
-    let of = |(at, link): (usize, &usize)| {
-        let shapes = robot.links[*link].shapes.iter();
-        shapes
-            .map(move |shape| {
-                let (kind, size) = match shape.kind {
-                    ShapeKind::Sphere { radius } => ("sphere", vec![radius, 0.0]),
-                    ShapeKind::Box { half } => ("box", half.iter().copied().collect()),
-                    ShapeKind::Cylinder { radius, half_length } => ("cylinder", vec![radius, half_length]),
-                    ShapeKind::Capsule { radius, half_length } => ("capsule", vec![radius, half_length]),
-                };
-                Shape { link: at, pose: numbers(&shape.pose), kind, size }
-            })
-            .collect::<Vec<_>>()
-    };
-    links.iter().enumerate().flat_map(of).collect()
+fn shapes(robot: &Robot) -> Vec<Shape> {
+    let all = robot.links.iter().enumerate().flat_map(|(link, body)| body.shapes.iter().map(move |shape| (link, shape)));
+    all.map(|(link, shape)| {
+        let (kind, size) = match shape.kind {
+            ShapeKind::Sphere { radius } => ("sphere", vec![radius, 0.0]),
+            ShapeKind::Box { half } => ("box", half.iter().copied().collect()),
+            ShapeKind::Cylinder { radius, half_length } => ("cylinder", vec![radius, half_length]),
+            ShapeKind::Capsule { radius, half_length } => ("capsule", vec![radius, half_length]),
+        };
+        Shape { link, pose: numbers(&shape.pose), kind, size }
+    })
+    .collect()
 }
 
 fn numbers(pose: &nalgebra::Isometry3<f64>) -> [f32; 7] {

@@ -1,4 +1,4 @@
-//! `cargo xtask policy train cartpole-swingup --solver neural`: PPO with the paper's settings, or those of `--config`.
+//! `cargo xtask policy train cartpole-swingup --solver neural`: PPO with the paper's settings, `small` ones, or your own.
 //!
 //! The run folder holds `metrics.jsonl`, `last.safetensors` and, drawn at the end, `curve.svg` and `curve.png`; the same
 //! command continues it, to the bit. The policy with the largest mean reward is written to `<out>/policy`.
@@ -13,6 +13,8 @@ use nerd_train::ppo::{PpoConfig, Trainer};
 
 use super::arena::Arena;
 use super::{card, curve};
+use crate::common::Device;
+use crate::solvers::SolverName;
 
 /// Train a policy.
 #[derive(clap::Args, Clone, Debug)]
@@ -21,8 +23,12 @@ pub struct TrainArgs {
     pub task: String,
     #[command(flatten)]
     pub arena: Arena,
-    /// TOML with all settings of PPO [default: the paper's for the task, nerd-train/assets/ppo]
-    #[arg(long)]
+    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU, if
+    /// the task has it]
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// TOML with all settings, in place of a preset (see nerd-train/assets/ppo)
+    #[arg(long, conflicts_with = "preset")]
     pub config: Option<PathBuf>,
     /// Environments, in place of the settings'
     #[arg(long)]
@@ -50,7 +56,16 @@ pub struct TrainArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Iterations between two checkpoints, at least this many seconds apart.
+/// Settings that come with the project.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// The paper's.
+    Paper,
+    /// Fewer environments, more updates a step.
+    Small,
+}
+
+/// Two checkpoints are at least this far apart (s).
 const SAVE_SECONDS: u64 = 60;
 
 /// Runs the verb.
@@ -114,7 +129,15 @@ fn settings(args: &TrainArgs) -> Result<PpoConfig> {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
             PpoConfig::from_text(&text).with_context(|| path.display().to_string())?
         }
-        None => PpoConfig::of(&args.task)?,
+        None => {
+            let dear = args.arena.solver == SolverName::Neural && args.arena.device == Device::Flex;
+            match (args.preset, PpoConfig::small(&args.task)) {
+                (Some(Preset::Small), None) => bail!("task `{}` has no small settings; --config takes your own", args.task),
+                (Some(Preset::Small), Some(small)) => small,
+                (None, Some(small)) if dear => small,
+                _ => PpoConfig::of(&args.task)?,
+            }
+        }
     };
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
