@@ -1,4 +1,5 @@
-//! A run on disk: one safetensors file, replaced as a whole, from which it goes on to the bit.
+//! A run on disk: one safetensors file, replaced as a whole, from which it goes on to the bit, in a streaming network's
+//! simulator to its rounding (see `nerd_tasks::Episodes::remember`).
 //!
 //! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is in it.
 

@@ -1,7 +1,7 @@
 //! `cargo xtask policy train cartpole-swingup --solver neural`: PPO with the paper's settings, `small` ones, or your own.
 //!
 //! The run folder holds `metrics.jsonl`, `last.safetensors` and, drawn at the end, `curve.svg` and `curve.png`; the same
-//! command continues it, to the bit. The policy with the largest mean reward is written to `<out>/policy`.
+//! command continues it. The policy with the largest mean reward is written to `<out>/policy`.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
