@@ -1,10 +1,32 @@
 //! Tasks: what a policy sees, does, is rewarded for, and when an episode ends. A task knows a robot and no solver, so
 //! swapping the solver changes no line here. Words are Gymnasium's.
 
+pub mod ant;
+mod ant_run;
+mod ant_spin;
+mod ant_spin_track;
+pub mod anymal;
+mod anymal_forward;
+mod anymal_side;
+pub mod body;
 mod cartpole_swingup;
+mod episodes;
+mod franka;
+mod franka_reach;
+mod franka_reach_torque;
+mod memory;
 mod registry;
 mod task;
 
+pub use ant_run::ANT_RUN;
+pub use ant_spin::ANT_SPIN;
+pub use ant_spin_track::ANT_SPIN_TRACK;
+pub use anymal_forward::ANYMAL_FORWARD;
+pub use anymal_side::ANYMAL_SIDE;
 pub use cartpole_swingup::CartpoleSwingup;
+pub use episodes::{Episodes, StepResult};
+pub use franka_reach::FrankaReach;
+pub use franka_reach_torque::FrankaReachTorque;
+pub use memory::Snapshot;
 pub use registry::{TaskError, named, names};
-pub use task::{Episodes, StepResult, Task};
+pub use task::{Task, View, Work};

@@ -1,22 +1,35 @@
 //! Tasks by name.
 
-use crate::{CartpoleSwingup, Task};
+use crate::{ANT_RUN, ANT_SPIN, ANT_SPIN_TRACK, ANYMAL_FORWARD, ANYMAL_SIDE, CartpoleSwingup, FrankaReach, FrankaReachTorque, Task};
 
 /// No such task.
 #[derive(Debug, thiserror::Error)]
 #[error("no task `{0}`: known are {known}", known = names().join(", "))]
 pub struct TaskError(pub String);
 
-type Make = fn() -> Box<dyn Task>;
-
-const TASKS: [(&str, Make); 1] = [("cartpole-swingup", || Box::new(CartpoleSwingup))];
+/// All of them, in the order of the paper's table.
+fn all() -> [Box<dyn Task>; 8] {
+    [
+        Box::new(CartpoleSwingup),
+        Box::new(FrankaReach),
+        Box::new(FrankaReachTorque),
+        Box::new(ANT_RUN),
+        Box::new(ANT_SPIN),
+        Box::new(ANT_SPIN_TRACK),
+        Box::new(ANYMAL_FORWARD),
+        Box::new(ANYMAL_SIDE),
+    ]
+}
 
 /// Names of all tasks.
 pub fn names() -> Vec<&'static str> {
-    TASKS.iter().map(|t| t.0).collect()
+    all().iter().map(|task| task.name()).collect()
 }
 
 /// A task by name.
+///
+/// # Errors
+/// If there is none of that name.
 pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
-    TASKS.iter().find(|t| t.0 == name).map(|t| t.1()).ok_or_else(|| TaskError(name.into()))
+    all().into_iter().find(|task| task.name() == name).ok_or_else(|| TaskError(name.into()))
 }

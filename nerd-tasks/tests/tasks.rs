@@ -1,52 +1,131 @@
-//! Every task of the registry loads, resets and steps; rewards equal states worked out by hand.
+//! Every task of the registry loads, resets and steps on every analytic solver; episodes begin, end and go on as they should.
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{CartpoleSwingup, Episodes, Task, named, names};
+use nerd_tasks::{Episodes, named, names};
 
-fn episodes(name: &str, n: usize) -> Episodes {
+fn solver(which: &str, system: &System) -> Box<dyn Solver> {
+    match which {
+        "rapier" => Box::new(Rapier::new(RapierConfig::default())),
+        _ => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
+    }
+}
+
+fn episodes(name: &str, which: &str, n: usize) -> Episodes {
     let task = named(name).expect("registered");
     let system = System::named(task.robot()).expect("built in");
-    let scene = system.scene("free").expect("every robot has it");
-    let solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+    let scene = system.scene(task.scene()).expect("a scene of the robot");
+    let solver = solver(which, &system);
     Episodes::new(task, Simulation::new(Batch::new(&system, &scene, n), solver), 7)
 }
 
+/// Actions that are neither zero nor the same for two environments or frames.
+fn actions(episodes: &Episodes, step: usize) -> Vec<f64> {
+    let n = episodes.len() * episodes.task.action_dim();
+    (0..n).map(|i| 0.7 * ((i * 37 + step * 11) as f64).sin()).collect()
+}
+
 #[test]
-fn every_task_steps_and_its_observations_stay_finite() {
-    for name in names() {
-        let mut episodes = episodes(name, 8);
-        let actions = vec![0.5; 8 * episodes.task.action_dim()];
-        for frame in 0..400 {
-            let result = episodes.step(&actions).expect("finite physics");
-            assert!(result.rewards.iter().all(|r| r.is_finite()), "{name}: reward at frame {frame}");
-            assert!(episodes.observations().iter().all(|o| o.is_finite()), "{name}: observation at frame {frame}");
+fn every_task_resets_and_steps_on_every_solver() {
+    for which in ["articulated", "rapier"] {
+        for name in names() {
+            let mut episodes = episodes(name, which, 4);
+            assert_eq!(episodes.observations().len(), 4 * episodes.task.observation_dim(), "{name}");
+            let (mut total, mut ended) = (0.0, 0);
+            for step in 0..60 {
+                let result = episodes.step(&actions(&episodes, step)).expect("finite physics");
+                assert!(result.rewards.iter().all(|r| r.is_finite()), "{which}, {name}: reward at step {step}");
+                let seen = result.reached.iter().chain(episodes.observations());
+                assert!(seen.into_iter().all(|o| o.is_finite()), "{which}, {name}: observation at step {step}");
+                assert_eq!(result.failed, 0, "{which}, {name}: failed at step {step}");
+                total += result.rewards.iter().sum::<f64>();
+                ended += result.terminated.iter().chain(&result.truncated).filter(|e| **e).count();
+            }
+            println!("{which:12} {name:20} mean reward of a step {:8.4}, {ended} episodes ended", total / 240.0);
         }
     }
 }
 
 #[test]
-fn an_ended_episode_starts_anew_and_no_episode_outlives_its_length() {
-    let mut episodes = episodes("cartpole-swingup", 4);
-    let mut ended = 0;
-    for _ in 0..700 {
-        let result = episodes.step(&[0.0; 4]).expect("finite physics");
-        ended += result.terminated.iter().chain(&result.truncated).filter(|e| **e).count();
-        assert!(episodes.simulation.batch.frames.iter().all(|f| *f < 300));
+fn no_episode_outlives_its_length_and_an_ended_one_begins_anew() {
+    let (mut episodes, mut steps, mut truncated) = (episodes("franka-reach", "articulated", 3), 0, 0);
+    let first: Vec<f64> = episodes.observations().to_vec();
+    for step in 0..300 {
+        let result = episodes.step(&[0.1; 21]).expect("finite physics");
+        steps += 1;
+        assert!(episodes.simulation.batch.frames.iter().all(|f| *f < 256), "two frames a step");
+        for env in 0..3 {
+            assert!(!result.terminated[env], "reaching is never over");
+            assert_eq!(result.truncated[env], steps == 128, "environment {env} at step {step}");
+            let (now, reached) = (&episodes.observations()[env * 13..][..13], &result.reached[env * 13..][..13]);
+            assert_eq!(now == reached, steps < 128, "an ended episode is seen at its end, a fresh one at its start");
+            assert!(steps < 128 || now != &first[env * 13..][..13], "another start and another target");
+            truncated += usize::from(result.truncated[env]);
+        }
+        steps %= 128;
     }
-    assert!(ended >= 8, "{ended} episodes of at most 300 frames ended in 4 x 700 frames");
+    assert_eq!(truncated, 6, "three environments, 300 steps, episodes of 128");
 }
 
 #[test]
-fn the_cartpole_reward_is_the_papers() {
-    let upright = [0.0, 0.0, 0.0, 0.0];
-    assert_eq!(CartpoleSwingup.reward(&upright, &[0.0, 0.0]), 5.0);
-    // 5 - 1 - 0.05 * 4 - 0.1 * 9 - 0.1 * 16 = 1.3
-    let reward = CartpoleSwingup.reward(&[2.0, 1.0, 4.0, 3.0], &[0.0, 0.0]);
-    assert!((reward - 1.3).abs() < 1e-12, "reward {reward}, by hand 1.3");
-    // A whole turn more is the same pose.
-    let turned = CartpoleSwingup.reward(&[2.0, 1.0 + std::f64::consts::TAU, 4.0, 3.0], &[0.0, 0.0]);
-    assert!((turned - 1.3).abs() < 1e-12, "reward {turned}, by hand 1.3");
-    assert!(CartpoleSwingup.terminated(&[4.01, 0.0, 0.0, 0.0]) && !CartpoleSwingup.terminated(&[3.99, 0.0, 9.9, -9.9]));
+fn the_first_action_follows_the_fresh_observation() {
+    // The reference system observes before it resets, so that an episode's first action answers the last one's end.
+    let mut episodes = episodes("cartpole-swingup", "articulated", 1);
+    for _ in 0..2000 {
+        let result = episodes.step(&[1.0]).expect("finite physics");
+        let state = episodes.simulation.batch.state(0);
+        assert_eq!(episodes.observations(), [state[0], state[1], state[2], state[3]]);
+        if result.terminated[0] || result.truncated[0] {
+            return;
+        }
+    }
+    panic!("full force for 2000 frames ends no episode");
+}
+
+#[test]
+fn a_snapshot_goes_on_as_if_nothing_had_happened() {
+    for name in ["ant-run", "franka-reach"] {
+        let mut whole = episodes(name, "articulated", 5);
+        for step in 0..140 {
+            whole.step(&actions(&whole, step)).expect("finite physics");
+        }
+        let mut again = episodes(name, "articulated", 5);
+        again.restore(&whole.snapshot()).expect("of the same sizes");
+        assert_eq!(again.observations(), whole.observations(), "{name}");
+        for step in 140..280 {
+            let action = actions(&whole, step);
+            assert_eq!(whole.step(&action).expect("finite"), again.step(&action).expect("finite"), "{name} at step {step}");
+        }
+        let mut other = episodes(name, "articulated", 4);
+        assert!(other.restore(&whole.snapshot()).is_err(), "{name}: a snapshot of five environments for four");
+    }
+}
+
+/// Ends the world of one environment at its 20th frame.
+struct Breaks(Box<dyn Solver>);
+
+impl Solver for Breaks {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        if batch.frames[1] == 20 {
+            return Err(StepError::Environment { env: 1, frame: 20, reason: "on purpose".into() });
+        }
+        self.0.step(batch, torques)
+    }
+}
+
+#[test]
+fn an_environment_that_cannot_be_stepped_ends_its_episode_alone() {
+    let mut episodes = episodes("ant-run", "articulated", 3);
+    let inner = solver("articulated", &episodes.simulation.batch.system);
+    episodes.simulation.solver = Box::new(Breaks(inner));
+    for step in 0..60 {
+        let result = episodes.step(&actions(&episodes, step)).expect("goes on");
+        let expected = step % 21 == 20;
+        assert_eq!((result.failed, result.terminated[1]), (usize::from(expected), expected), "step {step}");
+        if expected {
+            assert_eq!((result.rewards[1], episodes.simulation.batch.frames[1]), (0.0, 0), "step {step}");
+        }
+    }
+    assert!(episodes.step(&[0.0]).is_err(), "one action for three Ants");
 }
 
 #[test]

@@ -1,9 +1,10 @@
-//! Training of NeRD models and evaluation of their rollouts.
+//! Training of NeRD models, evaluation of their rollouts, and policies learned on any solver.
 
 pub mod checkpoint;
 pub mod evaluate;
 pub mod learner;
 pub mod metrics;
+pub mod ppo;
 pub mod prepare;
 pub mod report;
 pub mod schedule;

@@ -22,6 +22,7 @@ pub struct Bar {
     total: u64,
     started: Instant,
     printed: Mutex<Instant>,
+    said: Mutex<String>,
 }
 
 /// Starts a bar over `total` units of `what`.
@@ -33,7 +34,7 @@ pub fn bar(what: &str, total: u64) -> Bar {
         }
         bar.with_message(what.to_string())
     });
-    Bar { bar, what: what.into(), total, started: Instant::now(), printed: Mutex::new(Instant::now()) }
+    Bar { bar, what: what.into(), total, started: Instant::now(), printed: Mutex::new(Instant::now()), said: Mutex::default() }
 }
 
 impl Bar {
@@ -46,8 +47,19 @@ impl Bar {
         if printed.elapsed() > Duration::from_secs(20) {
             let rate = done as f64 / self.started.elapsed().as_secs_f64();
             let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
-            eprintln!("{} {done}/{}, {rate:.0}/s, {left:.0} s left", self.what, self.total);
+            let said = self.said.lock().map(|said| said.clone()).unwrap_or_default();
+            eprintln!("{} {done}/{}, {rate:.0}/s, {left:.0} s left{said}", self.what, self.total);
             *printed = Instant::now();
+        }
+    }
+
+    /// What else is to be known now, for example how well it goes.
+    pub fn say(&self, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("{}: {text}", self.what));
+        }
+        if let Ok(mut said) = self.said.lock() {
+            *said = format!("; {text}");
         }
     }
 

@@ -16,6 +16,7 @@ mod inspect;
 mod mujoco;
 mod paper;
 mod plot;
+mod policy;
 mod provenance;
 mod reproduce;
 mod rollout;
@@ -47,6 +48,8 @@ enum Verb {
     Grow(grow::GrowArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
+    /// Train, evaluate or show a policy
+    Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
     Stability(stability::StabilityArgs),
     /// Predict real tosses of a cube, open loop
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Verb::Chart(args) => chart::run(args),
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
+        Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Urdf(args) => urdf::run(args),

@@ -1,6 +1,6 @@
 //! Published figures, for the column beside ours. Source: paper, appendix Table A.2 (double pendulum, 2048 starts, 100
 //! steps, mean joint-angle error in rad); Cartpole (1000 steps) and Ant (500 steps: root position in m, orientation in rad,
-//! joints in rad) as reported from the main text.
+//! joints in rad) as reported from the main text; rewards of policies likewise.
 
 /// Published mean errors by quantity ([`nerd_train::evaluate::summary`]), or `None` where nothing is published.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
@@ -26,4 +26,20 @@ pub fn horizon(robot: &str) -> usize {
         "ant" | "anymal" | "anymal-paper" => 500,
         _ => 100,
     }
+}
+
+/// Published mean reward of a game under policies trained in the learned simulator (three seeds, 2048 games each): in the truth
+/// and in the learned simulator.
+pub fn policy_reward(task: &str) -> Option<[f64; 2]> {
+    Some(match task {
+        "cartpole-swingup" => [1212.5, 1212.6],
+        "franka-reach" => [89.3, 91.1],
+        "franka-reach-torque" => [94.9, 95.0],
+        "ant-run" => [2541.5, 2649.5],
+        "ant-spin" => [2624.7, 3076.2],
+        "ant-spin-track" => [1630.2, 1670.5],
+        "anymal-forward" => [1323.4, 1323.1],
+        "anymal-side" => [1360.2, 1359.2],
+        _ => return None,
+    })
 }

@@ -10,6 +10,7 @@ use crate::ablations::{self, AblationArgs};
 use crate::chart::{self, ChartArgs};
 use crate::common::Device;
 use crate::evaluate::{self, EvaluateArgs};
+use crate::policy::reproduce::{PoliciesArgs, run as policies};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
 use crate::train::{self, TrainArgs};
@@ -61,12 +62,16 @@ pub struct ReproduceArgs {
 pub enum Part {
     /// The paper's Figure A.2: NeRD against itself with one design decision taken back
     Ablations(AblationArgs),
+    /// The shipped policies in the truth and in the simulator that learned it
+    Policies(PoliciesArgs),
 }
 
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
-    if let Some(Part::Ablations(args)) = args.part {
-        return ablations::run(args);
+    match args.part {
+        Some(Part::Ablations(args)) => return ablations::run(args),
+        Some(Part::Policies(args)) => return policies(args),
+        None => {}
     }
     if args.starts == 0 {
         bail!("--starts 0: at least one is needed");

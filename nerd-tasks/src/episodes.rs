@@ -1,0 +1,244 @@
+//! A batch of episodes of one task on any solver.
+//!
+//! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from a
+//! ChaCha8 stream of its own, keyed by (seed, environment, episode), so what happens depends on neither threads nor neighbours.
+
+use nerd_sim::batch::Batch;
+use nerd_sim::sampling::stream;
+use nerd_sim::solver::{Simulation, StepError};
+use rayon::prelude::*;
+
+use crate::memory::Past;
+use crate::{Snapshot, Task, View, Work};
+
+/// Environments that one thread looks after in a row.
+const CHUNK: usize = 32;
+/// A coordinate beyond this (m, rad, or their rates) is no motion any more: the episode has failed.
+const FAR: f64 = 1e5;
+
+/// What a step gave, by environment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepResult {
+    /// Rewards.
+    pub rewards: Vec<f64>,
+    /// Episodes that ended in a terminal state.
+    pub terminated: Vec<bool>,
+    /// Episodes that ran out of time. The state they were in has a value yet: see `reached`.
+    pub truncated: Vec<bool>,
+    /// Observations `[env][observation_dim]` of the states reached, before ended episodes began anew.
+    pub reached: Vec<f64>,
+    /// Episodes that the solver could not go on with (a state not finite, or beyond 1e5): terminated, with reward 0.
+    pub failed: usize,
+}
+
+/// Episodes of one task in every environment of a simulation; ended ones begin anew at once.
+pub struct Episodes {
+    /// The task.
+    pub task: Box<dyn Task>,
+    /// The simulation; its solver may be any.
+    pub simulation: Simulation,
+    seed: u64,
+    begun: Vec<u64>,
+    goals: Vec<f64>,
+    torques: Vec<f64>,
+    works: Vec<Work>,
+    observations: Vec<f64>,
+    past: Past,
+}
+
+impl Episodes {
+    /// Begins an episode in every environment.
+    ///
+    /// # Panics
+    /// If the simulation is of another robot than the task's.
+    pub fn new(task: Box<dyn Task>, simulation: Simulation, seed: u64) -> Self {
+        let (n, system) = (simulation.batch.len(), simulation.batch.system.clone());
+        let mut episodes = Self {
+            seed,
+            begun: vec![0; n],
+            goals: vec![0.0; n * task.goal_dim()],
+            torques: vec![0.0; n * system.robot.joint_count()],
+            works: (0..n.div_ceil(CHUNK)).map(|_| Work::new(&system)).collect(),
+            observations: vec![0.0; n * task.observation_dim()],
+            past: Past::default(),
+            task,
+            simulation,
+        };
+        (0..n).for_each(|env| episodes.restart(env));
+        episodes.observe();
+        episodes
+    }
+
+    /// Keeps so many frames for [`Self::snapshot`]: as many as the solver's next step depends on (a network's receptive field;
+    /// 0 for an analytic solver).
+    pub fn remember(&mut self, frames: usize) {
+        self.past.most = frames;
+    }
+
+    /// Environments.
+    pub fn len(&self) -> usize {
+        self.begun.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.begun.is_empty()
+    }
+
+    /// Observations `[env][observation_dim]` of the present states, fresh also after a reset.
+    pub fn observations(&self) -> &[f64] {
+        &self.observations
+    }
+
+    /// One environment as its task sees it.
+    pub fn view(&self, env: usize) -> View<'_> {
+        view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env)
+    }
+
+    /// One step under `actions` (`[env][action_dim]`).
+    ///
+    /// # Errors
+    /// If there is another number of actions, or the solver as a whole fails.
+    pub fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
+        let (n, width) = (self.len(), self.task.action_dim());
+        if actions.len() != n * width {
+            return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
+        }
+        let mut failed = vec![false; n];
+        for _ in 0..self.task.frames() {
+            self.act(actions);
+            self.frame(&mut failed)?;
+        }
+        let d = self.simulation.batch.system.robot.state_dim();
+        for (failed, state) in failed.iter_mut().zip(self.simulation.batch.states.chunks_exact(d)) {
+            *failed |= state.iter().any(|x| x.abs() > FAR);
+        }
+        let mut result = StepResult { failed: failed.iter().filter(|f| **f).count(), ..Default::default() };
+        (0..n).filter(|env| failed[*env]).for_each(|env| self.restart(env));
+        self.judge(&failed, &mut result);
+        self.observe();
+        result.reached = self.observations.clone();
+        let mut ended = false;
+        for env in 0..n {
+            if result.terminated[env] || result.truncated[env] {
+                ended = true;
+                self.restart(env);
+            }
+        }
+        if ended {
+            self.observe();
+        }
+        Ok(result)
+    }
+
+    /// What later steps depend on.
+    pub fn snapshot(&self) -> Snapshot {
+        let batch = &self.simulation.batch;
+        let (states, frames) = (batch.states.clone(), batch.frames.clone());
+        let mut snapshot = Snapshot { states, frames, goals: self.goals.clone(), begun: self.begun.clone(), ..Default::default() };
+        self.past.write(&mut snapshot);
+        snapshot
+    }
+
+    /// Goes on where a snapshot of as many environments of the same task was taken.
+    ///
+    /// # Errors
+    /// If it is not of these sizes, or the solver cannot be stepped through its frames again.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let batch = &mut self.simulation.batch;
+        let fits = (batch.states.len(), batch.frames.len(), self.goals.len(), self.begun.len());
+        let found = (snapshot.states.len(), snapshot.frames.len(), snapshot.goals.len(), snapshot.begun.len());
+        if found != fits {
+            return Err(StepError::Solver(format!("a snapshot of {found:?} numbers (states, frames, goals, episodes), not of {fits:?}")));
+        }
+        batch.states.copy_from_slice(&snapshot.states);
+        batch.frames.copy_from_slice(&snapshot.frames);
+        self.goals.copy_from_slice(&snapshot.goals);
+        self.begun.copy_from_slice(&snapshot.begun);
+        self.past.read(snapshot, self.torques.len() / self.begun.len().max(1));
+        (0..self.begun.len()).for_each(|env| self.simulation.solver.reset(env));
+        self.past.replay(&mut self.simulation)?;
+        self.observe();
+        Ok(())
+    }
+
+    fn restart(&mut self, env: usize) {
+        let mut rng = stream(self.seed, (env as u64) << 32 | self.begun[env]);
+        self.begun[env] += 1;
+        let width = self.task.goal_dim();
+        self.task.draw_goal(&mut rng, &mut self.goals[env * width..(env + 1) * width]);
+        let state = self.task.reset(&self.simulation.batch.system, &mut rng);
+        self.simulation.reset(env, &state);
+    }
+
+    /// Torques of every environment.
+    fn act(&mut self, actions: &[f64]) {
+        let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
+        let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
+        let chunks = self.torques.par_chunks_mut(CHUNK * joints).zip(&mut self.works).enumerate();
+        chunks.for_each(|(chunk, (torques, work))| {
+            for (i, tau) in torques.chunks_exact_mut(joints).enumerate() {
+                let env = chunk * CHUNK + i;
+                task.act(view(batch, goals, task.goal_dim(), env), &actions[env * width..(env + 1) * width], work, tau);
+            }
+        });
+    }
+
+    /// One frame. An environment that cannot be stepped is marked, begun anew, and the frame is tried again without torque there.
+    fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
+        let joints = self.torques.len() / self.len().max(1);
+        self.past.push(&self.simulation.batch.states, &self.torques);
+        loop {
+            match self.simulation.step(&self.torques) {
+                Ok(()) => return Ok(()),
+                Err(StepError::NotFinite { env, .. } | StepError::Environment { env, .. }) if !failed[env] => {
+                    failed[env] = true;
+                    self.restart(env);
+                    self.torques[env * joints..(env + 1) * joints].fill(0.0);
+                    self.past.only_newest();
+                    self.past.amend(&self.simulation.batch.states, &self.torques);
+                }
+                Err(other) => return Err(other),
+            }
+        }
+    }
+
+    /// Rewards and endings of the states reached.
+    fn judge(&mut self, failed: &[bool], result: &mut StepResult) {
+        let (task, batch, goals, torques) = (&*self.task, &self.simulation.batch, &*self.goals, &*self.torques);
+        let joints = batch.system.robot.joint_count();
+        let length = task.episode_length() * task.frames();
+        let chunks = self.works.par_iter_mut().enumerate().map(|(chunk, work)| {
+            let envs = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(failed.len());
+            let judged = envs.map(|env| {
+                if failed[env] {
+                    return (0.0, true, false);
+                }
+                let view = view(batch, goals, task.goal_dim(), env);
+                let terminated = task.terminated(view, work);
+                let reward = task.reward(view, &torques[env * joints..(env + 1) * joints], work);
+                (reward, terminated, !terminated && batch.frames[env] >= length)
+            });
+            judged.collect::<Vec<_>>()
+        });
+        for (reward, terminated, truncated) in chunks.collect::<Vec<_>>().into_iter().flatten() {
+            result.rewards.push(reward);
+            result.terminated.push(terminated);
+            result.truncated.push(truncated);
+        }
+    }
+
+    fn observe(&mut self) {
+        let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
+        let width = task.observation_dim();
+        let chunks = self.observations.par_chunks_mut(CHUNK * width).zip(&mut self.works).enumerate();
+        chunks.for_each(|(chunk, (rows, work))| {
+            let rows = rows.chunks_exact_mut(width).enumerate();
+            rows.for_each(|(i, row)| task.observe(view(batch, goals, task.goal_dim(), chunk * CHUNK + i), work, row));
+        });
+    }
+}
+
+fn view<'a>(batch: &'a Batch, goals: &'a [f64], width: usize, env: usize) -> View<'a> {
+    View { state: batch.state(env), goal: &goals[env * width..(env + 1) * width], scene: &batch.scenes[env] }
+}

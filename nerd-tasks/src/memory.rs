@@ -1,0 +1,89 @@
+//! What a run of episodes needs to go on later as if it had never stopped, whatever solver it runs on.
+//!
+//! An analytic solver needs the states alone. A learned one remembers the last frames, and its memory is a function of them:
+//! so the last frames are kept, and [`Past::replay`] steps the solver through them again.
+
+use std::collections::VecDeque;
+
+use nerd_sim::solver::{Simulation, StepError};
+
+/// Everything of [`crate::Episodes`] that later steps depend on; row-major over n environments.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Snapshot {
+    /// States `[n][q, qd]`.
+    pub states: Vec<f64>,
+    /// Frames since each reset, `[n]`.
+    pub frames: Vec<u64>,
+    /// Goals `[n][goal_dim]`.
+    pub goals: Vec<f64>,
+    /// Episodes begun in each environment, `[n]`; with the seed they are what is drawn next.
+    pub begun: Vec<u64>,
+    /// States before each of the last frames, oldest first, `[frames][n][q, qd]`.
+    pub past_states: Vec<f64>,
+    /// Torques of each of the last frames, `[frames][n][joints]`.
+    pub past_torques: Vec<f64>,
+}
+
+/// The last frames: states before them, torques in them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Past {
+    pub(crate) most: usize,
+    frames: VecDeque<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Past {
+    /// Keeps what is about to be stepped.
+    pub(crate) fn push(&mut self, states: &[f64], torques: &[f64]) {
+        if self.most == 0 {
+            return;
+        }
+        let mut oldest = if self.frames.len() >= self.most { self.frames.pop_front() } else { None }.unwrap_or_default();
+        oldest.0.clear();
+        oldest.0.extend_from_slice(states);
+        oldest.1.clear();
+        oldest.1.extend_from_slice(torques);
+        self.frames.push_back(oldest);
+    }
+
+    /// Forgets all but the newest frame: a step that is tried again makes a learned solver start anew with it.
+    pub(crate) fn only_newest(&mut self) {
+        let old = self.frames.len().saturating_sub(1);
+        self.frames.drain(..old);
+    }
+
+    /// What an environment's reset leaves in the newest frame, if that is tried again.
+    pub(crate) fn amend(&mut self, states: &[f64], torques: &[f64]) {
+        if let Some(newest) = self.frames.back_mut() {
+            newest.0.copy_from_slice(states);
+            newest.1.copy_from_slice(torques);
+        }
+    }
+
+    pub(crate) fn write(&self, snapshot: &mut Snapshot) {
+        snapshot.past_states = self.frames.iter().flat_map(|f| &f.0).copied().collect();
+        snapshot.past_torques = self.frames.iter().flat_map(|f| &f.1).copied().collect();
+    }
+
+    pub(crate) fn read(&mut self, snapshot: &Snapshot, joints: usize) {
+        let (states, torques) = (snapshot.states.len(), snapshot.frames.len() * joints);
+        self.frames.clear();
+        let frames = snapshot.past_states.chunks_exact(states.max(1)).zip(snapshot.past_torques.chunks_exact(torques.max(1)));
+        frames.for_each(|(s, t)| self.frames.push_back((s.to_vec(), t.to_vec())));
+    }
+
+    /// Steps the solver through the frames kept, the last of which ends where `simulation` stands.
+    pub(crate) fn replay(&self, simulation: &mut Simulation) -> Result<(), StepError> {
+        let (states, frames) = (simulation.batch.states.clone(), simulation.batch.frames.clone());
+        for (k, (before, torques)) in self.frames.iter().enumerate() {
+            let ago = (self.frames.len() - k) as u64;
+            simulation.batch.states.copy_from_slice(before);
+            // Frames of an earlier episode are stepped, too; the first of the present one makes the solver forget them.
+            let count = |now: &u64| now.checked_sub(ago).unwrap_or(u64::MAX / 2 - ago);
+            simulation.batch.frames = frames.iter().map(count).collect();
+            simulation.step(torques)?;
+        }
+        simulation.batch.states = states;
+        simulation.batch.frames = frames;
+        Ok(())
+    }
+}

@@ -1,0 +1,112 @@
+//! A run on disk: one safetensors file, replaced as a whole, from which it goes on to the bit, in a streaming network's
+//! simulator to its rounding (see `nerd_tasks::Episodes::remember`).
+//!
+//! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is in it.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use nerd_tasks::Snapshot;
+
+use super::environments::Environments;
+use super::normalizer::Moments;
+use super::policy::Policy;
+use super::tensors::{Reader, Writer};
+use super::trainer::{PpoError, Trainer};
+use crate::checkpoint::CheckpointError;
+
+impl<E: Environments> Trainer<E> {
+    /// Writes where the run stands; `run` is whatever else the caller wants to find again.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path, run: &str) -> Result<(), CheckpointError> {
+        let (state, snapshot) = (&self.state, self.environments.snapshot());
+        let mut file = Writer::default();
+        put(&mut file, "policy", &state.policy);
+        if let Some((reward, policy)) = &state.best {
+            put(&mut file, "best", policy);
+            file.f64("best.reward", [*reward]);
+        }
+        file.f32("adam.m", &[state.adam.m.len()], &state.adam.m);
+        file.f32("adam.v", &[state.adam.v.len()], &state.adam.v);
+        file.u64("counts", &[state.iteration, state.adam.step, self.seed]);
+        file.f64("rate", [state.adam.rate]);
+        file.f64("running.stack", state.running.stack.rows.iter().copied());
+        file.f64("running.rewards", state.running.rewards.iter().copied());
+        file.f64("running.lengths", state.running.lengths.iter().copied());
+        file.f64("recent", state.recent.iter().flat_map(|e| [e.0, e.1]));
+        file.f64("states", snapshot.states);
+        file.u64("frames", &snapshot.frames);
+        file.f64("goals", snapshot.goals);
+        file.u64("begun", &snapshot.begun);
+        file.f64("past.states", snapshot.past_states);
+        file.f64("past.torques", snapshot.past_torques);
+        let config = serde_json::to_string(&self.config).unwrap_or_default();
+        file.save(path, HashMap::from([("config".into(), config), ("run".into(), run.into())]))
+    }
+
+    /// Goes on where the file's run stood. What `run` was at [`Self::save`] must be the same now.
+    ///
+    /// # Errors
+    /// If the file is no checkpoint, or that of another run; then nothing has changed but, at worst, the environments.
+    pub fn resume(&mut self, path: &Path, run: &str) -> Result<(), PpoError> {
+        let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io { path: path.into(), source })?;
+        let file = Reader::new(path, &bytes)?;
+        let counts = file.u64("counts", Some(3))?;
+        let config = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e.to_string()))?;
+        // A run may be made longer.
+        let same = super::config::PpoConfig { iterations: self.config.iterations, ..config } == self.config;
+        if !same || file.word("run")? != run || counts[2] != self.seed {
+            return Err(file.wrong("it is that of another run: other settings, solver, model or seed").into());
+        }
+        let mut state = self.state.clone();
+        state.policy = get(&file, "policy", &state.policy)?;
+        state.best = match file.f64("best.reward", Some(1)) {
+            Ok(reward) => Some((reward[0], get(&file, "best", &state.policy)?)),
+            Err(_) => None,
+        };
+        let n = Some(state.adam.m.len());
+        (state.adam.m, state.adam.v) = (file.f32("adam.m", n)?, file.f32("adam.v", n)?);
+        (state.iteration, state.adam.step) = (counts[0], counts[1]);
+        state.adam.rate = file.f64("rate", Some(1))?[0];
+        let running = &mut state.running;
+        running.stack.rows = file.f64("running.stack", Some(running.stack.rows.len()))?;
+        running.rewards = file.f64("running.rewards", Some(running.rewards.len()))?;
+        running.lengths = file.f64("running.lengths", Some(running.lengths.len()))?;
+        state.recent = file.f64("recent", None)?.as_chunks().0.iter().map(|[a, b]| (*a, *b)).collect();
+        let snapshot = Snapshot {
+            states: file.f64("states", None)?,
+            frames: file.u64("frames", None)?,
+            goals: file.f64("goals", None)?,
+            begun: file.u64("begun", None)?,
+            past_states: file.f64("past.states", None)?,
+            past_torques: file.f64("past.torques", None)?,
+        };
+        self.environments.restore(&snapshot)?;
+        self.state = state;
+        Ok(())
+    }
+}
+
+fn put(file: &mut Writer, name: &str, policy: &Policy) {
+    file.f32(format!("{name}.flat"), &[policy.flat.len()], &policy.flat);
+    for (what, moments) in [("seen", &policy.seen), ("returns", &policy.returns)] {
+        let all = moments.mean.iter().chain(&moments.variance).copied().chain([moments.count]);
+        file.f64(format!("{name}.{what}"), all);
+    }
+}
+
+/// A policy of the same shape as `like`.
+fn get(file: &Reader, name: &str, like: &Policy) -> Result<Policy, CheckpointError> {
+    let moments = |what: &str, columns: usize| {
+        let all = file.f64(&format!("{name}.{what}"), Some(2 * columns + 1))?;
+        Ok(Moments { mean: all[..columns].into(), variance: all[columns..2 * columns].into(), count: all[2 * columns] })
+    };
+    Ok(Policy {
+        shape: like.shape.clone(),
+        flat: file.f32(&format!("{name}.flat"), Some(like.flat.len()))?,
+        seen: moments("seen", like.seen.mean.len())?,
+        returns: moments("returns", 1)?,
+    })
+}

@@ -1,0 +1,170 @@
+//! Hyper-parameters: what rl_games calls `a2c_continuous`, with the paper's values for every task.
+
+use nerd_tasks::TaskError;
+use serde::{Deserialize, Serialize};
+
+use super::activation::Activation;
+
+/// Settings of a run; the defaults are those that all tasks of the paper share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PpoConfig {
+    /// Environments.
+    pub environments: usize,
+    /// Steps of every environment in one iteration.
+    pub horizon: usize,
+    /// Iterations of the run.
+    pub iterations: u64,
+    /// Steps in a minibatch.
+    pub minibatch: usize,
+    /// Passes over an iteration's steps.
+    pub epochs: usize,
+    /// Widths of the hidden layers, which policy and value share.
+    pub hidden: Vec<usize>,
+    /// Between them.
+    #[serde(default)]
+    pub activation: Activation,
+    /// Observations that the network sees, the newest first; more than one stands in for memory.
+    #[serde(default = "one")]
+    pub stack: usize,
+    /// Whether the spread of actions is an output of the network; else it is a parameter.
+    #[serde(default)]
+    pub spread_by_state: bool,
+    /// Discount a step.
+    #[serde(default = "gamma")]
+    pub gamma: f64,
+    /// Lambda of the advantage estimation.
+    #[serde(default = "lambda")]
+    pub lambda: f64,
+    /// How far the ratio of probabilities, and the (normalised) value, may move from those of the rollout.
+    #[serde(default = "clip")]
+    pub clip: f32,
+    /// Weight of the value's loss.
+    #[serde(default = "critic")]
+    pub critic: f32,
+    /// Weight of the entropy.
+    #[serde(default)]
+    pub entropy: f32,
+    /// Weight of the loss on mean actions beyond +-1.1.
+    #[serde(default = "bounds")]
+    pub bounds: f32,
+    /// Largest global norm of the gradient.
+    #[serde(default = "gradient_norm")]
+    pub gradient_norm: f32,
+    /// First learning rate.
+    #[serde(default = "rate")]
+    pub rate: f64,
+    /// Divergence of two passes' policies that the learning rate is held at: above twice this it falls, below half of it it
+    /// rises, by 1.5, within 1e-6 and 1e-2. 0 leaves the rate alone.
+    #[serde(default = "kl")]
+    pub kl: f64,
+}
+
+fn one() -> usize {
+    1
+}
+fn gamma() -> f64 {
+    0.99
+}
+fn lambda() -> f64 {
+    0.95
+}
+fn clip() -> f32 {
+    0.2
+}
+fn critic() -> f32 {
+    4.0
+}
+fn bounds() -> f32 {
+    1e-4
+}
+fn gradient_norm() -> f32 {
+    1.0
+}
+fn rate() -> f64 {
+    3e-4
+}
+fn kl() -> f64 {
+    0.008
+}
+
+/// Settings that cannot be.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// No such task.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// Not what the file should hold.
+    #[error("PPO settings: {0}")]
+    Format(String),
+}
+
+const FILES: [(&str, &str); 4] = [
+    ("cartpole-", include_str!("../../assets/ppo/cartpole.toml")),
+    ("franka-", include_str!("../../assets/ppo/franka.toml")),
+    ("ant-", include_str!("../../assets/ppo/ant.toml")),
+    ("anymal-", include_str!("../../assets/ppo/anymal.toml")),
+];
+
+/// Settings for where steps are dear.
+const SMALL: [(&str, &str); 1] = [("cartpole-", include_str!("../../assets/ppo/cartpole-small.toml"))];
+
+impl PpoConfig {
+    /// Fewer environments and more updates a step than the paper's, for tasks that have such settings: for a learned simulator
+    /// on the CPU.
+    pub fn small(task: &str) -> Option<Self> {
+        let found = SMALL.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task))?;
+        Self::from_text(found.1).ok()
+    }
+
+    /// The paper's for a task.
+    ///
+    /// # Errors
+    /// If there is no such task.
+    pub fn of(task: &str) -> Result<Self, ConfigError> {
+        let found = FILES.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task));
+        Self::from_text(found.ok_or_else(|| TaskError(task.into()))?.1)
+    }
+
+    /// From TOML.
+    ///
+    /// # Errors
+    /// If a key is unknown, missing or out of range.
+    pub fn from_text(text: &str) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text).map_err(|e| ConfigError::Format(e.to_string().trim().replace('\n', " ")))?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Steps of an iteration.
+    pub fn steps(&self) -> usize {
+        self.environments * self.horizon
+    }
+
+    /// Refuses what no run can be made of.
+    ///
+    /// # Errors
+    /// Names the first setting that is wrong.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let positive = [
+            ("environments", self.environments),
+            ("horizon", self.horizon),
+            ("minibatch", self.minibatch),
+            ("epochs", self.epochs),
+            ("stack", self.stack),
+        ];
+        if let Some((name, _)) = positive.into_iter().chain(self.hidden.iter().map(|w| ("hidden", *w))).find(|p| p.1 == 0) {
+            return Err(ConfigError::Format(format!("`{name}` is 0, at least 1 is needed")));
+        }
+        for (name, value) in [("gamma", self.gamma), ("lambda", self.lambda)] {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(ConfigError::Format(format!("`{name}` is {value}, not within 0 and 1")));
+            }
+        }
+        let weights = [self.clip, self.critic, self.bounds, self.gradient_norm].map(f64::from);
+        if let Some(value) = weights.into_iter().chain([self.rate, self.kl]).find(|x| !x.is_finite() || *x < 0.0) {
+            return Err(ConfigError::Format(format!("{value} is negative or no number")));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,94 @@
+//! A policy is a folder: `config.json`, `policy.safetensors` and a card, `README.md`.
+//!
+//! The weights stand by name, `layerK.weight` `[in, out]` and `layerK.bias`; the last layer's outputs are mean action, value
+//! and, if it is no parameter of its own (`log_std`), the logarithm of the spread. `observation.mean` and
+//! `observation.variance` normalise what goes in, `return.mean` and `return.variance` what the value is in.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::config::PpoConfig;
+use super::normalizer::Moments;
+use super::policy::{Policy, Shape};
+use super::tensors::{Reader, Writer};
+use crate::checkpoint::CheckpointError;
+
+/// What was learned, where, how; `config.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyConfig {
+    /// Task.
+    pub task: String,
+    /// What the policy was trained in.
+    pub solver: String,
+    /// Shape of the network.
+    pub shape: Shape,
+    /// How it was trained.
+    pub ppo: PpoConfig,
+    /// Iterations done.
+    pub iterations: u64,
+    /// Mean return of its own noisy episodes.
+    pub reward: Option<f64>,
+    /// Commit, command, seed, machine, minutes.
+    #[serde(default)]
+    pub provenance: BTreeMap<String, String>,
+}
+
+/// Writes the folder, each file whole or not at all.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<(), CheckpointError> {
+    let network = policy.shape.network();
+    let (mut file, mut rest) = (Writer::default(), policy.flat.as_slice());
+    for (k, w) in network.sizes.windows(2).enumerate() {
+        let (weight, behind) = rest.split_at(w[0] * w[1]);
+        let (bias, behind) = behind.split_at(w[1]);
+        rest = behind;
+        file.f32(format!("layer{k}.weight"), &[w[0], w[1]], weight);
+        file.f32(format!("layer{k}.bias"), &[w[1]], bias);
+    }
+    file.f32("log_std", &[rest.len()], rest);
+    for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
+        file.f64(format!("{name}.mean"), moments.mean.iter().copied());
+        file.f64(format!("{name}.variance"), moments.variance.iter().copied());
+        file.f64(format!("{name}.count"), [moments.count]);
+    }
+    let write = |name: &str, text: String| {
+        let path = folder.join(name);
+        nerd_sim::files::write(&path, text.as_bytes()).map_err(|source| CheckpointError::Io { path, source })
+    };
+    let path = folder.join("config.json");
+    let json = serde_json::to_string_pretty(config).map_err(|e| CheckpointError::Format { path, reason: e.to_string() })?;
+    write("config.json", json + "\n")?;
+    write("README.md", card.into())?;
+    file.save(&folder.join("policy.safetensors"), HashMap::from([("task".into(), config.task.clone())]))
+}
+
+/// Reads a folder.
+///
+/// # Errors
+/// If a file is absent or not what it should be.
+pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
+    let path = folder.join("config.json");
+    let text = std::fs::read_to_string(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
+    let config: PolicyConfig = serde_json::from_str(&text).map_err(|e| CheckpointError::Format { path, reason: e.to_string() })?;
+    let path = folder.join("policy.safetensors");
+    let bytes = std::fs::read(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
+    let file = Reader::new(&path, &bytes)?;
+    let (shape, mut flat) = (config.shape.clone(), Vec::new());
+    for (k, w) in shape.network().sizes.windows(2).enumerate() {
+        flat.extend(file.f32(&format!("layer{k}.weight"), Some(w[0] * w[1]))?);
+        flat.extend(file.f32(&format!("layer{k}.bias"), Some(w[1]))?);
+    }
+    flat.extend(file.f32("log_std", Some(shape.parameters() - flat.len()))?);
+    let moments = |name: &str, columns: usize| {
+        let column = |what: &str, n: usize| file.f64(&format!("{name}.{what}"), Some(n));
+        Ok(Moments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
+    };
+    let seen = moments("observation", shape.observation * shape.stack)?;
+    let returns = moments("return", 1)?;
+    Ok((config, Policy { shape, flat, seen, returns }))
+}

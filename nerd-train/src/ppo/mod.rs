@@ -1,0 +1,35 @@
+//! Proximal policy optimisation (Schulman et al. 2017) as the paper's policies were trained: rl_games' continuous actor and
+//! critic, with running normalisation of observations and returns, generalised advantages, clipped ratio and value, a learning
+//! rate that follows the divergence, and values in place of what time-outs cut off.
+//!
+//! Networks are small and environments many, so all of it is plain f32 on the CPU, over faer's products: an update of 65 536
+//! steps costs tenths of a second on two cores. Whatever the number of threads, the same seed gives the same bytes.
+//!
+//! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`]; [`Trainer`] repeats it and keeps all that a run needs
+//! to go on; [`play()`] plays the result.
+
+mod activation;
+mod checkpoint;
+mod config;
+mod environments;
+pub mod folder;
+pub mod gae;
+pub mod loss;
+pub mod mlp;
+mod normalizer;
+mod play;
+mod policy;
+pub mod rollout;
+mod stack;
+mod tensors;
+mod trainer;
+pub mod update;
+
+pub use activation::Activation;
+pub use config::{ConfigError, PpoConfig};
+pub use environments::Environments;
+pub use normalizer::Moments;
+pub use play::{Game, play};
+pub use policy::{Answer, Policy, Shape};
+pub use stack::Stack;
+pub use trainer::{Iteration, PpoError, State, Trainer};

@@ -1,0 +1,77 @@
+//! Running mean and variance, by Chan, Golub and LeVeque's update for batches.
+//!
+//! With n numbers seen so far and m new ones of mean b and variance w, `d = b - mean`:
+//! `mean += d m / (n + m)`, `variance = (n variance + m w + d^2 n m / (n + m)) / (n + m)`.
+
+use serde::{Deserialize, Serialize};
+
+/// Moments of columns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Moments {
+    /// Mean by column.
+    pub mean: Vec<f64>,
+    /// Variance by column.
+    pub variance: Vec<f64>,
+    /// Rows seen; it begins at 1, so that the first batch finds mean 0 and variance 1.
+    pub count: f64,
+}
+
+/// Normalised numbers are kept within this.
+pub const WIDEST: f64 = 5.0;
+const EPSILON: f64 = 1e-5;
+
+impl Moments {
+    /// Of nothing yet: mean 0, variance 1.
+    pub fn new(columns: usize) -> Self {
+        Self { mean: vec![0.0; columns], variance: vec![1.0; columns], count: 1.0 }
+    }
+
+    /// Takes in rows.
+    pub fn update(&mut self, rows: &[f64]) {
+        let (columns, m) = (self.mean.len(), (rows.len() / self.mean.len().max(1)) as f64);
+        if m == 0.0 {
+            return;
+        }
+        let sums = |f: &dyn Fn(usize, f64) -> f64| {
+            let mut sums = vec![0.0; columns];
+            rows.chunks_exact(columns).for_each(|row| sums.iter_mut().zip(row).enumerate().for_each(|(k, (s, x))| *s += f(k, *x)));
+            sums.iter_mut().for_each(|s| *s /= m);
+            sums
+        };
+        let mean = sums(&|_, x| x);
+        let variance = sums(&|k, x| (x - mean[k]).powi(2));
+        let (n, total) = (self.count, self.count + m);
+        for k in 0..columns {
+            let d = mean[k] - self.mean[k];
+            self.mean[k] += d * m / total;
+            self.variance[k] = (n * self.variance[k] + m * variance[k] + d * d * n * m / total) / total;
+        }
+        self.count = total;
+    }
+
+    /// One number of a column, normalised and kept within +-5.
+    pub fn normalize(&self, column: usize, x: f64) -> f64 {
+        ((x - self.mean[column]) / self.scale(column)).clamp(-WIDEST, WIDEST)
+    }
+
+    /// The inverse within the bounds.
+    pub fn restore(&self, column: usize, x: f64) -> f64 {
+        x * self.scale(column) + self.mean[column]
+    }
+
+    /// Rows normalised into `out`.
+    pub fn rows(&self, rows: &[f64], out: &mut Vec<f32>) {
+        let columns = self.mean.len();
+        let inverse: Vec<f64> = (0..columns).map(|k| self.scale(k).recip()).collect();
+        out.clear();
+        for row in rows.chunks_exact(columns) {
+            let all = row.iter().zip(&self.mean).zip(&inverse);
+            out.extend(all.map(|((x, mean), inverse)| ((x - mean) * inverse).clamp(-WIDEST, WIDEST) as f32));
+        }
+    }
+
+    fn scale(&self, column: usize) -> f64 {
+        (self.variance[column] + EPSILON).sqrt()
+    }
+}

@@ -1,0 +1,173 @@
+//! Iterations of rollout and update, and all that a run needs to go on.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use nerd_sim::sampling::stream;
+use nerd_sim::solver::StepError;
+use serde::{Deserialize, Serialize};
+
+use super::config::{ConfigError, PpoConfig};
+use super::environments::Environments;
+use super::policy::{Policy, Shape};
+use super::rollout::{Running, rollout};
+use super::update::{Adam, Updated, update};
+use crate::checkpoint::CheckpointError;
+
+/// Why a run cannot begin or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum PpoError {
+    /// Settings that cannot be.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The solver failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A file failed.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The policy stopped being numbers.
+    #[error("iteration {0}: a weight of the policy is not finite")]
+    NotFinite(u64),
+    /// Environments of another number or shape than the settings say.
+    #[error("{found} environments, the settings ask for {wanted}")]
+    Environments {
+        /// How many there are.
+        found: usize,
+        /// How many should be.
+        wanted: usize,
+    },
+}
+
+/// One iteration; a line of `metrics.jsonl`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Iteration {
+    /// Iterations done.
+    pub step: u64,
+    /// Steps of all environments so far.
+    pub frames: u64,
+    /// Mean return of the last episodes that ended, as many as there are environments; none before one has ended.
+    pub reward: Option<f64>,
+    /// Their mean length (steps).
+    pub length: Option<f64>,
+    /// Episodes that ended in this iteration.
+    pub episodes: usize,
+    /// Episodes that the solver could not go on with.
+    pub failed: usize,
+    /// Learning rate at its end.
+    pub rate: f64,
+    /// What the update did.
+    #[serde(flatten)]
+    pub updated: Updated,
+    /// Seconds stepping and asking the policy.
+    pub rollout_seconds: f64,
+    /// Seconds learning.
+    pub update_seconds: f64,
+}
+
+/// Everything but the environments that later iterations depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Iterations done.
+    pub iteration: u64,
+    /// The policy.
+    pub policy: Policy,
+    /// Its optimiser.
+    pub adam: Adam,
+    /// Episodes under way.
+    pub running: Running,
+    /// Return and length of the last episodes that ended.
+    pub recent: VecDeque<(f64, f64)>,
+    /// The policy with the largest mean return so far, and that return.
+    pub best: Option<(f64, Policy)>,
+}
+
+/// A run.
+pub struct Trainer<E> {
+    /// Where it learns.
+    pub environments: E,
+    /// Its settings.
+    pub config: PpoConfig,
+    /// Its seed.
+    pub seed: u64,
+    /// Where it stands.
+    pub state: State,
+}
+
+impl<E: Environments> Trainer<E> {
+    /// A run from random weights.
+    ///
+    /// # Errors
+    /// If settings and environments do not fit.
+    pub fn new(environments: E, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
+        config.check()?;
+        if environments.count() != config.environments {
+            return Err(PpoError::Environments { found: environments.count(), wanted: config.environments });
+        }
+        let shape = Shape {
+            observation: environments.observation_dim(),
+            stack: config.stack,
+            action: environments.action_dim(),
+            hidden: config.hidden.clone(),
+            activation: config.activation,
+            spread_by_state: config.spread_by_state,
+        };
+        let policy = Policy::new(shape, &mut stream(seed, WEIGHTS));
+        let adam = Adam::new(policy.flat.len(), config.rate);
+        let running = Running::new(&environments, config.stack);
+        let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
+        Ok(Self { environments, config, seed, state })
+    }
+
+    /// One rollout and its update.
+    ///
+    /// # Errors
+    /// If the solver fails or the policy stops being finite.
+    pub fn iterate(&mut self) -> Result<Iteration, PpoError> {
+        let Self { environments, config, state, .. } = self;
+        let started = Instant::now();
+        // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
+        let (noise, orders) = (self.seed.wrapping_add(NOISE), self.seed.wrapping_add(ORDERS));
+        let law = (config.horizon, config.gamma, config.lambda);
+        let first = state.iteration * config.horizon as u64;
+        let steps = rollout(environments, &mut state.running, &state.policy, law, (noise, first))?;
+        let rolled = started.elapsed().as_secs_f64();
+        state.recent.extend(&steps.ended);
+        let most = config.environments.max(100);
+        state.recent.drain(..state.recent.len().saturating_sub(most));
+        let mean = |f: fn(&(f64, f64)) -> f64| {
+            (!state.recent.is_empty()).then(|| state.recent.iter().map(f).sum::<f64>() / state.recent.len() as f64)
+        };
+        let (reward, length) = (mean(|e| e.0), mean(|e| e.1));
+        // The returns are those of the policy before this update.
+        if let Some(reward) = reward.filter(|r| state.recent.len() == most && state.best.as_ref().is_none_or(|b| *r > b.0)) {
+            state.best = Some((reward, state.policy.clone()));
+        }
+        let updated = update(&mut state.policy, &mut state.adam, &steps, config, (orders, state.iteration));
+        state.iteration += 1;
+        if state.policy.flat.iter().any(|w| !w.is_finite()) {
+            return Err(PpoError::NotFinite(state.iteration));
+        }
+        Ok(Iteration {
+            step: state.iteration,
+            frames: state.iteration * config.steps() as u64,
+            reward,
+            length,
+            episodes: steps.ended.len(),
+            failed: steps.failed,
+            rate: state.adam.rate,
+            updated,
+            rollout_seconds: rolled,
+            update_seconds: started.elapsed().as_secs_f64() - rolled,
+        })
+    }
+
+    /// The policy with the largest mean return, or the present one before there is one.
+    pub fn best(&self) -> (&Policy, Option<f64>) {
+        self.state.best.as_ref().map_or((&self.state.policy, None), |(reward, policy)| (policy, Some(*reward)))
+    }
+}
+
+const WEIGHTS: u64 = 0;
+const NOISE: u64 = 0x6e6f_6973_6500_0000;
+const ORDERS: u64 = 0x6f72_6465_7200_0000;

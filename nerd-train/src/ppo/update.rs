@@ -1,0 +1,203 @@
+//! Passes over one rollout: minibatches, gradients, Adam, and the learning rate that follows the divergence.
+//!
+//! Observations and returns are taken into their moments first. After every minibatch its steps are compared with the policy
+//! just computed, as in the reference, so that the divergence is that of one pass, not of all.
+
+use nerd_sim::sampling::stream;
+use rand::RngExt;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::config::PpoConfig;
+use super::loss::{Past, Terms, divergence, step};
+use super::mlp::Tape;
+use super::policy::{Policy, ROWS};
+use super::rollout::Rollout;
+use crate::learner::adam::norm;
+
+/// Least and largest learning rate, and by how much it moves.
+const RATES: [f64; 2] = [1e-6, 1e-2];
+const FACTOR: f64 = 1.5;
+
+/// Adam's state (beta 0.9, 0.999, epsilon 1e-8).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adam {
+    /// First moment.
+    pub m: Vec<f32>,
+    /// Second moment.
+    pub v: Vec<f32>,
+    /// Updates done.
+    pub step: u64,
+    /// Learning rate of the next one.
+    pub rate: f64,
+}
+
+impl Adam {
+    /// Before the first update.
+    pub fn new(parameters: usize, rate: f64) -> Self {
+        Self { m: vec![0.0; parameters], v: vec![0.0; parameters], step: 0, rate }
+    }
+
+    /// One update, with the gradient's norm kept to `most`; that norm.
+    pub fn update(&mut self, flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
+        let found = norm(gradient);
+        let scale = (most / (found + 1e-6)).min(1.0);
+        self.step += 1;
+        let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powf(self.step as f64));
+        let (rate, root) = ((self.rate / corrections[0]) as f32, corrections[1].powf(-0.5) as f32);
+        for (((w, m), v), g) in flat.iter_mut().zip(&mut self.m).zip(&mut self.v).zip(gradient) {
+            let g = g * scale;
+            *m = 0.9 * *m + 0.1 * g;
+            *v = 0.999 * *v + 0.001 * g * g;
+            *w -= rate * *m / (v.sqrt() * root + 1e-8);
+        }
+        found
+    }
+}
+
+/// What an update did, means over all its minibatches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Updated {
+    /// Loss of the policy.
+    pub actor_loss: f64,
+    /// Squared error of the normalised value.
+    pub critic_loss: f64,
+    /// Loss of mean actions out of bounds.
+    pub bounds_loss: f64,
+    /// Entropy of the policy (nats).
+    pub entropy: f64,
+    /// Divergence of a pass.
+    pub kl: f64,
+    /// Share of steps whose ratio was clipped.
+    pub clipped: f64,
+    /// Norm of the gradient before clipping.
+    pub gradient_norm: f64,
+}
+
+/// Makes all passes over a rollout. The order of steps in pass e of iteration i is drawn from a ChaCha8 stream of its own.
+pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, (seed, iteration): (u64, u64)) -> Updated {
+    let n = rollout.values.len();
+    let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
+    policy.seen.update(&rollout.observations);
+    policy.returns.update(&returns);
+    let mut data = Data::new(policy, rollout, &returns);
+    let (mut order, mut sums, mut norms, mut batches) = ((0..n).collect::<Vec<_>>(), Terms::default(), 0.0, 0.0);
+    for epoch in 0..config.epochs {
+        let mut rng = stream(seed, iteration * config.epochs as u64 + epoch as u64);
+        (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
+        for batch in order.chunks(config.minibatch) {
+            let said = gradient(policy, &data, batch, config);
+            data.compare_with(batch, &said);
+            norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
+            let terms = said.terms.over(batch.len() as f64);
+            sums.add(&terms);
+            batches += 1.0;
+            if config.kl > 0.0 && terms.kl > 2.0 * config.kl {
+                adam.rate = (adam.rate / FACTOR).max(RATES[0]);
+            } else if config.kl > 0.0 && terms.kl < 0.5 * config.kl {
+                adam.rate = (adam.rate * FACTOR).min(RATES[1]);
+            }
+        }
+    }
+    let Terms { actor, critic, bounds, entropy, kl, clipped } = sums.over(batches);
+    let gradient_norm = norms / batches;
+    Updated { actor_loss: actor, critic_loss: critic, bounds_loss: bounds, entropy, kl, clipped, gradient_norm }
+}
+
+/// A rollout as the network sees it.
+pub struct Data<'a> {
+    rollout: &'a Rollout,
+    inputs: Vec<f32>,
+    advantages: Vec<f32>,
+    goals: Vec<f32>,
+    values: Vec<f32>,
+    mean: Vec<f32>,
+    spread: Vec<f32>,
+}
+
+impl<'a> Data<'a> {
+    /// Normalised by the policy's moments; `returns` in units of reward.
+    pub fn new(policy: &Policy, rollout: &'a Rollout, returns: &[f64]) -> Self {
+        let n = returns.len() as f64;
+        let mean = rollout.advantages.iter().sum::<f64>() / n;
+        let variance = rollout.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / n;
+        let advantages = rollout.advantages.iter().map(|a| ((a - mean) / (variance.sqrt() + 1e-8)) as f32).collect();
+        let normal = |x: &[f64]| x.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
+        let mut inputs = Vec::new();
+        policy.seen.rows(&rollout.observations, &mut inputs);
+        let (mean, spread) = (rollout.mean.clone(), rollout.spread.clone());
+        Self { inputs, advantages, goals: normal(returns), values: normal(&rollout.values), mean, spread, rollout }
+    }
+
+    /// From now on these steps are compared with what the policy has just said of them.
+    fn compare_with(&mut self, batch: &[usize], said: &Gradient) {
+        let a = self.mean.len() / self.values.len().max(1);
+        for ((i, mean), spread) in batch.iter().zip(said.mean.chunks_exact(a)).zip(said.spread.chunks_exact(a)) {
+            self.mean[i * a..(i + 1) * a].copy_from_slice(mean);
+            self.spread[i * a..(i + 1) * a].copy_from_slice(spread);
+        }
+    }
+}
+
+/// What one minibatch asks for.
+#[derive(Clone, Debug, Default)]
+pub struct Gradient {
+    /// Gradient of the mean loss by the policy's parameters.
+    pub flat: Vec<f32>,
+    /// Sums of the loss's terms.
+    pub terms: Terms,
+    /// Mean actions that the policy now has for the steps, `[step][action]`.
+    pub mean: Vec<f32>,
+    /// Logarithms of their spread.
+    pub spread: Vec<f32>,
+}
+
+/// Forward and backward over some steps.
+pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfig) -> Gradient {
+    let (shape, network) = (&policy.shape, policy.shape.network());
+    let (a, width, inner) = (shape.action, shape.observation * shape.stack, network.parameters());
+    let outputs = network.sizes.last().copied().unwrap_or(1);
+    let scale = 1.0 / batch.len() as f32;
+    let parts = batch.par_chunks(ROWS).map_init(Tape::default, |tape, rows| {
+        tape.layers.resize_with(1, Vec::new);
+        tape.layers[0].clear();
+        rows.iter().for_each(|i| tape.layers[0].extend_from_slice(&data.inputs[i * width..(i + 1) * width]));
+        network.forward(&policy.flat, tape);
+        tape.gradient.clear();
+        tape.gradient.resize(rows.len() * outputs, 0.0);
+        let mut part = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
+        let mut of_spread = vec![0.0; a];
+        let answers = tape.layers[network.sizes.len() - 1].chunks_exact(outputs);
+        for ((i, said), d) in rows.iter().zip(answers).zip(tape.gradient.chunks_exact_mut(outputs)) {
+            let past = Past {
+                action: &data.rollout.actions[i * a..(i + 1) * a],
+                surprise: data.rollout.surprise[*i],
+                advantage: data.advantages[*i],
+                goal: data.goals[*i],
+                value: data.values[*i],
+            };
+            let s = if shape.spread_by_state { &said[a + 1..] } else { policy.spread() };
+            let (d_mu, rest) = d.split_at_mut(a);
+            let (d_v, d_out) = rest.split_at_mut(1);
+            let d_s = if shape.spread_by_state { d_out } else { &mut of_spread[..] };
+            let mut one = step(config, past, (&said[..a], s, said[a]), scale, (d_mu, d_s, &mut d_v[0]));
+            one.kl = f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
+            part.terms.add(&one);
+            if !shape.spread_by_state {
+                part.flat[inner..].iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
+            }
+            part.mean.extend_from_slice(&said[..a]);
+            part.spread.extend_from_slice(s);
+        }
+        network.backward(&policy.flat, tape, &mut part.flat[..inner]);
+        part
+    });
+    let mut sum = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
+    for part in parts.collect::<Vec<_>>() {
+        sum.flat.iter_mut().zip(part.flat).for_each(|(s, g)| *s += g);
+        sum.terms.add(&part.terms);
+        sum.mean.extend(part.mean);
+        sum.spread.extend(part.spread);
+    }
+    sum
+}

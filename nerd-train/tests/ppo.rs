@@ -1,0 +1,331 @@
+//! PPO: gradients against finite differences, advantages and moments by hand, problems whose answers are known, runs that go
+//! on to the bit.
+
+use nerd_sim::prelude::*;
+use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
+use nerd_train::ppo::gae::{Steps, advantages};
+use nerd_train::ppo::rollout::Rollout;
+use nerd_train::ppo::update::{Data, gradient};
+use nerd_train::ppo::{Activation, Environments, Moments, Policy, PpoConfig, Shape, Stack, Trainer, folder, play};
+
+fn config(text: &str) -> PpoConfig {
+    let usual = "environments = 16\nhorizon = 16\niterations = 10\nminibatch = 128\nepochs = 4\nhidden = [16]\n";
+    PpoConfig::from_text(&format!("{usual}{text}")).expect("good settings")
+}
+
+#[test]
+fn gradients_are_those_of_the_loss_written_down_in_f64() {
+    let mut worst: f64 = 0.0;
+    for (activation, spread_by_state) in [(Activation::Tanh, false), (Activation::Elu, true)] {
+        let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, spread_by_state };
+        let mut rng = nerd_sim::sampling::stream(3, 0);
+        let mut draw = move || f64::from(rand::RngExt::random::<f32>(&mut rng)) * 2.0 - 1.0;
+        let mut policy = Policy::new(shape.clone(), &mut nerd_sim::sampling::stream(1, 1));
+        policy.flat.iter_mut().for_each(|w| *w += 0.3 * draw() as f32);
+        let n = 40;
+        let mut numbers = |n: usize, scale: f64| (0..n).map(|_| scale * draw()).collect::<Vec<f64>>();
+        let f32s = |x: Vec<f64>| x.into_iter().map(|x| x as f32).collect::<Vec<f32>>();
+        let rollout = Rollout {
+            observations: numbers(n * 3, 2.0),
+            actions: f32s(numbers(n * 2, 2.0)),
+            mean: f32s(numbers(n * 2, 0.5)),
+            spread: f32s(numbers(n * 2, 0.2)),
+            // Near what the policy says itself, so that some ratios are clipped and some are not.
+            surprise: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
+            values: numbers(n, 0.4),
+            advantages: numbers(n, 1.0),
+            ..Default::default()
+        };
+        let config = config("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\n");
+        let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
+        let data = Data::new(&policy, &rollout, &returns);
+        let batch: Vec<usize> = (0..n).step_by(2).collect();
+        let found = gradient(&policy, &data, &batch, &config).flat;
+        let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
+        for k in 0..params.len() {
+            let at = |h: f64| {
+                let mut moved = params.clone();
+                moved[k] += h;
+                loss(&moved, &policy, &rollout, &returns, &batch, &config)
+            };
+            let by_difference = (at(1e-5) - at(-1e-5)) / 2e-5;
+            let gap = (f64::from(found[k]) - by_difference).abs() / (1.0 + by_difference.abs());
+            worst = worst.max(gap);
+            assert!(gap < 2e-5, "{activation:?}, parameter {k}: {} against {by_difference} by differences", found[k]);
+        }
+    }
+    println!("worst gap {worst:.1e}");
+}
+
+/// The loss as the header of `loss.rs` has it, without a thought for speed.
+fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[usize], c: &PpoConfig) -> f64 {
+    let (shape, sizes) = (&policy.shape, policy.shape.network().sizes);
+    let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
+    let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();
+    let normal = |x: f64| policy.returns.normalize(0, x);
+    let mut total = 0.0;
+    for &i in batch {
+        let mut x: Vec<f64> = (0..3).map(|k| policy.seen.normalize(k, r.observations[3 * i + k])).collect();
+        let mut at = 0;
+        for (l, w) in sizes.windows(2).enumerate() {
+            let bias = at + w[0] * w[1];
+            let y = (0..w[1]).map(|j| flat[bias + j] + (0..w[0]).map(|k| x[k] * flat[at + k * w[1] + j]).sum::<f64>());
+            let f = |y: f64| match shape.activation {
+                _ if l + 2 == sizes.len() => y,
+                Activation::Tanh => y.tanh(),
+                Activation::Relu => y.max(0.0),
+                Activation::Elu => y.max(0.0) + y.min(0.0).exp_m1(),
+            };
+            x = y.map(f).collect();
+            at = bias + w[1];
+        }
+        let s: Vec<f64> = (0..2).map(|k| if shape.spread_by_state { x[3 + k] } else { flat[at + k] }).collect();
+        let half_ln_tau = 0.5 * std::f64::consts::TAU.ln();
+        let (mut surprise, mut others) = (0.0, 0.0);
+        for k in 0..2 {
+            let a = f64::from(r.actions[2 * i + k]);
+            surprise += 0.5 * ((a - x[k]) / s[k].exp()).powi(2) + s[k] + half_ln_tau;
+            others += f64::from(c.bounds) * ((x[k] - 1.1).max(0.0).powi(2) + (x[k] + 1.1).min(0.0).powi(2));
+            others -= f64::from(c.entropy) * (s[k] + half_ln_tau + 0.5);
+        }
+        let ratio = (f64::from(r.surprise[i]) - surprise).exp();
+        let advantage = (r.advantages[i] - mean) / spread;
+        let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
+        let (v, goal, old) = (x[2], normal(returns[i]), normal(r.values[i]));
+        let near = old + (v - old).clamp(-0.2, 0.2);
+        total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max((near - goal).powi(2)) + others;
+    }
+    total / batch.len() as f64
+}
+
+#[test]
+fn advantages_end_where_episodes_do() {
+    // One environment, four steps: the second is cut off by time, the third is terminal.
+    let steps = Steps {
+        rewards: &[1.0, 2.0, 3.0, 4.0],
+        values: &[10.0, 20.0, 30.0, 40.0],
+        next: &[20.0, 25.0, 99.0, 50.0],
+        terminated: &[false, false, true, false],
+        truncated: &[false, true, false, false],
+    };
+    let found = advantages(&steps, 1, 0.5, 0.5);
+    // delta: 1 + 10 - 10, 2 + 12.5 - 20 (the value reached, not that of the next start), 3 - 30, 4 + 25 - 40.
+    assert_eq!(found, [1.0 + 0.25 * -5.5, -5.5, -27.0, -11.0]);
+}
+
+#[test]
+fn moments_in_pieces_are_the_moments_of_the_whole() {
+    let rows: Vec<f64> = (0..600).map(|k| ((k * k) as f64).sin() * 3.0 + f64::from(k % 2 == 0) * 100.0).collect();
+    let (mut whole, mut pieces) = (Moments::new(2), Moments::new(2));
+    whole.update(&rows);
+    rows.chunks(34).for_each(|c| pieces.update(c));
+    for (k, x) in rows.iter().enumerate().take(2) {
+        assert!((whole.mean[k] - pieces.mean[k]).abs() < 1e-9, "{whole:?} {pieces:?}");
+        assert!((whole.variance[k] / pieces.variance[k] - 1.0).abs() < 1e-9, "{whole:?} {pieces:?}");
+        assert!((whole.restore(k, whole.normalize(k, *x)) - x).abs() < 1e-9);
+    }
+    assert_eq!(whole.normalize(0, 1e9), 5.0, "outliers are kept in bounds");
+}
+
+#[test]
+fn a_stack_holds_the_newest_first_and_begins_with_the_first() {
+    let mut stack = Stack::new(3, 1, &[1.0, 10.0]);
+    let mut reached = Vec::new();
+    stack.push(&[2.0, 20.0], |_| false, &[2.0, 20.0], &mut reached);
+    assert_eq!(stack.rows, [2.0, 1.0, 1.0, 20.0, 10.0, 10.0]);
+    stack.push(&[3.0, 30.0], |env| env == 1, &[3.0, 70.0], &mut reached);
+    assert_eq!(reached, [3.0, 2.0, 1.0, 30.0, 20.0, 10.0], "the state reached, before the next episode");
+    assert_eq!(stack.rows, [3.0, 2.0, 1.0, 70.0, 70.0, 70.0]);
+}
+
+/// A point on a line, moved by at most 0.1 a step; reward `-x^2`, cut off after `length` steps; starts at one of +-1.
+struct Point {
+    x: Vec<f64>,
+    age: Vec<u64>,
+    length: u64,
+    reward: fn(f64) -> f64,
+}
+
+impl Point {
+    fn new(n: usize, length: u64, reward: fn(f64) -> f64) -> Self {
+        Self { x: (0..n).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect(), age: vec![0; n], length, reward }
+    }
+}
+
+impl Environments for Point {
+    fn count(&self) -> usize {
+        self.x.len()
+    }
+
+    fn observation_dim(&self) -> usize {
+        1
+    }
+
+    fn action_dim(&self) -> usize {
+        1
+    }
+
+    fn observations(&self) -> &[f64] {
+        &self.x
+    }
+
+    fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
+        let n = self.x.len();
+        let mut result = StepResult { terminated: vec![false; n], ..Default::default() };
+        for (i, a) in actions.iter().enumerate() {
+            self.x[i] += 0.1 * a;
+            self.age[i] += 1;
+            result.rewards.push((self.reward)(self.x[i]));
+            result.truncated.push(self.age[i] >= self.length);
+        }
+        result.reached.clone_from(&self.x);
+        for i in 0..n {
+            if result.truncated[i] {
+                (self.x[i], self.age[i]) = (if i % 2 == 0 { 1.0 } else { -1.0 }, 0);
+            }
+        }
+        Ok(result)
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        Snapshot { states: self.x.clone(), frames: self.age.clone(), ..Default::default() }
+    }
+
+    fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        (self.x, self.age) = (snapshot.states.clone(), snapshot.frames.clone());
+        Ok(())
+    }
+}
+
+#[test]
+fn a_point_learns_to_go_home() {
+    let config = PpoConfig { environments: 64, horizon: 32, minibatch: 512, ..config("") };
+    let mut trainer = Trainer::new(Point::new(64, 30, |x| -x * x), config, 5).expect("fits");
+    for _ in 0..40 {
+        trainer.iterate().expect("goes on");
+    }
+    let games = play(&trainer.state.policy, &mut Point::new(64, 30, |x| -x * x), &mut |_| ()).expect("plays");
+    let mean = games.iter().map(|g| g.reward).sum::<f64>() / 64.0;
+    // At full speed: -(0.9^2 + 0.8^2 + .. + 0.1^2) = -2.85; standing still loses 30.
+    println!("mean return {mean:.3}, best possible -2.85");
+    assert!((-3.1..-2.84).contains(&mean), "mean return {mean}, best possible -2.85, standing still -30");
+}
+
+#[test]
+fn what_time_cuts_off_keeps_its_value() {
+    // Reward 1 for ever is worth 1 / (1 - gamma) = 10, however soon episodes are cut off; without bootstrapping it would be
+    // at most 4.1 in episodes of five steps.
+    let config = PpoConfig { gamma: 0.9, ..config("") };
+    let mut trainer = Trainer::new(Point::new(16, 5, |_| 1.0), config, 2).expect("fits");
+    for _ in 0..120 {
+        trainer.iterate().expect("goes on");
+    }
+    let policy = &trainer.state.policy;
+    let value = policy.values(&policy.answer(&[1.0, 0.95, -1.0]));
+    println!("values {value:?}, should be 10");
+    assert!(value.iter().all(|v| (9.0..11.0).contains(v)), "values {value:?}, should be 10");
+}
+
+fn cartpole(n: usize) -> Episodes {
+    let task = named("cartpole-swingup").expect("registered");
+    let system = System::named(task.robot()).expect("built in");
+    let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
+    let solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+    Episodes::new(task, Simulation::new(batch, solver), 11)
+}
+
+fn steps(run: &mut Trainer<Episodes>, n: usize) {
+    for _ in 0..n {
+        run.iterate().expect("goes on");
+    }
+}
+
+#[test]
+fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let file = folder.path().join("last.safetensors");
+    let config = PpoConfig { environments: 24, minibatch: 100, stack: 2, ..config("") };
+    let begin = || Trainer::new(cartpole(24), config.clone(), 9).expect("fits");
+    let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    // Solvers stay on one thread, so a run begins and ends inside its pool.
+    let whole = pool(1).install(|| {
+        let mut run = begin();
+        steps(&mut run, 25);
+        run.state
+    });
+    let broken = pool(3).install(|| {
+        let mut run = begin();
+        steps(&mut run, 12);
+        run.save(&file, "this run").expect("written");
+        run = begin();
+        assert!(run.resume(&file, "another run").is_err(), "another run's file is refused");
+        run.resume(&file, "this run").expect("its own file");
+        steps(&mut run, 13);
+        run.state
+    });
+    assert!(whole.recent.len() > 24, "episodes ended: {}", whole.recent.len());
+    assert!(whole == broken, "the runs differ");
+    let mut other = Trainer::new(cartpole(24), config.clone(), 8).expect("fits");
+    assert!(other.resume(&file, "this run").is_err(), "another seed's file is refused");
+    assert!(Trainer::new(cartpole(3), config, 8).is_err(), "three environments, where 24 are asked for");
+}
+
+#[test]
+fn a_learned_solver_goes_on_too() {
+    // A network of windows to the bit. One that keeps keys and values adds them up in the order of their slots, which depends
+    // on when an environment was last cleared: equal to rounding, 6e-6 rad/s where it was measured.
+    use nerd_model::{folder::Model, neural::Neural};
+    let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+    for (name, model, allowed) in [("cartpole-swingup", "cartpole", 0.0), ("ant-run", "ant", 1e-4), ("anymal-side", "anymal", 1e-4)] {
+        let task = || named(name).expect("registered");
+        let system = System::named(task().robot()).expect("built in");
+        let begin = || {
+            let model = Model::load(&models.join(model), &system, None).expect("shipped");
+            let network = model.config.network;
+            let batch = Batch::new(&system, &system.scene(task().scene()).expect("known"), 3);
+            let mut episodes = Episodes::new(task(), Simulation::new(batch, Neural::on_cpu(model, &system)), 4);
+            episodes.remember(network.history * network.layers);
+            episodes
+        };
+        let actions = |step: usize| (0..3 * task().action_dim()).map(|i| ((i * 5 + step) as f64).sin()).collect::<Vec<_>>();
+        let mut whole = begin();
+        for step in 0..70 {
+            whole.step(&actions(step)).expect("steps");
+        }
+        let mut again = begin();
+        again.restore(&whole.snapshot()).expect("its own");
+        let (a, b) = (whole.step(&actions(70)).expect("steps"), again.step(&actions(70)).expect("steps"));
+        let gap = a.reached.iter().zip(&b.reached).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        println!("{name}: {gap:.1e}");
+        assert!(gap <= allowed, "{name}: {gap:.1e} between the states reached");
+    }
+}
+
+#[test]
+fn every_task_has_settings_and_a_policy_survives_its_folder() {
+    let folder_ = tempfile::tempdir().expect("temporary folder");
+    for name in names() {
+        let (task, ppo) = (named(name).expect("registered"), PpoConfig::of(name).expect("settings"));
+        let shape = Shape {
+            observation: task.observation_dim(),
+            stack: ppo.stack,
+            action: task.action_dim(),
+            hidden: ppo.hidden.clone(),
+            activation: ppo.activation,
+            spread_by_state: ppo.spread_by_state,
+        };
+        let mut policy = Policy::new(shape.clone(), &mut nerd_sim::sampling::stream(0, 0));
+        policy.seen.update(&(0..shape.observation * shape.stack * 3).map(|k| k as f64).collect::<Vec<_>>());
+        let provenance = Default::default();
+        let solver = "articulated paper coulomb".into();
+        let config = folder::PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
+        folder::save(folder_.path(), &config, &policy, "# A card\n").expect("written");
+        assert_eq!(folder::load(folder_.path()).expect("read"), (config, policy), "{name}");
+    }
+    assert!(PpoConfig::small("cartpole-swingup").is_some() && PpoConfig::small("cartpole-juggle").is_none());
+    let wrong = |text: &str| PpoConfig::from_text(text).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(wrong("environments = 1\nhurry = true").contains("hurry"));
+    let zero = "environments = 0\nhorizon = 1\niterations = 1\nminibatch = 1\nepochs = 1\nhidden = []\n";
+    assert!(wrong(zero).contains("environments"), "{}", wrong(zero));
+    assert!(PpoConfig::of("juggle").is_err());
+}

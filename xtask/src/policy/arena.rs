@@ -1,0 +1,80 @@
+//! Where a policy acts: a task's robot and scene, and a solver by name.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use nerd_model::folder::ModelConfig;
+use nerd_sim::prelude::*;
+use nerd_tasks::{Episodes, named};
+
+use crate::common::Device;
+use crate::solvers::{SolverName, neural};
+use crate::truth::Truth;
+
+/// A solver that episodes run on.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Arena {
+    /// Solver: neural, or one of the truths, articulated (preset paper, Coulomb friction) and rapier (16 steps)
+    #[arg(long, value_enum, default_value_t = SolverName::Articulated)]
+    pub solver: SolverName,
+    /// Folder of the model of `neural` [default: models/ROBOT]
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// Where `neural` is computed
+    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    pub device: Device,
+}
+
+impl Arena {
+    /// Folder of the model for a robot.
+    pub fn folder(&self, robot: &str) -> PathBuf {
+        self.model.clone().unwrap_or_else(|| Truth::Articulated.shipped(robot))
+    }
+
+    /// The solver in words that tell it from any other, settings and all.
+    pub fn title(&self, robot: &str) -> Result<String> {
+        Ok(match self.solver {
+            SolverName::Articulated => Truth::Articulated.name(),
+            SolverName::Rapier => Truth::Rapier.name(),
+            SolverName::Neural => {
+                let folder = self.folder(robot);
+                format!("neural {} of {}", folder.display(), ModelConfig::read(&folder)?.truth)
+            }
+        })
+    }
+
+    /// Its name in a folder's.
+    pub fn word(&self) -> String {
+        format!("{:?}", self.solver).to_lowercase()
+    }
+
+    /// `n` episodes of a task.
+    pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
+        let task = named(task)?;
+        let system = System::named(task.robot())?;
+        if n == 0 {
+            bail!("at least one environment is needed");
+        }
+        let folder = self.folder(&system.name);
+        let batch = Batch::new(&system, &system.scene(task.scene())?, n);
+        let (solver, memory) = solver(self.solver, &folder, &system, self.device, n)?;
+        let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
+        episodes.remember(memory);
+        Ok(episodes)
+    }
+}
+
+/// A solver, and how many frames back its next step depends on.
+fn solver(name: SolverName, folder: &Path, system: &Arc<System>, device: Device, n: usize) -> Result<(Box<dyn Solver>, usize)> {
+    Ok(match name {
+        SolverName::Articulated => (Truth::Articulated.solver(system), 0),
+        SolverName::Rapier => (Truth::Rapier.solver(system), 0),
+        SolverName::Neural => {
+            let solver = neural(folder, system, None, device, n)?;
+            let network = solver.model().config.network;
+            // Kept keys and values of a layer depend on as many tokens more as the layer below sees.
+            (Box::new(solver), network.history * network.layers.max(1))
+        }
+    })
+}

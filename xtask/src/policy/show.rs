@@ -1,0 +1,55 @@
+//! `cargo xtask policy show ant-run --policy DIR --solver neural --out ant.html`: one episode as a page with everything in it.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use nerd_train::ppo::folder;
+use nerd_train::ppo::rollout::Running;
+
+use super::arena::Arena;
+use super::page::Page;
+
+/// Show a policy.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ShowArgs {
+    /// Task, as at `policy train`
+    pub task: String,
+    /// Folder of the policy
+    #[arg(long)]
+    pub policy: PathBuf,
+    #[command(flatten)]
+    pub arena: Arena,
+    /// Seed of the start
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// HTML file to write
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: ShowArgs) -> Result<()> {
+    let (config, policy) = folder::load(&args.policy)?;
+    if config.task != args.task {
+        bail!("{} is a policy of `{}`, not of `{}`", args.policy.display(), config.task, args.task);
+    }
+    let mut episodes = args.arena.episodes(&args.task, 1, args.seed)?;
+    let title = format!("{} on {}", args.task, args.arena.title(episodes.task.robot())?);
+    let bar = crate::common::bar(&title, episodes.task.episode_length());
+    let mut page = Page::new(&title, &episodes);
+    let (mut running, mut reached, mut total) = (Running::new(&episodes, policy.shape.stack), Vec::new(), 0.0);
+    loop {
+        page.add(&episodes, total);
+        let mean = policy.answer(&running.stack.rows).mean;
+        let actions: Vec<f64> = mean.into_iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
+        let stepped = running.step(&mut episodes, &actions, &mut reached)?;
+        total += stepped.result.rewards[0];
+        bar.set(page.frames() as u64);
+        if !stepped.ended.is_empty() {
+            break;
+        }
+    }
+    bar.finish();
+    println!("{title}: {} steps, reward {total:.1}; {}", page.frames(), args.out.display());
+    crate::files::write(&args.out, page.html()?.as_bytes())
+}
