@@ -96,9 +96,11 @@ impl Picture for Figure {
             .draw()
             .map_err(failed)?;
         // The front is a staircase: to be better one must pay up to the next point.
-        let stairs = self.front.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]).chain(self.front.last().copied());
-        let band = chart.draw_series(LineSeries::new(stairs, BLACK.mix(0.18).stroke_width(7))).map_err(failed)?;
-        band.label("Pareto front").legend(|(x, y)| PathElement::new([(x, y), (x + 22, y)], BLACK.mix(0.18).stroke_width(7)));
+        if !self.front.is_empty() {
+            let stairs = self.front.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]).chain(self.front.last().copied());
+            let band = chart.draw_series(LineSeries::new(stairs, BLACK.mix(0.18).stroke_width(7))).map_err(failed)?;
+            band.label("Pareto front").legend(|(x, y)| PathElement::new([(x, y), (x + 22, y)], BLACK.mix(0.18).stroke_width(7)));
+        }
         for (height, name) in &self.levels {
             chart.draw_series(DashedLineSeries::new([(x.0, *height), (x.1, *height)], 6, 5, BLACK.mix(0.5).into())).map_err(failed)?;
             let style = ("sans-serif", 13).into_font().color(&BLACK.mix(0.7));
