@@ -1,6 +1,6 @@
 //! Tasks by name.
 
-use crate::{ANT_RUN, ANT_SPIN, ANT_SPIN_TRACK, ANYMAL_FORWARD, ANYMAL_SIDE, CartpoleSwingup, FrankaReach, FrankaReachTorque, Task};
+use crate::{ANT_RUN, ANT_SPIN, ANT_SPIN_TRACK, ANYMAL_FORWARD, ANYMAL_SIDE, CartpoleSwingup, FrankaReach, Task};
 
 /// No such task.
 #[derive(Debug, thiserror::Error)]
@@ -11,8 +11,8 @@ pub struct TaskError(pub String);
 fn all() -> [Box<dyn Task>; 8] {
     [
         Box::new(CartpoleSwingup),
-        Box::new(FrankaReach),
-        Box::new(FrankaReachTorque),
+        Box::new(FrankaReach::Position),
+        Box::new(FrankaReach::Torque),
         Box::new(ANT_RUN),
         Box::new(ANT_SPIN),
         Box::new(ANT_SPIN_TRACK),
