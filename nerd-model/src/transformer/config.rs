@@ -115,11 +115,11 @@ impl TransformerConfig {
         if history == 0 || history > block {
             return Err(format!("a window of {history} tokens: 1 to {block}"));
         }
-        if heads > 64 {
-            return Err(format!("{heads} heads: at most 64"));
-        }
         if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {
             return Err(format!("rotary positions in heads of {} columns: they are turned in pairs", embedding / heads));
+        }
+        if self.positions == Positions::Rotary && heads > 64 {
+            return Err(format!("{heads} heads of rotary positions: at most 64"));
         }
         Ok(())
     }

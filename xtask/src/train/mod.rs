@@ -143,6 +143,12 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if !(-10.0..=1.0).contains(&args.torque_scale) {
         bail!("--torque-scale {} is outside [-10, 1]", args.torque_scale);
     }
+    if args.huber.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
+        bail!("--huber {}: an error above 0; leave it out for squares alone", args.huber.unwrap_or_default());
+    }
+    if args.frames == 0 {
+        bail!("--frames 0: at least one is needed");
+    }
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
     let mut config = recording(args, transitions, args.seed);
@@ -248,7 +254,7 @@ fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig 
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     // Small shards come soon, whatever the truth.
     let shard_trajectories = if args.fresh > 0 { 64 } else { 512 };
-    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames: args.frames.max(1) }
+    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames: args.frames }
 }
 
 fn recorded(system: &Arc<System>, args: &TrainArgs, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
