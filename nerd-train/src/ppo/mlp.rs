@@ -97,4 +97,14 @@ fn matrix(x: &[f32], rows: usize, columns: usize) -> MatRef<'_, f32> {
 /// `out += a b`, on this thread.
 fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>, out: &mut [f32], rows: usize, columns: usize) {
     matmul(MatMut::from_row_major_slice_mut(out, rows, columns), Accum::Add, a, b, 1.0f32, Par::Seq);
+    release();
+}
+
+/// faer's assembly kernels leave the upper halves of the vector registers in use, and then every scalar instruction after them
+/// waits for those halves: a rollout took three times, an update five times as long.
+fn release() {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = pulp::x86::V3::try_new() {
+        simd.avx._mm256_zeroupper();
+    }
 }
