@@ -30,6 +30,12 @@ pub struct DatasetArgs {
     /// Least factor on the random torques, drawn once a trajectory from U(this, 1)
     #[arg(long, default_value_t = 1.0)]
     pub torque_scale: f64,
+    /// Most frames for which a random action is held, their number drawn once a trajectory
+    #[arg(long, default_value_t = 1)]
+    pub hold: usize,
+    /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data
+    #[arg(long, default_value_t = 0.0)]
+    pub resets: f64,
     /// Seed (the paper: 0 to train, 10 to validate)
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -43,12 +49,16 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     if args.frames == 0 || args.transitions == 0 {
         bail!("--transitions and --frames are at least 1");
     }
+    if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) {
+        bail!("--hold is at least 1, --resets within 0 and 1");
+    }
     if !(0.0..=1.0).contains(&args.torque_scale) {
         bail!("--torque-scale {} is outside [0, 1]", args.torque_scale);
     }
     let system = System::named(&args.robot)?;
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
-    let config = GenerateConfig { transitions: args.transitions, frames: args.frames, seed: args.seed, torque_scale, ..Default::default() };
+    let DatasetArgs { transitions, frames, seed, hold, resets, .. } = args;
+    let config = GenerateConfig { transitions, frames, seed, torque_scale, hold, resets, ..Default::default() };
     let started = std::time::Instant::now();
     let bar = crate::common::bar("transitions", (config.trajectories() * config.frames) as u64);
     let mut solver = args.truth.solver(&system);

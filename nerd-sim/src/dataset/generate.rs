@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::drive::Drive;
@@ -30,11 +31,19 @@ pub struct GenerateConfig {
     /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
     /// passive where draws are negative ([`super::Drive::draw`]).
     pub torque_scale: Law,
+    /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
+    pub hold: usize,
+    /// Noise on the velocities that a learner's tokens are made of, in the root mean square of their change over a frame (paper:
+    /// 0). What is recorded has none.
+    pub noise: f64,
+    /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
+    pub resets: f64,
 }
 
 impl Default for GenerateConfig {
     fn default() -> Self {
-        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale: Law { low: 1.0, high: 1.0 } }
+        let torque_scale = Law { low: 1.0, high: 1.0 };
+        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, noise: 0.0 }
     }
 }
 
@@ -74,12 +83,15 @@ pub fn record(
     let mut drive = Drive::new(system);
     let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
     let mut batch = Batch::new(system, &Arc::new(crate::scene::Scene::free(system.gravity())), count);
-    let mut scales = Vec::with_capacity(count);
+    let (mut scales, mut holds) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for (env, rng) in streams.iter_mut().enumerate() {
-        let state = start(system, Start::Sample, rng);
+        // Laws that are off draw nothing, so that older data is made again to the byte.
+        let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
+        let state = start(system, if reset { Start::Reset } else { Start::Sample }, rng);
         batch.scenes[env] = scene(system, &state, rng);
         batch.reset(env, &state);
         scales.push(config.torque_scale.draw(rng));
+        holds.push(if config.hold > 1 { ((config.hold + 1) as f64).powf(rng.random()) as usize } else { 1 });
         solver.reset(env);
     }
     let f = config.frames;
@@ -95,6 +107,7 @@ pub fn record(
         gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().map(|g| *g as f32)).collect(),
     };
     let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
+    let mut begun = streams.clone();
     for frame in 0..=f {
         for env in 0..count {
             let at = (env * (f + 1) + frame) * d;
@@ -103,6 +116,12 @@ pub fn record(
                 continue;
             }
             let row = env * f + frame;
+            // A held action is drawn again from where its numbers began, since a position law answers the state of each frame.
+            if frame % holds[env] == 0 {
+                begun[env] = streams[env].clone();
+            } else {
+                streams[env] = begun[env].clone();
+            }
             drive.draw(batch.state(env), scales[env], &mut streams[env], &mut tau[env * joints..(env + 1) * joints]);
             copy(&mut out.torques[row * joints..], &tau[env * joints..(env + 1) * joints]);
             if points > 0 {
@@ -151,6 +170,8 @@ pub fn generate(
             ("frames", config.frames.to_string()),
             ("trajectories", count.to_string()),
             ("torque_scale", format!("U({}, {})", config.torque_scale.low, config.torque_scale.high)),
+            ("hold", config.hold.to_string()),
+            ("resets", config.resets.to_string()),
         ]
         .map(|(k, v)| (k.to_string(), v))
         .into();

@@ -61,6 +61,15 @@ pub struct TrainArgs {
     /// trajectories are passive); the paper's data has 1
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub torque_scale: f64,
+    /// Most frames for which a random action is held, their number drawn once a trajectory; the paper's data has 1
+    #[arg(long, default_value_t = 1)]
+    pub hold: usize,
+    /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data; the paper's data has 0
+    #[arg(long, default_value_t = 0.0)]
+    pub resets: f64,
+    /// Noise on the velocities that tokens are made of, in the root mean square of their change over a frame
+    #[arg(long, default_value_t = 0.0)]
+    pub noise: f64,
     /// Optimiser updates in the whole run
     #[arg(long)]
     pub updates: Option<u64>,
@@ -129,6 +138,9 @@ impl TrainArgs {
             frames: 100,
             fresh: 0,
             torque_scale: 0.0,
+            hold: 1,
+            resets: 0.0,
+            noise: 0.0,
             updates: None,
             batch: None,
             rate: 1e-3,

@@ -28,6 +28,9 @@ pub struct Run {
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
     pub torque_scale: f64,
+    pub hold: usize,
+    pub resets: f64,
+    pub noise: f64,
     pub data_sha256: String,
     pub transitions: usize,
     /// Transitions recorded during the run.

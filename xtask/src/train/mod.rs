@@ -143,6 +143,12 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if !(-10.0..=1.0).contains(&args.torque_scale) {
         bail!("--torque-scale {} is outside [-10, 1]", args.torque_scale);
     }
+    if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) || !(args.noise >= 0.0 && args.noise.is_finite()) {
+        bail!("--hold is at least 1, --resets within 0 and 1, --noise at least 0");
+    }
+    if args.noise > 0.0 && args.data.is_some() {
+        bail!("--noise records by itself: leave out --data");
+    }
     if args.huber.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
         bail!("--huber {}: an error above 0; leave it out for squares alone", args.huber.unwrap_or_default());
     }
@@ -162,7 +168,7 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), form)?,
         None => recorded(&system, args, &config, network.sequence(), form)?,
     };
-    let validation = recording(args, 200_000.min(transitions), args.seed + 10);
+    let validation = GenerateConfig { noise: 0.0, ..recording(args, 200_000.min(transitions), args.seed + 10) };
     let mut validation = recorded(&system, args, &validation, network.sequence(), form)?.windows;
     if data.windows.is_empty() || validation.is_empty() {
         bail!(
@@ -191,6 +197,9 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
         learner,
         trainer,
         torque_scale: args.torque_scale,
+        hold: args.hold,
+        resets: args.resets,
+        noise: args.noise,
         data_sha256: data.sha256.clone(),
         transitions,
         fresh: args.fresh,
@@ -254,7 +263,8 @@ fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig 
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     // Small shards come soon, whatever the truth.
     let shard_trajectories = if args.fresh > 0 { 64 } else { 512 };
-    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames: args.frames }
+    let TrainArgs { frames, hold, resets, noise, .. } = *args;
+    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames, hold, resets, noise }
 }
 
 fn recorded(system: &Arc<System>, args: &TrainArgs, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
