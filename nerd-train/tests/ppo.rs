@@ -128,14 +128,14 @@ fn moments_in_pieces_are_the_moments_of_the_whole() {
 }
 
 #[test]
-fn a_stack_holds_the_newest_first_and_begins_with_the_first() {
+fn a_stack_holds_the_newest_and_the_differences_before_it() {
     let mut stack = Stack::new(3, 1, &[1.0, 10.0]);
     let mut reached = Vec::new();
     stack.push(&[2.0, 20.0], |_| false, &[2.0, 20.0], &mut reached);
-    assert_eq!(stack.rows, [2.0, 1.0, 1.0, 20.0, 10.0, 10.0]);
+    assert_eq!(stack.rows, [2.0, 1.0, 0.0, 20.0, 10.0, 0.0]);
     stack.push(&[3.0, 30.0], |env| env == 1, &[3.0, 70.0], &mut reached);
     assert_eq!(reached, [3.0, 2.0, 1.0, 30.0, 20.0, 10.0], "the state reached, before the next episode");
-    assert_eq!(stack.rows, [3.0, 2.0, 1.0, 70.0, 70.0, 70.0]);
+    assert_eq!(stack.rows, [3.0, 1.0, 1.0, 70.0, 0.0, 0.0]);
 }
 
 /// A point on a line, moved by at most 0.1 a step; reward `-x^2`, cut off after `length` steps; starts at one of +-1.
