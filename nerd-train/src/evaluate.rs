@@ -88,6 +88,10 @@ struct Gaps {
 }
 
 impl Gaps {
+    fn new(system: &Arc<System>) -> Self {
+        Self { system: system.clone(), wraps: system.robot.joints().map(|j| j.wraps()).collect() }
+    }
+
     fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
         let coords = self.system.robot.root_coords();
         let mut at = 0;
@@ -135,6 +139,14 @@ pub fn glide(system: &System, state: &mut [f64], time: f64) {
     to_world(robot, q, qd);
 }
 
+/// Distances between two states in the order of [`quantities`].
+pub fn differences(system: &Arc<System>, a: &[f64], b: &[f64]) -> Vec<f64> {
+    let gaps = Gaps::new(system);
+    let mut out = vec![0.0; gaps.wraps.len() + if system.robot.floating() { 2 } else { 0 }];
+    gaps.between(a, b, &mut out);
+    out
+}
+
 /// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.
 pub fn passive(
     system: &Arc<System>,
@@ -143,6 +155,20 @@ pub fn passive(
     solver: &mut dyn Solver,
     config: PassiveConfig,
     progress: &mut dyn FnMut(usize),
+) -> Result<PassiveReport, StepError> {
+    watched(system, scene, [truth, solver], config, &mut |step, _, _| progress(step))
+}
+
+/// The same for `[truth, solver]`; `watch` sees both batches after each step.
+///
+/// # Errors
+/// If either cannot step.
+pub fn watched(
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    [truth, solver]: [&mut dyn Solver; 2],
+    config: PassiveConfig,
+    watch: &mut dyn FnMut(usize, &Batch, &Batch),
 ) -> Result<PassiveReport, StepError> {
     let robot = &system.robot;
     let (n, joints) = (config.starts, robot.joint_count());
@@ -157,7 +183,7 @@ pub fn passive(
         solver.reset(env);
     });
     let first = real.clone();
-    let gaps = Gaps { system: system.clone(), wraps: robot.joints().map(|j| j.wraps()).collect() };
+    let gaps = Gaps::new(system);
     let width = quantities(system).len();
     let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
     let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed + 1, env)).collect();
@@ -222,7 +248,7 @@ pub fn passive(
             }
         }
         curve.push(total / (n * width) as f64);
-        progress(step);
+        watch(step, &real, &learned);
     }
     let mean = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(width).sum::<f64>() / (n * config.steps) as f64;
     let spread = |k: usize| {

@@ -12,6 +12,7 @@ mod dataset;
 mod evaluate;
 mod files;
 mod grow;
+mod horizons;
 mod inspect;
 mod mujoco;
 mod paper;

@@ -10,6 +10,7 @@ use crate::ablations::{self, AblationArgs};
 use crate::chart::{self, ChartArgs};
 use crate::common::Device;
 use crate::evaluate::{self, EvaluateArgs};
+use crate::horizons::{self, HorizonArgs};
 use crate::policy::reproduce::{PoliciesArgs, run as policies};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
@@ -62,6 +63,8 @@ pub struct ReproduceArgs {
 pub enum Part {
     /// The paper's Figure A.2: NeRD against itself with one design decision taken back
     Ablations(AblationArgs),
+    /// Error against time of the shipped models, over 1000 frames
+    Horizons(HorizonArgs),
     /// The shipped policies in the truth and in the simulator that learned it
     Policies(PoliciesArgs),
 }
@@ -70,6 +73,7 @@ pub enum Part {
 pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
         Some(Part::Ablations(args)) => return ablations::run(args),
+        Some(Part::Horizons(args)) => return horizons::run(args),
         Some(Part::Policies(args)) => return policies(args),
         None => {}
     }

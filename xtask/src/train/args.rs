@@ -15,8 +15,9 @@ pub struct TrainArgs {
     /// Folder of the run; the same command continues it
     #[arg(long)]
     pub out: PathBuf,
-    /// Size of the network and of the run: `paper` (E 192, 6 layers, batch 512) or `small` (E 48, 2 layers, batch 128)
-    #[arg(long, value_enum, default_value_t = Preset::Paper)]
+    /// Size of the network and of the run: `paper` (E 192, 6 layers, batch 512) or `small` (E 48, 2 layers, batch 128); or the
+    /// name of a model in `models/`, which is trained again, all of its runs (--updates and --transitions then are caps)
+    #[arg(long, default_value = "paper")]
     pub preset: Preset,
     /// Tokens of a window, in place of the preset's
     #[arg(long)]
@@ -161,12 +162,26 @@ impl TrainArgs {
 }
 
 /// Size of network and run.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Preset {
     /// E 192, 6 layers, 12 heads, block 32, 10 million transitions, batch 512.
     Paper,
     /// E 48, 2 layers, 4 heads, block 16, 400 000 transitions, batch 128, 6000 updates.
     Small,
+    /// Those of a shipped model.
+    Shipped(String),
+}
+
+impl std::str::FromStr for Preset {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(match text {
+            "paper" => Self::Paper,
+            "small" => Self::Small,
+            name => Self::Shipped(name.into()),
+        })
+    }
 }
 
 /// Optimisers of the hidden matrices.

@@ -34,6 +34,7 @@ use nerd_train::trainer::{Trainer, TrainerConfig};
 
 mod args;
 mod card;
+mod recipe;
 mod variant;
 
 use args::{BaseName, Preset};
@@ -83,6 +84,20 @@ pub fn run(args: TrainArgs) -> Result<()> {
 
 /// Trains, or goes on training; the folder of the model once all updates are done.
 pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
+    let Preset::Shipped(name) = &args.preset else { return one(args) };
+    let mut last = None;
+    for run in recipe::runs(name, args)? {
+        let done = run.out.join("model");
+        last = if done.join("config.json").exists() { Some(done) } else { one(&run)? };
+        if last.is_none() {
+            return Ok(None);
+        }
+    }
+    Ok(last)
+}
+
+/// One run.
+fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let started = Instant::now();
     let system = System::named(&args.robot)?;
     let small = args.preset == Preset::Small;
