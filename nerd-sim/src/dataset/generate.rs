@@ -9,6 +9,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::drive::Drive;
+use super::pilot::Pilot;
 use super::recording::sha256_of;
 use super::{DatasetError, Recording, read_shard, write_shard};
 use crate::batch::{Batch, contacts};
@@ -38,12 +39,24 @@ pub struct GenerateConfig {
     pub noise: f64,
     /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
     pub resets: f64,
+    /// Who acts in place of random torques, from starts of its own, and in what share of the trajectories (paper: none).
+    pub pilot: Option<(Arc<dyn Pilot>, f64)>,
 }
 
 impl Default for GenerateConfig {
     fn default() -> Self {
         let torque_scale = Law { low: 1.0, high: 1.0 };
-        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, noise: 0.0 }
+        Self {
+            transitions: 1_000_000,
+            frames: 100,
+            seed: 0,
+            shard_trajectories: 2048,
+            torque_scale,
+            hold: 1,
+            resets: 0.0,
+            noise: 0.0,
+            pilot: None,
+        }
     }
 }
 
@@ -83,11 +96,18 @@ pub fn record(
     let mut drive = Drive::new(system);
     let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
     let mut batch = Batch::new(system, &Arc::new(crate::scene::Scene::free(system.gravity())), count);
-    let (mut scales, mut holds) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
     for (env, rng) in streams.iter_mut().enumerate() {
         // Laws that are off draw nothing, so that older data is made again to the byte.
+        let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);
+        let (state, act) = pilot.map_or_else(Default::default, |(pilot, _)| {
+            let (state, act) = pilot.launch(system, rng);
+            (state, Some(act))
+        });
         let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
-        let state = start(system, if reset { Start::Reset } else { Start::Sample }, rng);
+        let which = if reset { Start::Reset } else { Start::Sample };
+        let state = if act.is_some() { state } else { start(system, which, rng) };
+        pilots.push(act);
         batch.scenes[env] = scene(system, &state, rng);
         batch.reset(env, &state);
         scales.push(config.torque_scale.draw(rng));
@@ -117,12 +137,16 @@ pub fn record(
             }
             let row = env * f + frame;
             // A held action is drawn again from where its numbers began, since a position law answers the state of each frame.
-            if frame % holds[env] == 0 {
+            if pilots[env].is_some() || frame % holds[env] == 0 {
                 begun[env] = streams[env].clone();
             } else {
                 streams[env] = begun[env].clone();
             }
-            drive.draw(batch.state(env), scales[env], &mut streams[env], &mut tau[env * joints..(env + 1) * joints]);
+            let now = &mut tau[env * joints..(env + 1) * joints];
+            match &mut pilots[env] {
+                Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
+                None => drive.draw(batch.state(env), scales[env], &mut streams[env], now),
+            }
             copy(&mut out.torques[row * joints..], &tau[env * joints..(env + 1) * joints]);
             if points > 0 {
                 contacts(system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
@@ -172,6 +196,7 @@ pub fn generate(
             ("torque_scale", format!("U({}, {})", config.torque_scale.low, config.torque_scale.high)),
             ("hold", config.hold.to_string()),
             ("resets", config.resets.to_string()),
+            ("pilot", format!("{:?}", config.pilot)),
         ]
         .map(|(k, v)| (k.to_string(), v))
         .into();

@@ -1,5 +1,7 @@
 //! One horizon of steps under a policy, and what the update learns from it.
 
+use std::time::Instant;
+
 use nerd_sim::sampling::stream;
 use nerd_sim::solver::StepError;
 use rand::RngExt;
@@ -31,6 +33,8 @@ pub struct Rollout {
     pub ended: Vec<(f64, f64)>,
     /// Episodes that the solver could not go on with.
     pub failed: usize,
+    /// Seconds that the policy took to answer.
+    pub policy_seconds: f64,
 }
 
 /// Episodes under way.
@@ -92,7 +96,14 @@ pub fn rollout(
     let n = environments.count();
     let (mut r, mut reached, mut next) = (Rollout::default(), Vec::new(), Vec::new());
     let (mut rewards, mut terminated, mut truncated) = (Vec::new(), Vec::new(), Vec::new());
-    let mut answer = policy.answer(&running.stack.rows);
+    let mut thought = 0.0;
+    let mut ask = |rows: &[f64]| {
+        let started = Instant::now();
+        let answer = policy.answer(rows);
+        thought += started.elapsed().as_secs_f64();
+        answer
+    };
+    let mut answer = ask(&running.stack.rows);
     for t in 0..horizon {
         let mut rng = stream(seed, first + t as u64);
         let mut spare = None;
@@ -110,13 +121,13 @@ pub fn rollout(
         let stepped = running.step(environments, &actions, &mut reached)?;
         r.ended.extend(stepped.ended.iter().map(|(_, total, length)| (*total, *length)));
         r.failed += stepped.result.failed;
-        answer = policy.answer(&running.stack.rows);
+        answer = ask(&running.stack.rows);
         let mut values = policy.values(&answer);
         // Where time ran out, the state reached is not the one that the next answer is about.
         let cut: Vec<usize> = (0..n).filter(|env| stepped.result.truncated[*env]).collect();
         let all = running.stack.rows.len() / n.max(1);
         let rows: Vec<f64> = cut.iter().flat_map(|env| &reached[env * all..(env + 1) * all]).copied().collect();
-        let there = policy.values(&policy.answer(&rows));
+        let there = policy.values(&ask(&rows));
         cut.iter().zip(there).for_each(|(env, value)| values[*env] = value);
         next.extend(values);
         rewards.extend(stepped.result.rewards);
@@ -124,12 +135,13 @@ pub fn rollout(
         truncated.extend(stepped.result.truncated);
     }
     let steps = Steps { rewards: &rewards, values: &r.values, next: &next, terminated: &terminated, truncated: &truncated };
+    r.policy_seconds = thought;
     r.advantages = advantages(&steps, n, gamma, lambda);
     Ok(r)
 }
 
 /// A standard normal number (Box and Muller), two at a time.
-fn normal(rng: &mut rand_chacha::ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
+pub(super) fn normal(rng: &mut rand_chacha::ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
     if let Some(x) = spare.take() {
         return x;
     }

@@ -61,6 +61,9 @@ pub struct Iteration {
     pub updated: Updated,
     /// Seconds stepping and asking the policy.
     pub rollout_seconds: f64,
+    /// Seconds of these in which the policy answered.
+    #[serde(default)]
+    pub policy_seconds: f64,
     /// Seconds learning.
     pub update_seconds: f64,
 }
@@ -158,6 +161,7 @@ impl<E: Environments> Trainer<E> {
             rate: state.adam.rate,
             updated,
             rollout_seconds: rolled,
+            policy_seconds: steps.policy_seconds,
             update_seconds: started.elapsed().as_secs_f64() - rolled,
         })
     }

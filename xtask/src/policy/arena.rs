@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use nerd_model::folder::ModelConfig;
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::neural::Neural;
 use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, named};
 
+use super::clock::{Clock, Timed};
 use crate::common::Device;
-use crate::solvers::{SolverName, neural};
+use crate::solvers::SolverName;
 use crate::truth::Truth;
 
 /// A solver that episodes run on.
@@ -51,6 +53,11 @@ impl Arena {
 
     /// `n` episodes of a task.
     pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
+        self.timed(task, n, seed, &Clock::default())
+    }
+
+    /// The same, with the time that its solver takes on a clock.
+    pub fn timed(&self, task: &str, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
         let task = named(task)?;
         let system = System::named(task.robot())?;
         if n == 0 {
@@ -58,7 +65,8 @@ impl Arena {
         }
         let folder = self.folder(&system.name);
         let batch = Batch::new(&system, &system.scene(task.scene())?, n);
-        let (solver, memory) = solver(self.solver, &folder, &system, self.device, n)?;
+        let (solver, memory) = solver(self, &folder, &system, n, clock)?;
+        let solver = Box::new(Timed(solver, clock.solver.clone()));
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         episodes.remember(memory);
         Ok(episodes)
@@ -66,15 +74,16 @@ impl Arena {
 }
 
 /// A solver, and how many frames back its next step depends on.
-fn solver(name: SolverName, folder: &Path, system: &Arc<System>, device: Device, n: usize) -> Result<(Box<dyn Solver>, usize)> {
-    Ok(match name {
+fn solver(arena: &Arena, folder: &Path, system: &Arc<System>, n: usize, clock: &Clock) -> Result<(Box<dyn Solver>, usize)> {
+    Ok(match arena.solver {
         SolverName::Articulated => (Truth::Articulated.solver(system), 0),
         SolverName::Rapier => (Truth::Rapier.solver(system), 0),
         SolverName::Neural => {
-            let solver = neural(folder, system, None, device, n)?;
-            let network = solver.model().config.network;
+            let model = Model::load(folder, system, None)?;
+            let network = Timed(crate::train::network(&model.weights, arena.device, n)?, clock.network.clone());
+            let shape = model.config.network;
             // Kept keys and values of a layer depend on as many tokens more as the layer below sees.
-            (Box::new(solver), network.history * network.layers.max(1))
+            (Box::new(Neural::new(model, system, Box::new(network))), shape.history * shape.layers.max(1))
         }
     })
 }

@@ -10,10 +10,10 @@ use nerd_train::ppo::folder::{PolicyConfig, save};
 
 use crate::provenance::Provenance;
 
-/// One line a session: which iterations took how long where.
-pub fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
+/// One line a session: which iterations took how long where, and on what.
+pub fn log_time(out: &Path, first: u64, last: u64, seconds: f64, spent: &str) -> Result<()> {
     use std::io::Write;
-    let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine() });
+    let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine(), "spent": spent });
     let path = out.join("sessions.jsonl");
     let file = std::fs::OpenOptions::new().create(true).append(true).open(&path);
     let mut file = file.with_context(|| format!("cannot write {}", path.display()))?;
@@ -32,6 +32,7 @@ pub fn export(out: &Path, task: &str, solver: &str, trainer: &Trainer<Episodes>)
         ("command", stamp.command),
         ("seed", stamp.seed.to_string()),
         ("machine", machine),
+        ("spent", sessions.last().and_then(|s| s["spent"].as_str()).unwrap_or_default().to_string()),
         ("minutes", format!("{:.1}", seconds / 60.0)),
         ("date", stamp.date),
     ];

@@ -4,6 +4,7 @@ use anyhow::Result;
 
 mod arena;
 mod card;
+mod clock;
 mod curve;
 mod evaluate;
 mod page;

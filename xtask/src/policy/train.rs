@@ -12,6 +12,7 @@ use nerd_train::metrics::Metrics;
 use nerd_train::ppo::{PpoConfig, Trainer};
 
 use super::arena::Arena;
+use super::clock::{Clock, Split};
 use super::{card, curve};
 use crate::common::Device;
 use crate::solvers::SolverName;
@@ -75,7 +76,8 @@ pub fn run(args: TrainArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| format!("out/policies/{}-{}-{}", args.task, args.arena.word(), args.seed).into());
     let run = format!("{} on {solver}", args.task);
     let started = Instant::now();
-    let episodes = args.arena.episodes(&args.task, config.environments, args.seed)?;
+    let (clock, mut split) = (Clock::default(), Split::default());
+    let episodes = args.arena.timed(&args.task, config.environments, args.seed, &clock)?;
     let mut trainer = Trainer::new(episodes, config, args.seed)?;
     let checkpoint = out.join("last.safetensors");
     if checkpoint.exists() {
@@ -91,6 +93,7 @@ pub fn run(args: TrainArgs) -> Result<()> {
     while trainer.state.iteration < total && reached.is_none() {
         let line = trainer.iterate()?;
         metrics.write(&line)?;
+        split.add(&line, trainer.config.steps());
         failed += line.failed;
         if let (Some(reward), Some(length)) = (line.reward, line.length) {
             bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
@@ -109,13 +112,14 @@ pub fn run(args: TrainArgs) -> Result<()> {
     }
     bar.finish();
     trainer.save(&checkpoint, &run)?;
-    card::log_time(&out, first, trainer.state.iteration, started.elapsed().as_secs_f64())?;
+    card::log_time(&out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &split.words(&clock))?;
     curve::draw(&out, &run)?;
     card::export(&out, &args.task, &solver, &trainer)?;
     let (_, best) = trainer.best();
     let reward = best.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
     let seconds = started.elapsed().as_secs_f64();
     println!("{run}: {reward} in {} iterations, {seconds:.0} s here; {}", trainer.state.iteration, out.join("policy").display());
+    println!("{}", split.words(&clock));
     if failed > 0 {
         eprintln!("{failed} episodes ended because the solver could not go on with them");
     }

@@ -68,6 +68,12 @@ pub struct TrainArgs {
     /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data; the paper's data has 0
     #[arg(long, default_value_t = 0.0)]
     pub resets: f64,
+    /// Folders of policies, comma-separated, that act in part of the data, each in its task
+    #[arg(long, value_delimiter = ',')]
+    pub policy: Vec<PathBuf>,
+    /// Share of the trajectories that policies act in
+    #[arg(long, default_value_t = 0.5)]
+    pub policy_share: f64,
     /// Noise on the velocities that tokens are made of, in the root mean square of their change over a frame
     #[arg(long, default_value_t = 0.0)]
     pub noise: f64,
@@ -141,6 +147,8 @@ impl TrainArgs {
             torque_scale: 0.0,
             hold: 1,
             resets: 0.0,
+            policy: Vec::new(),
+            policy_share: 0.5,
             noise: 0.0,
             updates: None,
             batch: None,

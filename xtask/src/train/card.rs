@@ -31,6 +31,8 @@ pub struct Run {
     pub hold: usize,
     pub resets: f64,
     pub noise: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policies: Option<String>,
     pub data_sha256: String,
     pub transitions: usize,
     /// Transitions recorded during the run.

@@ -22,11 +22,12 @@ use nerd_model::normalizer::Normalizer;
 #[cfg(feature = "cuda")]
 use nerd_model::transformer::Architecture;
 use nerd_model::transformer::{Positions, Stream, TransformerConfig, Weights};
-use nerd_sim::dataset::GenerateConfig;
+use nerd_sim::dataset::{GenerateConfig, Pilot};
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState, Optimizer};
+use nerd_train::ppo::Policies;
 use nerd_train::prepare::{Prepared, generate, moments, normalize, read};
 use nerd_train::schedule::Schedule;
 use nerd_train::supply::{Supply, SupplyConfig};
@@ -172,7 +173,9 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     }
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
-    let mut config = recording(args, transitions, args.seed);
+    let pilot = pilot(args, &system)?;
+    let recording = |transitions, seed| GenerateConfig { pilot: pilot.clone(), ..recording(args, transitions, seed) };
+    let mut config = recording(transitions, args.seed);
     if args.fresh > 0 {
         if args.data.is_some() {
             bail!("--fresh records by itself: leave out --data");
@@ -183,7 +186,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), form)?,
         None => recorded(&system, args, &config, network.sequence(), form)?,
     };
-    let validation = GenerateConfig { noise: 0.0, ..recording(args, 200_000.min(transitions), args.seed + 10) };
+    let validation = GenerateConfig { noise: 0.0, ..recording(200_000.min(transitions), args.seed + 10) };
     let mut validation = recorded(&system, args, &validation, network.sequence(), form)?.windows;
     if data.windows.is_empty() || validation.is_empty() {
         bail!(
@@ -215,6 +218,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         hold: args.hold,
         resets: args.resets,
         noise: args.noise,
+        policies: config.pilot.as_ref().map(|p| format!("{p:?}")),
         data_sha256: data.sha256.clone(),
         transitions,
         fresh: args.fresh,
@@ -279,7 +283,27 @@ fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig 
     // Small shards come soon, whatever the truth.
     let shard_trajectories = if args.fresh > 0 { 64 } else { 512 };
     let TrainArgs { frames, hold, resets, noise, .. } = *args;
-    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames, hold, resets, noise }
+    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames, hold, resets, noise, pilot: None }
+}
+
+/// The policies that act in part of the data.
+fn pilot(args: &TrainArgs, system: &System) -> Result<Option<(Arc<dyn Pilot>, f64)>> {
+    if args.policy.is_empty() {
+        return Ok(None);
+    }
+    if !(0.0..=1.0).contains(&args.policy_share) || args.data.is_some() {
+        bail!("--policy records by itself: leave out --data; --policy-share is within 0 and 1");
+    }
+    let mut policies = Vec::new();
+    for folder in &args.policy {
+        let (config, policy) = nerd_train::ppo::folder::load(folder)?;
+        let robot = nerd_tasks::named(&config.task)?.robot();
+        if robot != system.name {
+            bail!("{} acts on `{robot}`, not on `{}`", folder.display(), system.name);
+        }
+        policies.push((config.task, policy));
+    }
+    Ok(Some((Arc::new(Policies::new(policies)?), args.policy_share)))
 }
 
 fn recorded(system: &Arc<System>, args: &TrainArgs, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
