@@ -59,5 +59,6 @@ pub fn export(out: &Path, task: &str, solver: &str, trainer: &Trainer<Episodes>)
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
     card.push_str("\nWhat it earns in the truth and in the learned simulator: `cargo xtask policy evaluate`. Written by `cargo xtask policy train`.\n");
-    Ok(save(&out.join("policy"), &config, policy, &card)?)
+    save(&out.join("policy"), &config, policy, &card)?;
+    super::curve::write(out, &out.join("policy"))
 }

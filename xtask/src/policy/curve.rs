@@ -15,13 +15,34 @@ struct Curve {
     length: Vec<(f64, f64)>,
 }
 
+/// Lines of a run's `metrics.jsonl`.
+fn lines(out: &Path) -> Result<Vec<Iteration>> {
+    let text = std::fs::read_to_string(out.join("metrics.jsonl")).context("the run's metrics.jsonl cannot be read")?;
+    Ok(text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?)
+}
+
 /// Draws `curve.svg` and `curve.png` from `metrics.jsonl` of a run's folder, once an episode has ended.
 pub fn draw(out: &Path, title: &str) -> Result<()> {
-    let text = std::fs::read_to_string(out.join("metrics.jsonl")).context("the run's metrics.jsonl cannot be read")?;
-    let lines = text.lines().map(serde_json::from_str).collect::<Result<Vec<Iteration>, _>>()?;
+    let lines = lines(out)?;
     let points = |f: fn(&Iteration) -> Option<f64>| lines.iter().filter_map(|l| Some((l.frames as f64 / 1e6, f(l)?))).collect();
     let curve = Curve { title: title.into(), reward: points(|l| l.reward), length: points(|l| l.length) };
     if curve.reward.is_empty() { Ok(()) } else { save(&out.join("curve"), (1000, 600), &curve) }
+}
+
+/// Points that a shipped curve has, about.
+const POINTS: usize = 100;
+
+/// Writes `curve.csv` for a run's policy: steps, mean reward and mean length of episodes, thinned out.
+pub fn write(out: &Path, folder: &Path) -> Result<()> {
+    let lines = lines(out)?;
+    let every = lines.len().div_ceil(POINTS).max(1);
+    let mut text = String::from("steps,reward,length\n");
+    for line in lines.iter().filter(|l| l.step as usize % every == 0) {
+        if let (Some(reward), Some(length)) = (line.reward, line.length) {
+            text.push_str(&format!("{},{reward:.2},{length:.1}\n", line.frames));
+        }
+    }
+    crate::files::write(&folder.join("curve.csv"), text.as_bytes())
 }
 
 impl Picture for Curve {

@@ -6,6 +6,7 @@ mod arena;
 mod card;
 mod clock;
 mod curve;
+mod curves;
 mod evaluate;
 mod page;
 pub mod reproduce;

@@ -38,10 +38,11 @@ pub fn run(args: PoliciesArgs) -> Result<()> {
     if folders.is_empty() {
         bail!("no policy in {}", args.policies.display());
     }
-    let mut rows = Vec::new();
+    let (mut rows, mut configs) = (Vec::new(), Vec::new());
     for policy in folders {
         let text = std::fs::read_to_string(policy.join("config.json"))?;
         let config: PolicyConfig = serde_json::from_str(&text).with_context(|| policy.display().to_string())?;
+        configs.push((policy.clone(), config.clone()));
         rows.push(row(&EvaluateArgs {
             task: config.task,
             policy,
@@ -55,6 +56,7 @@ pub fn run(args: PoliciesArgs) -> Result<()> {
     }
     let table = table(&rows);
     println!("\nReward of a game under mean actions, mean and standard deviation:\n\n{table}");
+    super::curves::draw(&configs, &args.out.join("policies"))?;
     write(&args.out.join("policies.json"), &rows, args.seed)?;
     let stamp = Provenance::now(args.seed);
     let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
