@@ -23,6 +23,7 @@ mod reproduce;
 mod rollout;
 mod solvers;
 mod stability;
+mod sweep;
 mod table;
 mod tosses;
 mod train;

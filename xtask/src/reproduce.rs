@@ -14,6 +14,7 @@ use crate::horizons::{self, HorizonArgs};
 use crate::policy::reproduce::{PoliciesArgs, run as policies};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
+use crate::sweep::{self, SweepArgs};
 use crate::train::{self, TrainArgs};
 use crate::truth::Truth;
 
@@ -65,6 +66,8 @@ pub enum Part {
     Ablations(AblationArgs),
     /// Error against time of the shipped models, over 1000 frames
     Horizons(HorizonArgs),
+    /// One run's options changed one at a time, over several seeds
+    Sweep(SweepArgs),
     /// The shipped policies in the truth and in the simulator that learned it
     Policies(PoliciesArgs),
 }
@@ -74,6 +77,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
         Some(Part::Ablations(args)) => return ablations::run(args),
         Some(Part::Horizons(args)) => return horizons::run(args),
+        Some(Part::Sweep(args)) => return sweep::run(args),
         Some(Part::Policies(args)) => return policies(args),
         None => {}
     }

@@ -6,9 +6,11 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use nerd_train::ppo::folder::PolicyConfig;
 
-use super::evaluate::{EvaluateArgs, row, table, write};
+use super::evaluate::{EvaluateArgs, Row, row, table, write};
 use crate::common::Device;
+use crate::paper::policy_reward;
 use crate::provenance::Provenance;
+use crate::table::markdown;
 
 /// Play all policies of a folder.
 #[derive(clap::Args, Clone, Debug)]
@@ -54,11 +56,49 @@ pub fn run(args: PoliciesArgs) -> Result<()> {
             out: None,
         })?);
     }
-    let table = table(&rows);
-    println!("\nReward of a game under mean actions, mean and standard deviation:\n\n{table}");
+    let table = format!("{}\nEach policy:\n\n{}", by_task(&rows), table(&rows));
+    println!("\nReward of a game under mean actions, mean and standard deviation, over all seeds:\n\n{table}");
     super::curves::draw(&configs, &args.out.join("policies"))?;
     write(&args.out.join("policies.json"), &rows, args.seed)?;
     let stamp = Provenance::now(args.seed);
     let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
     crate::files::write(&args.out.join("policies.md"), (table + &from).as_bytes())
+}
+
+/// Tasks with the means of their seeds, and the worst of their gaps.
+fn by_task(rows: &[Row]) -> String {
+    let mut lines = Vec::new();
+    for task in nerd_tasks::names() {
+        let of = |learned: bool| {
+            rows.iter().filter(move |r| r.task == task && r.trained_in.starts_with("neural") == learned).collect::<Vec<_>>()
+        };
+        let (learned, truth) = (of(true), of(false));
+        if learned.is_empty() && truth.is_empty() {
+            continue;
+        }
+        let mean = |rows: &[&Row]| {
+            let n = rows.len() as f64;
+            let mean = rows.iter().map(|r| r.real.mean).sum::<f64>() / n;
+            let square = |r: &&Row| r.real.spread.powi(2) + (r.real.mean - mean).powi(2);
+            let spread = (rows.iter().map(square).sum::<f64>() / n).sqrt();
+            if rows.is_empty() { "-".into() } else { format!("{mean:.1} +- {spread:.1}") }
+        };
+        let gaps: Vec<f64> = learned.iter().filter_map(|r| r.gap).collect();
+        let worst = gaps.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let all = gaps.iter().map(|g| format!("{g:+.2}")).collect::<Vec<_>>().join(", ");
+        let paper =
+            policy_reward(task).map_or_else(Default::default, |p| (p[0].to_string(), format!("{:+.2}", 100.0 * (p[1] - p[0]) / p[0])));
+        lines.push(vec![
+            task.to_string(),
+            mean(&learned),
+            all,
+            worst.map_or_else(|| "-".into(), |g| format!("{g:+.2}")),
+            mean(&truth),
+            paper.0,
+            paper.1,
+        ]);
+    }
+    let header =
+        ["task", "trained in NeRD: in truth", "gaps by seed (%)", "worst", "trained in truth: in truth", "paper, in truth", "its gap"];
+    markdown(&header, &lines)
 }

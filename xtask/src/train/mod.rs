@@ -38,8 +38,7 @@ mod card;
 mod recipe;
 mod variant;
 
-use args::{BaseName, Preset};
-pub use args::{OptimizerName, TrainArgs};
+pub use args::{BaseName, OptimizerName, Preset, TrainArgs};
 use card::{Run, export, history, log_time, model_config};
 pub use variant::Variant;
 

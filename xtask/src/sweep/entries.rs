@@ -1,0 +1,115 @@
+//! What is varied: named changes of one run's options.
+
+use crate::train::{BaseName, OptimizerName, Preset, TrainArgs};
+
+/// Which set of runs.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Set {
+    /// One decision of training taken back, or added, at a time
+    Switches,
+    /// Width, depth and window of the network
+    Sizes,
+    /// The paper's form, optimiser and loss beside ours
+    Forms,
+}
+
+/// One run.
+pub struct Entry {
+    /// In tables, and the name of its folder.
+    pub name: &'static str,
+    /// What differs from the base.
+    pub change: fn(&mut TrainArgs),
+}
+
+const fn entry(name: &'static str, change: fn(&mut TrainArgs)) -> Entry {
+    Entry { name, change }
+}
+
+/// What the others are held against.
+pub const BASE: &str = "base";
+
+const SWITCHES: [Entry; 13] = [
+    entry(BASE, |_| ()),
+    entry("squares", |a| a.huber = None),
+    entry("adam", |a| a.optimizer = OptimizerName::Adam),
+    entry("no-average", |a| a.average = 0.0),
+    entry("constant-rate", |a| a.last_rate = a.rate),
+    entry("no-warmup", |a| a.warmup = 0),
+    entry("full-torques", |a| a.torque_scale = 1.0),
+    entry("no-fresh-data", |a| a.fresh = 0),
+    // What mirrored legs would bring, where the truth makes data for the asking: more data.
+    entry("twice-the-fresh-data", |a| a.fresh *= 2),
+    entry("held-actions", |a| a.hold = 16),
+    entry("starts-of-episodes", |a| a.resets = 0.5),
+    entry("velocity-noise", |a| a.noise = 0.03),
+    entry("state", |a| a.base = BaseName::State),
+];
+
+const SIZES: [Entry; 9] = [
+    entry("e32-l2", |a| size(a, 32, 2)),
+    entry("e48-l2", |a| size(a, 48, 2)),
+    entry("e64-l2", |a| size(a, 64, 2)),
+    entry("e64-l4", |a| size(a, 64, 4)),
+    entry(BASE, |_| ()),
+    entry("e128-l6", |a| size(a, 128, 6)),
+    entry("e192-l6", |a| size(a, 192, 6)),
+    entry("h-1", |a| a.history = Some(1)),
+    entry("h-5", |a| a.history = Some(5)),
+];
+
+const FORMS: [Entry; 3] = [entry(BASE, |a| size(a, 192, 6)), entry("state", state), entry("paper", paper)];
+
+fn size(args: &mut TrainArgs, embedding: usize, layers: usize) {
+    (args.embedding, args.layers) = (Some(embedding), Some(layers));
+}
+
+fn state(args: &mut TrainArgs) {
+    size(args, 192, 6);
+    args.base = BaseName::State;
+}
+
+/// State, position table, Adam, squares, full torques, ten million transitions met again and again: as many tokens an update.
+fn paper(args: &mut TrainArgs) {
+    state(args);
+    args.batch = args.batch.map(|b| b * args.sequence / 10);
+    args.transitions = Some(args.transitions.unwrap_or_default() + args.fresh);
+    (args.stream, args.optimizer, args.huber, args.torque_scale, args.fresh) = (false, OptimizerName::Adam, None, 1.0, 0);
+    (args.warmup, args.last_rate) = (0, 1e-4);
+}
+
+impl Set {
+    /// Its runs.
+    pub fn entries(self) -> &'static [Entry] {
+        match self {
+            Self::Switches => &SWITCHES,
+            Self::Sizes => &SIZES,
+            Self::Forms => &FORMS,
+        }
+    }
+}
+
+/// The run that the others change.
+pub fn base(robot: &str, asked: &super::SweepArgs, seed: u64) -> TrainArgs {
+    let device = asked.device;
+    TrainArgs {
+        preset: Preset::Paper,
+        base: BaseName::Flight,
+        stream: true,
+        embedding: Some(asked.embedding),
+        layers: Some(asked.layers),
+        batch: Some(asked.batch),
+        updates: Some(asked.updates),
+        transitions: Some(asked.transitions),
+        fresh: asked.fresh,
+        torque_scale: -1.0,
+        huber: Some(0.02),
+        warmup: asked.updates / 20,
+        last_rate: 0.0,
+        tail: 0.0,
+        // The end of the run alone is looked at: the last weights or their average.
+        validate_every: Some(asked.updates),
+        rollouts: 32,
+        seed,
+        ..TrainArgs::small(robot, "out".into(), device)
+    }
+}

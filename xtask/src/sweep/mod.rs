@@ -1,0 +1,168 @@
+//! `cargo xtask reproduce sweep --set switches --robot ant`: one run's options changed one at a time, every run over several seeds;
+//! errors at 10, 100 and 1000 frames of passive motion on the robot's first ground, and the time of a frame on the CPU.
+//!
+//! A finished run is kept in `out/sweep` and not trained again.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use nerd_model::folder::ModelConfig;
+use nerd_sim::prelude::*;
+use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
+use serde::Serialize;
+
+mod entries;
+mod report;
+
+use entries::{BASE, Entry, Set, base};
+
+use crate::chart::Timed;
+use crate::common::Device;
+use crate::solvers::neural;
+use crate::train::{TrainArgs, train};
+use crate::truth::Truth;
+
+/// Where runs are kept.
+const RUNS: &str = "out/sweep";
+/// Frames that errors are given at.
+const AT: [usize; 3] = [10, 100, 1000];
+/// Environments and frames of the timing.
+const TIMED: (usize, usize) = (256, 40);
+
+/// Change one run's options one at a time.
+#[derive(clap::Args, Clone, Debug)]
+pub struct SweepArgs {
+    /// Which set of runs
+    #[arg(long, value_enum)]
+    pub set: Set,
+    /// Robot: pendulum, cube, ant, anymal
+    #[arg(long)]
+    pub robot: String,
+    /// Runs, comma-separated, beside `base` [default: all of the set]
+    #[arg(long, value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Seeds of data, weights and windows, comma-separated
+    #[arg(long, value_delimiter = ',', default_values_t = [0, 1, 2])]
+    pub seed: Vec<u64>,
+    /// Updates of each run
+    #[arg(long, default_value_t = 1500)]
+    pub updates: u64,
+    /// Sequences of 32 tokens in an update
+    #[arg(long, default_value_t = 32)]
+    pub batch: usize,
+    /// Width of the base's network
+    #[arg(long, default_value_t = 48)]
+    pub embedding: usize,
+    /// Its layers
+    #[arg(long, default_value_t = 2)]
+    pub layers: usize,
+    /// Transitions that a run starts with
+    #[arg(long, default_value_t = 100_000)]
+    pub transitions: usize,
+    /// Transitions recorded while it goes on
+    #[arg(long, default_value_t = 200_000)]
+    pub fresh: usize,
+    /// Trajectories of the evaluation
+    #[arg(long, default_value_t = 128)]
+    pub starts: usize,
+    /// Where networks are trained and evaluated; a frame is timed on the CPU
+    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    pub device: Device,
+    /// Folder to write
+    #[arg(long, default_value = "results")]
+    pub out: PathBuf,
+}
+
+/// One run of one seed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measured {
+    name: &'static str,
+    seed: u64,
+    parameters: usize,
+    minutes: String,
+    /// Mean |difference| over trajectories and quantities at 10, 100 and 1000 frames.
+    at: [f64; 3],
+    /// Mean over the paper's horizon, by quantity.
+    error: Vec<f64>,
+    diverged: usize,
+    /// A frame of one environment on one core.
+    microseconds: f64,
+}
+
+/// Runs the part.
+pub fn run(args: SweepArgs) -> Result<()> {
+    if args.starts == 0 || args.updates == 0 || args.seed.is_empty() {
+        bail!("--starts, --updates and --seed: at least one is needed");
+    }
+    let entries = args.set.entries();
+    if let Some(name) = args.only.iter().find(|name| entries.iter().all(|e| e.name != **name)) {
+        bail!("--only {name}: known are {}", entries.iter().map(|e| e.name).collect::<Vec<_>>().join(", "));
+    }
+    let asked = |e: &&Entry| args.only.is_empty() || e.name == BASE || args.only.iter().any(|name| name == e.name);
+    let entries: Vec<&Entry> = entries.iter().filter(asked).collect();
+    let started = Instant::now();
+    let mut all = Vec::new();
+    for (k, (seed, entry)) in args.seed.iter().flat_map(|seed| entries.iter().map(move |e| (*seed, *e))).enumerate() {
+        let total = args.seed.len() * entries.len();
+        let left = if k == 0 {
+            String::new()
+        } else {
+            format!(", about {:.0} min left", started.elapsed().as_secs_f64() / k as f64 * (total - k) as f64 / 60.0)
+        };
+        eprintln!("{}/{total}: {}, {}, seed {seed}{left}", k + 1, args.robot, entry.name);
+        all.push(one(&args, entry, seed)?);
+    }
+    report::write(&args, &all)
+}
+
+/// Trains a run unless its model is there, and measures it.
+fn one(args: &SweepArgs, entry: &Entry, seed: u64) -> Result<Measured> {
+    let mut run = base(&args.robot, args, seed);
+    (entry.change)(&mut run);
+    let folder = format!(
+        "{}-{:?}-e{}l{}-{}x{}-{}+{}",
+        args.robot, args.set, args.embedding, args.layers, args.updates, args.batch, args.transitions, args.fresh
+    );
+    run.out = Path::new(RUNS).join(folder.to_lowercase()).join(entry.name).join(format!("seed{seed}"));
+    let model = run.out.join("model");
+    if !model.join("config.json").exists() && train(&run)?.is_none() {
+        bail!("training of {} did not finish", run.out.display());
+    }
+    measure(args, entry, &run, &model)
+}
+
+fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> Result<Measured> {
+    let config = ModelConfig::read(folder)?;
+    let system = System::named(&args.robot)?;
+    let scene = system.usual_scenes().into_iter().find(|s| *s != "free").unwrap_or("free");
+    let scene = system.scene(scene)?;
+    let truth = || Truth::Articulated.solver(&system);
+    let rolled = |steps: usize, starts: usize| -> Result<_> {
+        let protocol = PassiveConfig { starts, steps, seed: 500, action: Action::Zero };
+        let mut learned = neural(folder, &system, None, args.device, starts)?;
+        Ok(passive(&system, &scene, &mut *truth(), &mut learned, protocol, &mut |_| ())?)
+    };
+    let horizon = rolled(crate::paper::horizon(&args.robot), args.starts)?;
+    // What ends in no number at all has no error to speak of.
+    let far = rolled(AT[2], args.starts).ok();
+    let at = AT.map(|frame| far.as_ref().map_or(f64::INFINITY, |r| r.curve[frame - 1]));
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+    let spent = one.install(|| -> Result<Duration> {
+        let learned = neural(folder, &system, None, Device::Flex, TIMED.0)?;
+        let mut timed = Timed { solver: Box::new(learned), spent: Duration::ZERO };
+        let protocol = PassiveConfig { starts: TIMED.0, steps: TIMED.1, seed: 501, action: Action::Zero };
+        passive(&system, &scene, &mut *truth(), &mut timed, protocol, &mut |_| ())?;
+        Ok(timed.spent)
+    })?;
+    Ok(Measured {
+        name: entry.name,
+        seed: run.seed,
+        parameters: config.network.parameters(),
+        minutes: config.provenance.get("minutes").cloned().unwrap_or_default(),
+        at,
+        error: summary(&system, &horizon.error),
+        diverged: far.map_or(args.starts, |r| r.diverged),
+        microseconds: spent.as_secs_f64() * 1e6 / (TIMED.0 * TIMED.1) as f64,
+    })
+}
