@@ -64,6 +64,14 @@ pub fn save(stem: &Path, size: (u32, u32), picture: &impl Picture) -> Result<()>
     crate::files::write(&stem.with_extension("png"), &std::fs::read(&png).context("cannot read the picture back")?)
 }
 
+/// A short line for a legend.
+pub fn stroke<B: DrawingBackend>(
+    colour: impl Color + Copy + 'static,
+    width: u32,
+) -> impl Fn((i32, i32)) -> DynElement<'static, B, (i32, i32)> {
+    move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(width)).into_dyn()
+}
+
 impl Figure {
     /// Writes `stem`.svg and `stem`.png.
     pub fn save(&self, stem: &Path) -> Result<()> {

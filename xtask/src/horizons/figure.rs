@@ -8,7 +8,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::Horizon;
-use crate::plot::{COLOURS, Picture, save};
+use crate::plot::{COLOURS, Picture, save, stroke};
 
 /// Height of a row of panels (px).
 const ROW: u32 = 260;
@@ -69,7 +69,7 @@ impl Picture for Horizon {
                 (held.collect(), COLOURS[6], "repeat the start, median"),
             ] {
                 let drawn = chart.draw_series(LineSeries::new(points, colour.stroke_width(2))).map_err(failed)?;
-                drawn.label(label).legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(2)));
+                drawn.label(label).legend(stroke(colour, 2));
             }
             if row == 0 {
                 let mut labels = chart.configure_series_labels();
@@ -94,7 +94,7 @@ impl Picture for Horizon {
             for (path, colour, width, label) in [(&both[0], COLOURS[7].mix(0.35), 4, "truth"), (&both[1], COLOURS[4].mix(1.0), 1, "NeRD")] {
                 let points = path.iter().enumerate().map(|(k, x)| (time(k), *x));
                 let drawn = chart.draw_series(LineSeries::new(points, colour.stroke_width(width))).map_err(failed)?;
-                drawn.label(label).legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(width)));
+                drawn.label(label).legend(stroke(colour, width));
             }
             if row == 0 {
                 let mut labels = chart.configure_series_labels();

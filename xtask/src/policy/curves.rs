@@ -8,7 +8,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use crate::paper::{policy_reward, released_curve};
-use crate::plot::{COLOURS, Picture, save};
+use crate::plot::{COLOURS, Picture, save, stroke};
 
 /// Columns of panels, and the size of one (px).
 const COLUMNS: usize = 2;
@@ -68,13 +68,13 @@ impl Picture for Curves {
             mesh.bold_line_style(BLACK.mix(0.12)).draw().map_err(failed)?;
             if let Some([truth, _]) = policy_reward(task) {
                 let dashes = DashedLineSeries::new([(0.0, truth), (last, truth)], 6, 4, COLOURS[6].stroke_width(1));
-                chart.draw_series(dashes).map_err(failed)?.label("paper, in truth").legend(line(COLOURS[6], 1));
+                chart.draw_series(dashes).map_err(failed)?.label("paper, in truth").legend(stroke(COLOURS[6], 1));
             }
             chart.draw_series(released.iter().map(|p| Circle::new(*p, 3, BLACK.filled()))).map_err(failed)?;
             for (learned, colour, label) in [(true, COLOURS[0], "in NeRD, by seed"), (false, COLOURS[1], "in the truth")] {
                 // An empty line first, so that the legend has both.
                 let named = chart.draw_series(LineSeries::new([], colour.stroke_width(2))).map_err(failed)?;
-                named.label(label).legend(line(colour, 2));
+                named.label(label).legend(stroke(colour, 2));
                 for (_, points) in runs.iter().filter(|r| r.0 == learned) {
                     chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2))).map_err(failed)?;
                 }
@@ -93,9 +93,4 @@ impl Picture for Curves {
         }
         area.present().map_err(failed)
     }
-}
-
-/// A short line for a legend.
-fn line<B: DrawingBackend>(colour: RGBColor, width: u32) -> impl Fn((i32, i32)) -> DynElement<'static, B, (i32, i32)> {
-    move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(width)).into_dyn()
 }
