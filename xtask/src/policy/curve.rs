@@ -37,7 +37,7 @@ pub fn write(out: &Path, folder: &Path) -> Result<()> {
     let lines = lines(out)?;
     let every = lines.len().div_ceil(POINTS).max(1);
     let mut text = String::from("steps,reward,length\n");
-    for line in lines.iter().filter(|l| l.step as usize % every == 0) {
+    for line in lines.iter().filter(|l| (l.step as usize).is_multiple_of(every)) {
         if let (Some(reward), Some(length)) = (line.reward, line.length) {
             text.push_str(&format!("{},{reward:.2},{length:.1}\n", line.frames));
         }
