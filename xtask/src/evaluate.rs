@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::paper;
 use crate::provenance::Provenance;
+use crate::shake::Shaken;
 use crate::solvers::{SolverArgs, SolverName, build};
 use crate::table::{markdown, pair};
 use crate::truth::Truth;
@@ -45,6 +46,10 @@ pub struct EvaluateArgs {
     /// No torque whatever, in place of what a position law holds its pose with
     #[arg(long, conflicts_with = "drive")]
     pub limp: bool,
+    /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
+    /// sensitivity drives apart what differs a little
+    #[arg(long, default_value_t = 0.0)]
+    pub shake: f64,
     /// JSON file to write
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -101,11 +106,17 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
     let bar = crate::common::bar(&format!("{} frames of {} rollouts", system.name, args.starts), (steps * scenes.len()) as u64);
     let truth = args.solver.against(&system)?;
-    let method = args.solver.title(&system)?;
+    let mut method = args.solver.title(&system)?;
+    if args.shake > 0.0 {
+        method = format!("{method}, shaken by {}", args.shake);
+    }
     let mut rows = Vec::new();
     for (k, scene) in found.iter().enumerate() {
         let protocol = PassiveConfig { starts: args.starts, steps, seed: args.seed, action };
         let mut solver = build(&args.solver, &system, &scene.name, args.starts)?;
+        if args.shake > 0.0 {
+            solver = Box::new(Shaken::new(solver, args.shake, args.seed));
+        }
         let mut tell = |step| bar.set((k * steps + step) as u64);
         let report = passive(&system, scene, &mut *truth.solver(&system), &mut *solver, protocol, &mut tell)?;
         rows.push(Row {

@@ -21,6 +21,7 @@ mod policy;
 mod provenance;
 mod reproduce;
 mod rollout;
+mod shake;
 mod solvers;
 mod stability;
 mod sweep;

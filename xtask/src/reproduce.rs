@@ -102,6 +102,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
                 seed: args.seed,
                 drive: 0.0,
                 limp: false,
+                shake: 0.0,
                 out: None,
             })?);
         }
