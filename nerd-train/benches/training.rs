@@ -1,4 +1,4 @@
-//! One update of 512 windows of ten tokens through burn on the CPU, E 64, 2 layers, 4 heads.
+//! One update of 512 windows of ten tokens through burn on the CPU: E 64, 2 layers, 4 heads; and the paper's E 192, 6 layers.
 //!
 //! `cargo bench -p nerd-train`.
 
@@ -11,15 +11,18 @@ use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState};
 use nerd_train::windows::Windows;
 
 fn training(c: &mut Criterion) {
-    let mut group = c.benchmark_group("flex E64 2 layers");
+    let mut group = c.benchmark_group("flex 512 windows");
     group.sample_size(10);
-    let network = TransformerConfig { layers: 2, heads: 4, ..TransformerConfig::paper(37, 4, 64) };
-    let data = |n: usize| (0..n).map(|i| (i as f32 * 0.37).sin()).collect();
-    let windows = Arc::new(Windows { inputs: 37, outputs: 4, frames: 100, history: 10, x: data(100 * 100 * 37), y: data(100 * 100 * 4) });
-    let config = LearnerConfig { batch: 512, clip: 1.0, average: 0.999, seed: 0, huber: None, optimizer: Default::default() };
-    let state = LearnerState::new(Weights::init(network, 0));
-    let mut learner = BurnLearner::new(config, state, windows.clone(), windows, &Device::flex()).expect("windows fit the network");
-    group.bench_function("512 windows", |b| b.iter(|| learner.update(1e-4).expect("a finite loss")));
+    let paper = TransformerConfig::paper(37, 4, 192);
+    for (name, network) in [("E64 2 layers", TransformerConfig { layers: 2, heads: 4, embedding: 64, ..paper }), ("E192 6 layers", paper)] {
+        let data = |n: usize| (0..n).map(|i| (i as f32 * 0.37).sin()).collect();
+        let windows =
+            Arc::new(Windows { inputs: 37, outputs: 4, frames: 100, history: 10, x: data(100 * 100 * 37), y: data(100 * 100 * 4) });
+        let config = LearnerConfig { batch: 512, clip: 1.0, average: 0.999, seed: 0, huber: None, optimizer: Default::default() };
+        let state = LearnerState::new(Weights::init(network, 0));
+        let mut learner = BurnLearner::new(config, state, windows.clone(), windows, &Device::flex()).expect("windows fit the network");
+        group.bench_function(name, |b| b.iter(|| learner.update(1e-4).expect("a finite loss")));
+    }
     group.finish();
 }
 
