@@ -134,7 +134,7 @@ fn a_stack_holds_the_newest_and_the_differences_before_it() {
     stack.push(&[2.0, 20.0], |_| false, &[2.0, 20.0], &mut reached);
     assert_eq!(stack.rows, [2.0, 1.0, 0.0, 20.0, 10.0, 0.0]);
     stack.push(&[3.0, 30.0], |env| env == 1, &[3.0, 70.0], &mut reached);
-    assert_eq!(reached, [3.0, 2.0, 1.0, 30.0, 20.0, 10.0], "the state reached, before the next episode");
+    assert_eq!(reached, [3.0, 1.0, 1.0, 30.0, 10.0, 10.0], "the state reached, before the next episode");
     assert_eq!(stack.rows, [3.0, 1.0, 1.0, 70.0, 0.0, 0.0]);
 }
 
