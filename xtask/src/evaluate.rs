@@ -48,7 +48,7 @@ pub struct EvaluateArgs {
     pub limp: bool,
     /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
     /// sensitivity drives apart what differs a little
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub shake: f64,
     /// JSON file to write
     #[arg(long)]
@@ -97,6 +97,9 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
     let steps = args.steps.unwrap_or_else(|| paper::horizon(&system.name));
     if args.starts == 0 || steps == 0 {
         anyhow::bail!("--starts and --steps are at least 1");
+    }
+    if !(args.shake >= 0.0 && args.shake.is_finite()) {
+        anyhow::bail!("--shake {} is negative or no number", args.shake);
     }
     let action = match args.drive {
         _ if args.limp => Action::Limp,

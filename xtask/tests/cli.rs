@@ -125,6 +125,16 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (["reproduce", "ablations", "--robot", "cube", "--out", &out].map(String::from).into(), "cube"),
         (["reproduce", "ablations", "--updates", "0", "--out", &out].map(String::from).into(), "--updates"),
         (["train", "--robot", "ant", "--variant", "absolute", "--base", "flight", "--out", &out].map(String::from).into(), "--variant"),
+        (["train", "--robot", "ant", "--preset", "pendulum", "--out", &out].map(String::from).into(), "`pendulum`"),
+        (["train", "--robot", "ant", "--preset", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
+        (["train", "--robot", "ant", "--hold", "0", "--out", &out].map(String::from).into(), "--hold"),
+        (
+            ["train", "--robot", "ant", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out].map(String::from).into(),
+            "cartpole",
+        ),
+        (["reproduce", "sweep", "--set", "sizes", "--robot", "ant", "--only", "huge", "--out", &out].map(String::from).into(), "huge"),
+        (["reproduce", "horizons", "--model", "models/unicorn", "--out", &out].map(String::from).into(), "unicorn"),
+        (["evaluate", "--robot", "cartpole", "--shake", "-1", "--out", &out].map(String::from).into(), "--shake"),
         (["dance"].map(String::from).into(), "dance"),
     ];
     for (args, culprit) in cases {

@@ -170,9 +170,9 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if args.frames == 0 {
         bail!("--frames 0: at least one is needed");
     }
-    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
 
     let pilot = pilot(args, &system)?;
+    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
     let recording = |transitions, seed| GenerateConfig { pilot: pilot.clone(), ..recording(args, transitions, seed) };
     let mut config = recording(transitions, args.seed);
     if args.fresh > 0 {
