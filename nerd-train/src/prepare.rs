@@ -1,5 +1,6 @@
 //! From recorded trajectories to normalised windows.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -154,11 +155,11 @@ pub(crate) fn shard(
 }
 
 /// States whose velocities are off by normal noise: what a model's own errors will make of them.
-fn noisy(system: &System, recording: &Recording, config: &GenerateConfig, first: u64) -> Vec<f32> {
-    let mut seen = recording.states.clone();
+fn noisy<'a>(system: &System, recording: &'a Recording, config: &GenerateConfig, first: u64) -> Cow<'a, [f32]> {
     if config.noise == 0.0 {
-        return seen;
+        return Cow::Borrowed(&recording.states);
     }
+    let mut seen = recording.states.clone();
     let (f, d, nq) = (recording.frames, system.robot.state_dim(), system.robot.nq());
     let mut sums = vec![0.0; d];
     for states in recording.states.chunks_exact((f + 1) * d) {
@@ -173,7 +174,7 @@ fn noisy(system: &System, recording: &Recording, config: &GenerateConfig, first:
             *v += (spread * (-2.0 * u.ln()).sqrt() * angle.cos()) as f32;
         }
     }
-    seen
+    Cow::Owned(seen)
 }
 
 /// Noise draws from streams of its own.
