@@ -8,8 +8,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::NERD;
-use super::measure::AWAY;
-use super::report::{Errors, Row, away, here, one_frame};
+use super::report::{Errors, Row, gap, here, one_frame};
 use crate::plot::{COLOURS, Picture, save};
 
 const SIZE: (u32, u32) = (1400, 900);
@@ -41,7 +40,7 @@ impl Bars<'_> {
             let [mean, least, most] = row.ratio(self.rows, of)?;
             Some((mean, (row.measured.len() > 1).then_some([least, most]), colour))
         };
-        let bars = [ours(here, COLOURS[0]), ours(one_frame, COLOURS[5]), ours(away, COLOURS[2]), row.paper.map(|p| (p, None, COLOURS[1]))];
+        let bars = [ours(gap, COLOURS[2]), ours(here, COLOURS[0]), ours(one_frame, COLOURS[5]), row.paper.map(|p| (p, None, COLOURS[1]))];
         bars.into_iter().flatten().collect()
     }
 }
@@ -67,7 +66,7 @@ impl Picture for Bars<'_> {
             }
             let title = match robot.as_str() {
                 "pendulum" => "Double pendulum, contact-free passive motion".to_string(),
-                _ => "Ant, passive motion on its ground (paper: reward of running policies)".to_string(),
+                _ => "Ant, rewards of running policies".to_string(),
             };
             let mut chart = ChartBuilder::on(panel)
                 .caption(title, ("sans-serif", 19))
@@ -125,15 +124,15 @@ impl Picture for Bars<'_> {
             }
         }
         let legend = [
-            (COLOURS[0], "ours, rollouts".to_string()),
-            (COLOURS[5], "ours, one frame".to_string()),
-            (COLOURS[2], format!("ours, one frame, {AWAY} m away")),
-            (COLOURS[1], "paper, Figure A.2".to_string()),
+            (COLOURS[2], "ours, rewards"),
+            (COLOURS[0], "ours, passive motion"),
+            (COLOURS[5], "ours, one frame"),
+            (COLOURS[1], "paper, Figure A.2"),
         ];
         for (k, (colour, words)) in legend.iter().enumerate() {
             let (x, y) = (70 + 260 * k as i32, height - FOOT + 6);
             area.draw(&Rectangle::new([(x, y), (x + 16, y + 14)], colour.mix(0.85).filled())).map_err(failed)?;
-            area.draw(&Text::new(words.clone(), (x + 24, y), ("sans-serif", 14))).map_err(failed)?;
+            area.draw(&Text::new(*words, (x + 24, y), ("sans-serif", 14))).map_err(failed)?;
         }
         let (x, y) = (70 + 260 * legend.len() as i32, height - FOOT + 13);
         for dash in 0..3 {

@@ -1,17 +1,16 @@
-//! One model's errors: passive motion where the robot's data lies, and moved away from there.
+//! One model's errors: passive motion, and the rewards of policies that run in it.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use nalgebra::Vector3;
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
+use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
 use serde::{Deserialize, Serialize};
 
+use super::runners::Runners;
 use crate::common::Device;
 use crate::solvers::neural;
-use crate::stability::shift;
 use crate::truth::Truth;
 
 /// Frames of a rollout: those of the paper's first test case; of the Ant, which loses the ground of knowing more than nothing
@@ -19,9 +18,6 @@ use crate::truth::Truth;
 pub fn steps(robot: &str) -> usize {
     if robot == "ant" { 20 } else { 100 }
 }
-
-/// How far (m) a floating robot is moved: twice the half-width of the box in which the Ant's data starts.
-pub const AWAY: f64 = 20.0;
 
 /// Errors of one trained model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -43,8 +39,8 @@ pub struct Measured {
     pub one_frame: f64,
     /// Rollouts that diverged.
     pub diverged: usize,
-    /// `error` and `one_frame` with the robot moved [`AWAY`]; nothing where the robot's base is fixed.
-    pub away: Option<(Vec<f64>, f64)>,
+    /// Of running policies, |reward in the model - in the truth| over the latter, mean over policies; the Ant's alone.
+    pub gap: Option<f64>,
     /// The floor that repeats the start, by quantity.
     pub hold: Vec<f64>,
 }
@@ -64,25 +60,23 @@ fn record(run: &Path) -> Result<(f64, f64)> {
     Ok((validation.unwrap_or(f64::NAN), quarter(2) / quarter(3)))
 }
 
-/// Rolls the model of the folder of a run out from `starts` starts.
-pub fn measure(run: &Path, system: &Arc<System>, starts: usize, seed: u64, device: Device) -> Result<Measured> {
+/// Rolls the model of the folder of a run out from `starts` starts, and lets policies run in it.
+pub fn measure(
+    run: &Path,
+    system: &Arc<System>,
+    (starts, seed): (usize, u64),
+    runners: Option<&Runners>,
+    device: Device,
+) -> Result<Measured> {
     let (loss, falling) = record(run)?;
     let scene = system.scene(system.usual_scenes().first().copied().unwrap_or("free"))?;
     let config = PassiveConfig { starts, steps: steps(&system.name), seed: 500, action: Action::Zero };
-    let roll = |solver: &mut dyn Solver| passive(system, &scene, &mut *Truth::Articulated.solver(system), solver, config, &mut |_| ());
-    let model = || neural(&run.join("model"), system, Some(&Truth::Articulated.name()), device, starts);
-    let mut learned = model()?;
+    let folder = run.join("model");
+    let mut learned = neural(&folder, system, Some(&Truth::Articulated.name()), device, starts)?;
     let scales = learned.model().normalizer.inputs.scale();
     let scales = scales.into_iter().filter(|s| *s > 0.01).fold([f64::MAX, 0.0], |[a, b], s| [a.min(s), f64::max(b, s)]);
-    let here = roll(&mut learned)?;
-    let first = |report: &PassiveReport| report.curve.first().copied().unwrap_or(0.0);
-    let away = match system.robot.floating() {
-        true => {
-            let there = roll(&mut Away(Box::new(model()?)))?;
-            Some((summary(system, &there.error), first(&there)))
-        }
-        false => None,
-    };
+    let here = passive(system, &scene, &mut *Truth::Articulated.solver(system), &mut learned, config, &mut |_| ())?;
+    let gap = runners.filter(|_| system.name == "ant").map(|r| r.gap(&folder, device)).transpose()?;
     Ok(Measured {
         seed,
         loss,
@@ -90,26 +84,9 @@ pub fn measure(run: &Path, system: &Arc<System>, starts: usize, seed: u64, devic
         scales,
         error: summary(system, &here.error),
         standard_error: summary(system, &here.standard_error),
-        one_frame: first(&here),
+        one_frame: here.curve.first().copied().unwrap_or(0.0),
         diverged: here.diverged,
-        away,
+        gap,
         hold: summary(system, &here.hold),
     })
-}
-
-/// A solver that is told all robots stand [`AWAY`] in x. On a level plane a robot's motion is the same there.
-struct Away(Box<dyn Solver>);
-
-impl Solver for Away {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        let by = Vector3::new(AWAY, 0.0, 0.0);
-        shift(batch, &by);
-        let done = self.0.step(batch, torques);
-        shift(batch, &-by);
-        done
-    }
-
-    fn reset(&mut self, env: usize) {
-        self.0.reset(env);
-    }
 }

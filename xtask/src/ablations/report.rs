@@ -5,7 +5,7 @@ use nerd_model::folder::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use super::entry::Entry;
-use super::measure::{AWAY, steps};
+use super::measure::steps;
 use super::{AblationArgs, BATCH, Measured, NERD};
 use crate::provenance::Provenance;
 use crate::table::{digits, markdown, pair};
@@ -112,9 +112,9 @@ pub fn here(m: &Measured) -> Option<&[f64]> {
     Some(&m.error)
 }
 
-/// Of the first prediction [`AWAY`] from where the data lies.
-pub fn away(m: &Measured) -> Option<&[f64]> {
-    m.away.as_ref().map(|(_, one)| std::slice::from_ref(one))
+/// Of running policies' rewards.
+pub fn gap(m: &Measured) -> Option<&[f64]> {
+    m.gap.as_ref().map(std::slice::from_ref)
 }
 
 /// Of the first prediction.
@@ -146,9 +146,9 @@ fn pairs<'a>(rows: &[&'a Row], all: &[Row], of: Errors) -> Vec<(&'a Row, &'a Row
 }
 
 /// Writes `ablations.json` and `ablations.md`.
-pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
+pub fn write(args: &AblationArgs, rows: &[Row], policies: usize) -> Result<()> {
     let stamp = Provenance::now(args.seed[0]);
-    let ratios = |r: &Row| serde_json::json!({ "robot": r.robot, "name": r.name, "here": r.ratio(rows, here), "one_frame": r.ratio(rows, one_frame), "away": r.ratio(rows, away), "paper": r.paper });
+    let ratios = |r: &Row| serde_json::json!({ "robot": r.robot, "name": r.name, "here": r.ratio(rows, here), "one_frame": r.ratio(rows, one_frame), "gap": r.ratio(rows, gap), "paper": r.paper });
     let json = serde_json::json!({
         "provenance": stamp,
         "updates": args.updates,
@@ -156,7 +156,7 @@ pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
         "starts": args.starts,
         "seeds": args.seed,
         "frames": args.robot.iter().map(|r| (r.clone(), steps(r))).collect::<std::collections::BTreeMap<_, _>>(),
-        "away_m": AWAY,
+        "games": args.games,
         "ratios": rows.iter().map(ratios).collect::<Vec<_>>(),
         "rows": rows,
     });
@@ -170,7 +170,7 @@ pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
         args.seed.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
     );
     for robot in &args.robot {
-        text.push_str(&section(robot, rows));
+        text.push_str(&section(robot, rows, &format!("{policies} running policies, {} games of each", args.games)));
     }
     text.push_str(&super::reasons::text(rows, &args.robot));
     text.push_str(&format!("\n`{}`, commit {}, {}, {}\n", stamp.command, stamp.commit, stamp.machine, stamp.date));
@@ -179,15 +179,14 @@ pub fn write(args: &AblationArgs, rows: &[Row]) -> Result<()> {
 }
 
 /// Table and order of one robot.
-fn section(robot: &str, all: &[Row]) -> String {
+fn section(robot: &str, all: &[Row], runners: &str) -> String {
     let rows: Vec<&Row> = all.iter().filter(|r| r.robot == robot).collect();
     let frames = steps(robot);
-    let floating = rows.iter().all(|r| r.measured.iter().all(|m| m.away.is_some()));
-    let mut text = if floating {
+    let running = rows.iter().all(|r| r.measured.iter().all(|m| m.gap.is_some()));
+    let mut text = if running {
         format!(
-            "\n## {robot}, passive motion on its ground, {frames} frames\n\n\
-             It stands in for the paper's three running policies, whose reward gap the paper's bars are. Since a runner leaves the\n\
-             data's box, the first prediction is made {AWAY} m away, too. Errors: position (m) / orientation / joints (rad).\n\n"
+            "\n## {robot}, running policies\n\nThe paper's test case: {runners}; the gap is |reward in the variant - in the truth| over the latter, mean over policies.\n\
+             Beside it, passive motion on the ground for {frames} frames: position (m) / orientation / joints (rad).\n\n"
         )
     } else {
         format!("\n## {robot}, contact-free passive motion, {frames} frames\n\nErrors: joints (rad).\n\n")
@@ -214,8 +213,9 @@ fn section(robot: &str, all: &[Row]) -> String {
             ratio(r, here),
             ratio(r, one_frame),
         ];
-        if floating {
-            cells.push(ratio(r, away));
+        if running {
+            cells.insert(4, r.mean(gap).map_or_else(|| "-".into(), |g| format!("{:.1} %", 100.0 * g[0])));
+            cells.push(ratio(r, gap));
         }
         cells.push(r.paper.map_or_else(|| "-".into(), |p| format!("{p}")));
         cells
@@ -232,24 +232,24 @@ fn section(robot: &str, all: &[Row]) -> String {
         "error / NeRD's",
         "one frame / NeRD's",
     ];
-    let far = format!("{AWAY} m away");
-    if floating {
-        header.push(&far);
+    if running {
+        header.insert(4, "gap");
+        header.push("gap / NeRD's");
     }
     header.push("paper");
     text.push_str(&markdown(&header, &cells.collect::<Vec<_>>()));
     let hold = rows.first().and_then(|r| r.mean(|m| Some(&m.hold))).unwrap_or_default();
     text.push_str(&format!("\nA predictor that repeats the start: {}.\n", pair(&hold)));
-    let rollout = pairs(&rows, all, here);
-    let first = pairs(&rows, all, if floating { away } else { one_frame });
+    let rollout = pairs(&rows, all, if running { gap } else { here });
+    let first = pairs(&rows, all, one_frame);
     let kept = |pairs: &[(&Row, &Row, f64, f64)]| pairs.iter().filter(|p| p.3 > 1.0).count();
+    let rolled = if running { "the gap" } else { "the error of rollouts" };
     text.push_str(&format!(
-        "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order by the error of rollouts, {} by\n\
-         that of one frame{}.\n",
+        "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order by {rolled}, {} by\n\
+         the error of one frame.\n",
         rollout.len(),
         kept(&rollout),
         kept(&first),
-        if floating { format!(" ({AWAY} m away)") } else { String::new() },
     ));
     let one = |a: &Row, b: &Row| first.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map_or(f64::NAN, |p| p.3);
     let wrong: Vec<_> = rollout.iter().filter(|p| p.3 <= 1.0 || one(p.0, p.1) <= 1.0).collect();
@@ -258,7 +258,7 @@ fn section(robot: &str, all: &[Row]) -> String {
             .iter()
             .map(|(a, b, theirs, ours)| vec![format!("{} over {}", a.name, b.name), digits(*theirs), digits(*ours), digits(one(a, b))]);
         text.push_str("Margins of those that do not by both:\n\n");
-        text.push_str(&markdown(&["pair", "paper", "rollouts", "one frame"], &cells.collect::<Vec<_>>()));
+        text.push_str(&markdown(&["pair", "paper", rolled, "one frame"], &cells.collect::<Vec<_>>()));
     }
     text
 }
@@ -281,7 +281,7 @@ mod tests {
                 standard_error: vec![0.0; 2],
                 one_frame: error,
                 diverged: 0,
-                away: None,
+                gap: None,
                 hold: vec![1.0, 1.0],
             };
             Row {

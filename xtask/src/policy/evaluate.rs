@@ -102,8 +102,9 @@ pub fn row(args: &EvaluateArgs) -> Result<Row> {
         Truth::Articulated => SolverName::Articulated,
         Truth::Rapier => SolverName::Rapier,
     };
-    let real = reward(args, &Arena { solver: real, ..arena.clone() }, &policy)?;
-    let learned = if args.truth_only { None } else { Some(reward(args, &arena, &policy)?) };
+    let played = |arena: &Arena| reward(&args.task, arena, &policy, args.games, args.seed);
+    let real = played(&Arena { solver: real, ..arena.clone() })?;
+    let learned = if args.truth_only { None } else { Some(played(&arena)?) };
     Ok(Row {
         task: args.task.clone(),
         policy: args.policy.display().to_string(),
@@ -117,11 +118,11 @@ pub fn row(args: &EvaluateArgs) -> Result<Row> {
     })
 }
 
-fn reward(args: &EvaluateArgs, arena: &Arena, policy: &Policy) -> Result<Reward> {
-    let mut episodes = arena.episodes(&args.task, args.games, args.seed)?;
+/// Plays so many games of a task in an arena.
+pub fn reward(task: &str, arena: &Arena, policy: &Policy, games: usize, seed: u64) -> Result<Reward> {
+    let mut episodes = arena.episodes(task, games, seed)?;
     episodes.remember(0);
-    let bar =
-        crate::common::bar(&format!("steps of {} games of {} on {}", args.games, args.task, arena.word()), episodes.task.episode_length());
+    let bar = crate::common::bar(&format!("steps of {games} games of {task} on {}", arena.word()), episodes.task.episode_length());
     let mut step = 0;
     let games = play(policy, &mut episodes, &mut |_| {
         step += 1;

@@ -2,12 +2,12 @@
 
 use anyhow::Result;
 
-mod arena;
+pub mod arena;
 mod card;
 mod clock;
 mod curve;
 mod curves;
-mod evaluate;
+pub mod evaluate;
 mod page;
 pub mod reproduce;
 mod show;

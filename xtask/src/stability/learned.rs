@@ -157,7 +157,7 @@ fn moved(case: &Case, maker: &Maker, by: f64) -> Result<f64> {
 }
 
 /// Moves floating robots: `p += by`, and the twist about the world's origin keeps its velocity, `v += by x w`.
-pub fn shift(batch: &mut Batch, by: &Vector3<f64>) {
+fn shift(batch: &mut Batch, by: &Vector3<f64>) {
     let (nq, floating) = (batch.system.robot.nq(), batch.system.robot.floating());
     for env in (0..batch.len()).filter(|_| floating) {
         let state = batch.state_mut(env);

@@ -22,7 +22,6 @@ mod row;
 mod trial;
 pub mod worlds;
 
-pub use learned::shift;
 use method::{METHODS, Method};
 use row::{Cell, Row, Verdict, rows};
 use trial::{Fault, Trial};

@@ -1,0 +1,60 @@
+//! The paper's second test case: how far the rewards of running policies in a model are from those in the truth.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use nerd_train::ppo::{Policy, folder};
+
+use crate::common::Device;
+use crate::policy::arena::Arena;
+use crate::policy::evaluate::reward;
+use crate::solvers::SolverName;
+
+/// What they run for.
+const TASK: &str = "ant-run";
+/// Where they lie: as in the paper, those trained in a learned simulator.
+const FOLDER: &str = "models/policies";
+const PREFIX: &str = "ant-run-neural-";
+/// Seed of the games' starts.
+const SEED: u64 = 500;
+
+/// Shipped running policies with their mean rewards in the truth.
+pub struct Runners {
+    games: usize,
+    policies: Vec<(Policy, f64)>,
+}
+
+impl Runners {
+    /// Plays them in the truth.
+    pub fn new(games: usize) -> Result<Self> {
+        let entries = std::fs::read_dir(FOLDER).with_context(|| format!("cannot read {FOLDER}"))?;
+        let mut folders: Vec<_> = entries.flatten().map(|e| e.path()).collect();
+        folders.retain(|p| p.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX)));
+        folders.sort();
+        if folders.is_empty() {
+            bail!("{FOLDER} has no {PREFIX}*: train one with `cargo xtask policy train {TASK} --solver neural`");
+        }
+        let truth = Arena { solver: SolverName::Articulated, model: None, device: Device::Flex };
+        let play = |path: &std::path::PathBuf| {
+            let (_, policy) = folder::load(path)?;
+            let real = reward(TASK, &truth, &policy, games, SEED)?.mean;
+            Ok((policy, real))
+        };
+        Ok(Self { games, policies: folders.iter().map(play).collect::<Result<_>>()? })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.policies.len()
+    }
+
+    /// Mean over the policies of |reward in the model - in the truth| over the latter.
+    pub fn gap(&self, model: &Path, device: Device) -> Result<f64> {
+        let arena = Arena { solver: SolverName::Neural, model: Some(model.into()), device };
+        let gaps = self.policies.iter().map(|(policy, real)| {
+            let learned = reward(TASK, &arena, policy, self.games, SEED)?.mean;
+            Ok((learned - real).abs() / real.abs())
+        });
+        Ok(gaps.sum::<Result<f64>>()? / self.policies.len() as f64)
+    }
+}
