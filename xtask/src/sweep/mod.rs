@@ -143,9 +143,9 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> R
         let mut learned = neural(folder, &system, None, args.device, starts)?;
         Ok(passive(&system, &scene, &mut *truth(), &mut learned, protocol, &mut |_| ())?)
     };
-    let horizon = rolled(crate::paper::horizon(&args.robot), args.starts)?;
     // What ends in no number at all has no error to speak of.
-    let far = rolled(AT[2], args.starts).ok();
+    let (horizon, far) = (rolled(crate::paper::horizon(&args.robot), args.starts).ok(), rolled(AT[2], args.starts).ok());
+    let quantities = system.robot.joint_count() + if system.robot.floating() { 2 } else { 0 };
     let at = AT.map(|frame| far.as_ref().map_or(f64::INFINITY, |r| r.curve[frame - 1]));
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     let spent = one.install(|| -> Result<Duration> {
@@ -161,7 +161,7 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> R
         parameters: config.network.parameters(),
         minutes: config.provenance.get("minutes").cloned().unwrap_or_default(),
         at,
-        error: summary(&system, &horizon.error),
+        error: summary(&system, &horizon.map_or_else(|| vec![f64::INFINITY; quantities], |r| r.error)),
         diverged: far.map_or(args.starts, |r| r.diverged),
         microseconds: spent.as_secs_f64() * 1e6 / (TIMED.0 * TIMED.1) as f64,
     })
