@@ -16,7 +16,9 @@ fn config(text: &str) -> PpoConfig {
 #[test]
 fn gradients_are_those_of_the_loss_written_down_in_f64() {
     let mut worst: f64 = 0.0;
-    for (activation, spread_by_state) in [(Activation::Tanh, false), (Activation::Elu, true)] {
+    for (activation, spread_by_state, value_clip) in
+        [(Activation::Tanh, false, 0.2), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
+    {
         let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, spread_by_state };
         let mut rng = nerd_sim::sampling::stream(3, 0);
         let mut draw = move || f64::from(rand::RngExt::random::<f32>(&mut rng)) * 2.0 - 1.0;
@@ -36,7 +38,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
             advantages: numbers(n, 1.0),
             ..Default::default()
         };
-        let config = config("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\n");
+        let config = config(&format!("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\nvalue_clip = {value_clip:?}\n"));
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
         let data = Data::new(&policy, &rollout, &returns);
         let batch: Vec<usize> = (0..n).step_by(2).collect();
@@ -93,7 +95,8 @@ fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[us
         let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
         let (v, goal, old) = (x[2], normal(returns[i]), normal(r.values[i]));
         let near = old + (v - old).clamp(-0.2, 0.2);
-        total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max((near - goal).powi(2)) + others;
+        let held = if c.value_clip > 0.0 { (near - goal).powi(2) } else { 0.0 };
+        total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max(held) + others;
     }
     total / batch.len() as f64
 }

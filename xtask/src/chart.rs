@@ -6,7 +6,7 @@
 //! the two floors that know no dynamics. A model that learned from another engine is held against that engine, as its name
 //! says, since it cannot be nearer to the reference than what it learned. `--mujoco` asks another engine in, see [`crate::mujoco`].
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -18,11 +18,11 @@ use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
 
-use crate::common::bar;
+use crate::common::{Device, bar};
 use crate::mujoco::series::{self, Against};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
-use crate::solvers::describe;
+use crate::solvers::{describe, neural};
 use crate::table::{digits, markdown, pair};
 use crate::truth::Truth;
 
@@ -287,6 +287,20 @@ fn legend(setting: &Setting) -> Result<String> {
 /// The mean.
 pub fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
+}
+
+/// Microseconds that a model takes for a frame of one environment on one core of the CPU.
+pub fn microseconds(folder: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<f64> {
+    const ENVIRONMENTS: usize = 256;
+    const FRAMES: usize = 40;
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+    one.install(|| {
+        let mut learned = Timed { solver: Box::new(neural(folder, system, None, Device::Flex, ENVIRONMENTS)?), spent: Duration::ZERO };
+        let protocol = PassiveConfig { starts: ENVIRONMENTS, steps: FRAMES, seed: 501, action: Action::Zero };
+        let truth = crate::truth::Truth::of(folder)?;
+        passive(system, scene, &mut *truth.solver(system), &mut learned, protocol, &mut |_| ())?;
+        Ok(learned.spent.as_secs_f64() * 1e6 / (ENVIRONMENTS * FRAMES) as f64)
+    })
 }
 
 /// Adds up the time its solver takes.

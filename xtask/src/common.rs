@@ -3,7 +3,9 @@
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
+use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 /// Where networks are computed.
@@ -69,4 +71,16 @@ impl Bar {
             bar.finish_and_clear();
         }
     }
+}
+
+/// Folders in one, by their names' beginning, in order; none if it is not there.
+pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
+    if !of.exists() {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(of).with_context(|| format!("cannot read {}", of.display()))?;
+    let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.join("config.json").exists()).collect();
+    found.retain(|p| p.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix)));
+    found.sort();
+    Ok(found)
 }

@@ -12,6 +12,7 @@ use crate::common::Device;
 use crate::evaluate::{self, EvaluateArgs};
 use crate::horizons::{self, HorizonArgs};
 use crate::policy::reproduce::{PoliciesArgs, run as policies};
+use crate::policy::transfer::{self, TransferArgs};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
 use crate::sweep::{self, SweepArgs};
@@ -70,6 +71,8 @@ pub enum Part {
     Sweep(SweepArgs),
     /// The shipped policies in the truth and in the simulator that learned it
     Policies(PoliciesArgs),
+    /// Policies' gaps by the size of the network they were trained in
+    Transfer(TransferArgs),
 }
 
 /// Runs the verb.
@@ -79,6 +82,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         Some(Part::Horizons(args)) => return horizons::run(args),
         Some(Part::Sweep(args)) => return sweep::run(args),
         Some(Part::Policies(args)) => return policies(args),
+        Some(Part::Transfer(args)) => return transfer::run(args),
         None => {}
     }
     if args.starts == 0 {

@@ -36,9 +36,13 @@ pub struct PpoConfig {
     /// Lambda of the advantage estimation.
     #[serde(default = "lambda")]
     pub lambda: f64,
-    /// How far the ratio of probabilities, and the (normalised) value, may move from those of the rollout.
+    /// How far the ratio of probabilities may move from that of the rollout.
     #[serde(default = "clip")]
     pub clip: f32,
+    /// How far the (normalised) value may; 0 leaves it free. The reference's 0.2 is less than what its moments move by while
+    /// rewards still grow, and then holds the value back: the Ant learns to run at half the pace.
+    #[serde(default)]
+    pub value_clip: f32,
     /// Weight of the value's loss.
     #[serde(default = "critic")]
     pub critic: f32,
@@ -161,7 +165,7 @@ impl PpoConfig {
                 return Err(ConfigError::Format(format!("`{name}` is {value}, not within 0 and 1")));
             }
         }
-        let weights = [self.clip, self.critic, self.bounds, self.gradient_norm].map(f64::from);
+        let weights = [self.clip, self.value_clip, self.critic, self.bounds, self.gradient_norm].map(f64::from);
         if let Some(value) = weights.into_iter().chain([self.rate, self.kl]).find(|x| !x.is_finite() || *x < 0.0) {
             return Err(ConfigError::Format(format!("{value} is negative or no number")));
         }

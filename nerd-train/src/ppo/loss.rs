@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! L = max(-A p, -A clamp(p, 1 - eps, 1 + eps))
-//!   + critic / 2 max((v - R)^2, (v_old + clamp(v - v_old, -eps, eps) - R)^2)
+//!   + critic / 2 max((v - R)^2, (v_old + clamp(v - v_old, -value eps, value eps) - R)^2)
 //!   + bounds sum (max(mu - 1.1, 0)^2 + min(mu + 1.1, 0)^2) - entropy sum (s + 1/2 ln 2 pi e)
 //! ```
 
@@ -105,11 +105,12 @@ pub fn step(
         d_mu[k] = scale * (by_log * z * (-s[k]).exp() + 2.0 * config.bounds * beyond);
         d_s[k] = scale * (by_log * (z * z - 1.0) - config.entropy);
     }
+    let most = if config.value_clip > 0.0 { config.value_clip } else { f32::INFINITY };
     let moved = v - past.value;
-    let near = past.value + moved.clamp(-config.clip, config.clip);
+    let near = past.value + moved.clamp(-most, most);
     let (plain, kept) = ((v - goal).powi(2), (near - goal).powi(2));
     terms.critic = f64::from(plain.max(kept));
-    let inside = if moved.abs() < config.clip { 1.0 } else { 0.0 };
+    let inside = if moved.abs() < most { 1.0 } else { 0.0 };
     *d_v = scale * config.critic * if plain >= kept { v - goal } else { inside * (near - goal) };
     terms
 }

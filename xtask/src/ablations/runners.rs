@@ -1,11 +1,11 @@
 //! The paper's second test case: how far the rewards of running policies in a model are from those in the truth.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use nerd_train::ppo::{Policy, folder};
 
-use crate::common::Device;
+use crate::common::{Device, folders};
 use crate::policy::arena::Arena;
 use crate::policy::evaluate::reward;
 use crate::solvers::SolverName;
@@ -27,15 +27,12 @@ pub struct Runners {
 impl Runners {
     /// Plays them in the truth.
     pub fn new(games: usize) -> Result<Self> {
-        let entries = std::fs::read_dir(FOLDER).with_context(|| format!("cannot read {FOLDER}"))?;
-        let mut folders: Vec<_> = entries.flatten().map(|e| e.path()).collect();
-        folders.retain(|p| p.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX)));
-        folders.sort();
+        let folders = folders(Path::new(FOLDER), PREFIX)?;
         if folders.is_empty() {
             bail!("{FOLDER} has no {PREFIX}*: train one with `cargo xtask policy train {TASK} --solver neural`");
         }
         let truth = Arena { solver: SolverName::Articulated, model: None, device: Device::Flex };
-        let play = |path: &std::path::PathBuf| {
+        let play = |path: &PathBuf| {
             let (_, policy) = folder::load(path)?;
             let real = reward(TASK, &truth, &policy, games, SEED)?.mean;
             Ok((policy, real))

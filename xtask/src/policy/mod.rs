@@ -12,6 +12,7 @@ mod page;
 pub mod reproduce;
 mod show;
 mod train;
+pub mod transfer;
 
 /// Train, evaluate or show a policy.
 #[derive(clap::Args, Clone, Debug)]

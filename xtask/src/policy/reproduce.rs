@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use nerd_train::ppo::folder::PolicyConfig;
 
 use super::evaluate::{EvaluateArgs, Row, row, table, write};
-use crate::common::Device;
+use crate::common::{Device, folders};
 use crate::paper::policy_reward;
 use crate::provenance::Provenance;
 use crate::table::markdown;
@@ -34,9 +34,7 @@ pub struct PoliciesArgs {
 
 /// Runs the part.
 pub fn run(args: PoliciesArgs) -> Result<()> {
-    let entries = std::fs::read_dir(&args.policies).with_context(|| format!("cannot read {}", args.policies.display()))?;
-    let mut folders: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.join("config.json").exists()).collect();
-    folders.sort();
+    let folders = folders(&args.policies, "")?;
     if folders.is_empty() {
         bail!("no policy in {}", args.policies.display());
     }

@@ -4,9 +4,9 @@
 //! A finished run is kept in `out/sweep` and not trained again.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
@@ -17,7 +17,7 @@ mod report;
 
 use entries::{BASE, Entry, Set, base};
 
-use crate::chart::Timed;
+use crate::chart::microseconds;
 use crate::common::Device;
 use crate::solvers::neural;
 use crate::train::{TrainArgs, train};
@@ -27,8 +27,6 @@ use crate::truth::Truth;
 const RUNS: &str = "out/sweep";
 /// Frames that errors are given at.
 const AT: [usize; 3] = [10, 100, 1000];
-/// Environments and frames of the timing.
-const TIMED: (usize, usize) = (256, 40);
 
 /// Change one run's options one at a time.
 #[derive(clap::Args, Clone, Debug)]
@@ -147,14 +145,6 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> R
     let (horizon, far) = (rolled(crate::paper::horizon(&args.robot), args.starts).ok(), rolled(AT[2], args.starts).ok());
     let quantities = system.robot.joint_count() + if system.robot.floating() { 2 } else { 0 };
     let at = AT.map(|frame| far.as_ref().map_or(f64::INFINITY, |r| r.curve[frame - 1]));
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
-    let spent = one.install(|| -> Result<Duration> {
-        let learned = neural(folder, &system, None, Device::Flex, TIMED.0)?;
-        let mut timed = Timed { solver: Box::new(learned), spent: Duration::ZERO };
-        let protocol = PassiveConfig { starts: TIMED.0, steps: TIMED.1, seed: 501, action: Action::Zero };
-        passive(&system, &scene, &mut *truth(), &mut timed, protocol, &mut |_| ())?;
-        Ok(timed.spent)
-    })?;
     Ok(Measured {
         name: entry.name,
         seed: run.seed,
@@ -163,6 +153,6 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> R
         at,
         error: summary(&system, &horizon.map_or_else(|| vec![f64::INFINITY; quantities], |r| r.error)),
         diverged: far.map_or(args.starts, |r| r.diverged),
-        microseconds: spent.as_secs_f64() * 1e6 / (TIMED.0 * TIMED.1) as f64,
+        microseconds: microseconds(folder, &system, &scene)?,
     })
 }

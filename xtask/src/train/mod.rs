@@ -267,7 +267,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if args.rollouts > 0 {
         // Where the rate has fallen to zero the last weights need no average, and may be better than it.
         let last = engine.state()?.weights;
-        let found = rollout_error(&system, &run, &normalizer, last.clone(), args)?;
+        let found = rollout_error(&system, &run, &normalizer, last.clone(), args).unwrap_or(f64::INFINITY);
         if found < criterion {
             (weights, chosen) = (last, format!("last, not averaged, at update {updates}, chosen by criterion {found:.5}"));
         }
