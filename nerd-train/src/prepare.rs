@@ -1,6 +1,5 @@
 //! From recorded trajectories to normalised windows.
 
-use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,11 +9,9 @@ use nerd_model::features::Features;
 use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, read_shard, record, sha256_of};
-use nerd_sim::sampling::stream;
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
-use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::windows::Windows;
@@ -24,11 +21,7 @@ use crate::windows::Windows;
 /// # Errors
 /// Of the base's flight.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Result<Windows, DatasetError> {
-    tokens_of(system, recording, &recording.states, history, form.into())
-}
-
-/// The same, made of states that were `seen` in place of those recorded; targets lead from them to the states recorded next.
-fn tokens_of(system: &Arc<System>, recording: &Recording, seen: &[f32], history: usize, form: Form) -> Result<Windows, DatasetError> {
+    let form = form.into();
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
@@ -37,14 +30,14 @@ fn tokens_of(system: &Arc<System>, recording: &Recording, seen: &[f32], history:
     rows.try_for_each_init(
         || (Features::new(system, form), form.base.flight(system)),
         |(features, flight), (trajectory, (x, y))| {
-            let row = Row::of(system, recording, seen, trajectory);
+            let row = Row::of(system, recording, trajectory);
             let bases = match flight {
-                None => &row.seen,
+                None => &row.states,
                 Some(flight) => {
                     let free = Arc::new(Scene::free(row.gravity));
                     let scenes = vec![free; f];
                     flight
-                        .step(&row.seen[..f * outputs], &scenes, &row.torques)
+                        .step(&row.states[..f * outputs], &scenes, &row.torques)
                         .map_err(|source| DatasetError::Step { first: trajectory as u64, source })?
                 }
             };
@@ -62,19 +55,17 @@ fn tokens_of(system: &Arc<System>, recording: &Recording, seen: &[f32], history:
 struct Row {
     trajectory: usize,
     states: Vec<f64>,
-    seen: Vec<f64>,
     torques: Vec<f64>,
     gravity: Vector3<f64>,
 }
 
 impl Row {
-    fn of(system: &System, recording: &Recording, seen: &[f32], trajectory: usize) -> Self {
+    fn of(system: &System, recording: &Recording, trajectory: usize) -> Self {
         let (f, d, joints) = (recording.frames, system.robot.state_dim(), system.robot.joint_count());
         let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
         Self {
             trajectory,
             states: wide(&recording.states[trajectory * (f + 1) * d..][..(f + 1) * d]),
-            seen: wide(&seen[trajectory * (f + 1) * d..][..(f + 1) * d]),
             torques: wide(&recording.torques[trajectory * f * joints..][..f * joints]),
             gravity: vector(&recording.gravity[3 * trajectory..]),
         }
@@ -92,7 +83,7 @@ impl Row {
         y: &mut [f32],
     ) {
         let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-        let (state, next) = (&self.seen[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
+        let (state, next) = (&self.states[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
         let row = self.trajectory * recording.frames + frame;
         let event = |k: usize| {
             let i = row * points + k;
@@ -150,35 +141,8 @@ pub(crate) fn shard(
     (history, form): (usize, Form),
 ) -> Result<(Windows, [u8; 32]), DatasetError> {
     let recording = record(system, &mut *solver(), config, first, count)?;
-    let seen = noisy(system, &recording, config, first);
-    Ok((tokens_of(system, &recording, &seen, history, form)?, recording.sha256()))
+    Ok((tokens(system, &recording, history, form)?, recording.sha256()))
 }
-
-/// States whose velocities are off by normal noise: what a model's own errors will make of them.
-fn noisy<'a>(system: &System, recording: &'a Recording, config: &GenerateConfig, first: u64) -> Cow<'a, [f32]> {
-    if config.noise == 0.0 {
-        return Cow::Borrowed(&recording.states);
-    }
-    let mut seen = recording.states.clone();
-    let (f, d, nq) = (recording.frames, system.robot.state_dim(), system.robot.nq());
-    let mut sums = vec![0.0; d];
-    for states in recording.states.chunks_exact((f + 1) * d) {
-        let pairs = states.chunks_exact(d).zip(states[d..].chunks_exact(d));
-        pairs.for_each(|(a, b)| sums.iter_mut().zip(a).zip(b).for_each(|((sum, a), b)| *sum += f64::from(b - a).powi(2)));
-    }
-    let spread: Vec<f64> = sums.iter().map(|s| config.noise * (s / (recording.trajectories * f) as f64).sqrt()).collect();
-    let mut rng = stream(config.seed ^ NOISE, first);
-    for state in seen.chunks_exact_mut(d) {
-        for (v, spread) in state[nq..].iter_mut().zip(&spread[nq..]) {
-            let (u, angle) = (1.0 - rng.random::<f64>(), std::f64::consts::TAU * rng.random::<f64>());
-            *v += (spread * (-2.0 * u.ln()).sqrt() * angle.cos()) as f32;
-        }
-    }
-    Cow::Owned(seen)
-}
-
-/// Noise draws from streams of its own.
-const NOISE: u64 = 0x6e6f_6973_6500_0000;
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
 pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {

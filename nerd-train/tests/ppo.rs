@@ -40,7 +40,8 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
         };
         let config = config(&format!("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\nvalue_clip = {value_clip:?}\n"));
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-        let data = Data::new(&policy, &rollout, &returns);
+        let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
+        let data = Data::new(&policy, &rollout, &returns, values);
         let batch: Vec<usize> = (0..n).step_by(2).collect();
         let found = gradient(&policy, &data, &batch, &config).flat;
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();

@@ -34,9 +34,6 @@ pub struct GenerateConfig {
     pub torque_scale: Law,
     /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
     pub hold: usize,
-    /// Noise on the velocities that a learner's tokens are made of, in the root mean square of their change over a frame (paper:
-    /// 0). What is recorded has none.
-    pub noise: f64,
     /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
     pub resets: f64,
     /// Who acts in place of random torques, from starts of its own, and in what share of the trajectories (paper: none).
@@ -46,17 +43,7 @@ pub struct GenerateConfig {
 impl Default for GenerateConfig {
     fn default() -> Self {
         let torque_scale = Law { low: 1.0, high: 1.0 };
-        Self {
-            transitions: 1_000_000,
-            frames: 100,
-            seed: 0,
-            shard_trajectories: 2048,
-            torque_scale,
-            hold: 1,
-            resets: 0.0,
-            noise: 0.0,
-            pilot: None,
-        }
+        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, pilot: None }
     }
 }
 

@@ -39,8 +39,8 @@ pub struct PpoConfig {
     /// How far the ratio of probabilities may move from that of the rollout.
     #[serde(default = "clip")]
     pub clip: f32,
-    /// How far the (normalised) value may; 0 leaves it free. The reference's 0.2 is less than what its moments move by while
-    /// rewards still grow, and then holds the value back: the Ant learns to run at half the pace.
+    /// How far the (normalised) value may; 0 leaves it free. The reference's is 0.2, which learns the Ant's running no faster
+    /// (after 60 iterations, one seed: 1321 against 1468).
     #[serde(default)]
     pub value_clip: f32,
     /// Weight of the value's loss.

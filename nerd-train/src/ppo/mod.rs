@@ -1,6 +1,6 @@
 //! Proximal policy optimisation (Schulman et al. 2017) as the paper's policies were trained: rl_games' continuous actor and
-//! critic, with running normalisation of observations and returns, generalised advantages, clipped ratio and value, a learning
-//! rate that follows the divergence, and values in place of what time-outs cut off.
+//! critic, with running normalisation of observations and returns, generalised advantages, clipped ratio (and value, if asked
+//! for: see [`PpoConfig::value_clip`]), a learning rate that follows the divergence, and values in place of what time-outs cut off.
 //!
 //! Networks are small and environments many, so all of it is plain f32 on the CPU, over faer's products: an update of 65 536
 //! steps costs tenths of a second on two cores. Whatever the number of threads, the same seed gives the same bytes.

@@ -79,8 +79,10 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
     let n = rollout.values.len();
     let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
     policy.seen.update(&rollout.observations);
+    // As the network said them: in moments that have moved on, a value would be held to what was never said.
+    let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
     policy.returns.update(&returns);
-    let mut data = Data::new(policy, rollout, &returns);
+    let mut data = Data::new(policy, rollout, &returns, values);
     let (mut order, mut sums, mut norms, mut batches) = ((0..n).collect::<Vec<_>>(), Terms::default(), 0.0, 0.0);
     for epoch in 0..config.epochs {
         let mut rng = stream(seed, iteration * config.epochs as u64 + epoch as u64);
@@ -116,17 +118,17 @@ pub struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    /// Normalised by the policy's moments; `returns` in units of reward.
-    pub fn new(policy: &Policy, rollout: &'a Rollout, returns: &[f64]) -> Self {
+    /// Normalised by the policy's moments; `returns` in units of reward, `values` as the network said them.
+    pub fn new(policy: &Policy, rollout: &'a Rollout, returns: &[f64], values: Vec<f32>) -> Self {
         let n = returns.len() as f64;
         let mean = rollout.advantages.iter().sum::<f64>() / n;
         let variance = rollout.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / n;
         let advantages = rollout.advantages.iter().map(|a| ((a - mean) / (variance.sqrt() + 1e-8)) as f32).collect();
-        let normal = |x: &[f64]| x.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
+        let goals = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
         let mut inputs = Vec::new();
         policy.seen.rows(&rollout.observations, &mut inputs);
         let (mean, spread) = (rollout.mean.clone(), rollout.spread.clone());
-        Self { inputs, advantages, goals: normal(returns), values: normal(&rollout.values), mean, spread, rollout }
+        Self { inputs, advantages, goals, values, mean, spread, rollout }
     }
 
     /// From now on these steps are compared with what the policy has just said of them.

@@ -117,6 +117,14 @@ pub fn gap(m: &Measured) -> Option<&[f64]> {
     m.gap.as_ref().map(std::slice::from_ref)
 }
 
+/// Validation loss of what has the same targets as NeRD, and so the same unit.
+pub fn loss(m: &Measured) -> Option<&[f64]> {
+    Some(std::slice::from_ref(&m.loss))
+}
+
+/// Variants whose targets are not NeRD's.
+const OTHER_TARGETS: [&str; 4] = ["E2E", "Abs Pred", "World Frame", "No Out. Norm"];
+
 /// Of the first prediction.
 pub fn one_frame(m: &Measured) -> Option<&[f64]> {
     Some(std::slice::from_ref(&m.one_frame))
@@ -243,13 +251,17 @@ fn section(robot: &str, all: &[Row], runners: &str) -> String {
     let rollout = pairs(&rows, all, if running { gap } else { here });
     let first = pairs(&rows, all, one_frame);
     let kept = |pairs: &[(&Row, &Row, f64, f64)]| pairs.iter().filter(|p| p.3 > 1.0).count();
+    let same: Vec<&Row> = rows.iter().filter(|r| !OTHER_TARGETS.contains(&r.name.as_str())).copied().collect();
+    let losses = pairs(&same, all, loss);
     let rolled = if running { "the gap" } else { "the error of rollouts" };
     text.push_str(&format!(
         "\nOf {} pairs of bars that the paper sets apart by more than {MARGIN}x, {} stand in the same order by {rolled}, {} by\n\
-         the error of one frame.\n",
+         the error of one frame. Of the {} between variants that learn the same targets, {} do by validation loss.\n",
         rollout.len(),
         kept(&rollout),
         kept(&first),
+        losses.len(),
+        kept(&losses),
     ));
     let one = |a: &Row, b: &Row| first.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map_or(f64::NAN, |p| p.3);
     let wrong: Vec<_> = rollout.iter().filter(|p| p.3 <= 1.0 || one(p.0, p.1) <= 1.0).collect();

@@ -28,7 +28,7 @@ const fn entry(name: &'static str, change: fn(&mut TrainArgs)) -> Entry {
 /// What the others are held against.
 pub const BASE: &str = "base";
 
-const SWITCHES: [Entry; 13] = [
+const SWITCHES: [Entry; 12] = [
     entry(BASE, |_| ()),
     entry("squares", |a| a.huber = None),
     entry("adam", |a| a.optimizer = OptimizerName::Adam),
@@ -41,7 +41,6 @@ const SWITCHES: [Entry; 13] = [
     entry("twice-the-fresh-data", |a| a.fresh *= 2),
     entry("held-actions", |a| a.hold = 16),
     entry("starts-of-episodes", |a| a.resets = 0.5),
-    entry("velocity-noise", |a| a.noise = 0.03),
     entry("state", |a| a.base = BaseName::State),
 ];
 

@@ -46,14 +46,16 @@ pub fn write(args: &SweepArgs, all: &[Measured]) -> Result<()> {
         &rows.collect::<Vec<_>>(),
     );
     let stamp = Provenance::now(args.seed[0]);
+    let mut whole = super::base(&args.robot, args, args.seed[0]);
+    args.set.entries().iter().filter(|e| e.name == BASE).for_each(|e| (e.change)(&mut whole));
     let text = format!(
         "# Sweep of {:?}, {}\n\nEach run differs from `base` in one thing: a network of width {} and {} layers on flight, streaming, Muon, bent loss at \
          0.02, half of the data passive, {} updates of {} sequences of 32 tokens on {} transitions and {} fresh ones. Passive motion from {} starts: mean error \
          (rad or m) at a frame, mean and standard deviation over seeds {:?}, and divided by the base's.\n\n{table}\n`{}`, commit {}, {}, {}\n",
         args.set,
         args.robot,
-        args.embedding,
-        args.layers,
+        whole.embedding.unwrap_or_default(),
+        whole.layers.unwrap_or_default(),
         args.updates,
         args.batch,
         args.transitions,

@@ -74,9 +74,6 @@ pub struct TrainArgs {
     /// Share of the trajectories that policies act in
     #[arg(long, default_value_t = 0.5)]
     pub policy_share: f64,
-    /// Noise on the velocities that tokens are made of, in the root mean square of their change over a frame
-    #[arg(long, default_value_t = 0.0)]
-    pub noise: f64,
     /// Optimiser updates in the whole run
     #[arg(long)]
     pub updates: Option<u64>,
@@ -149,7 +146,6 @@ impl TrainArgs {
             resets: 0.0,
             policy: Vec::new(),
             policy_share: 0.5,
-            noise: 0.0,
             updates: None,
             batch: None,
             rate: 1e-3,

@@ -158,11 +158,8 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if !(-10.0..=1.0).contains(&args.torque_scale) {
         bail!("--torque-scale {} is outside [-10, 1]", args.torque_scale);
     }
-    if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) || !(args.noise >= 0.0 && args.noise.is_finite()) {
-        bail!("--hold is at least 1, --resets within 0 and 1, --noise at least 0");
-    }
-    if args.noise > 0.0 && args.data.is_some() {
-        bail!("--noise records by itself: leave out --data");
+    if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) {
+        bail!("--hold is at least 1, --resets within 0 and 1");
     }
     if args.huber.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
         bail!("--huber {}: an error above 0; leave it out for squares alone", args.huber.unwrap_or_default());
@@ -185,7 +182,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         Some(folder) => read(&system, &args.truth.name(), folder, network.sequence(), form)?,
         None => recorded(&system, args, &config, network.sequence(), form)?,
     };
-    let validation = GenerateConfig { noise: 0.0, ..recording(200_000.min(transitions), args.seed + 10) };
+    let validation = recording(200_000.min(transitions), args.seed + 10);
     let mut validation = recorded(&system, args, &validation, network.sequence(), form)?.windows;
     if data.windows.is_empty() || validation.is_empty() {
         bail!(
@@ -216,7 +213,6 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         torque_scale: args.torque_scale,
         hold: args.hold,
         resets: args.resets,
-        noise: args.noise,
         policies: config.pilot.as_ref().map(|p| format!("{p:?}")),
         data_sha256: data.sha256.clone(),
         transitions,
@@ -281,8 +277,8 @@ fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig 
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     // Small shards come soon, whatever the truth.
     let shard_trajectories = if args.fresh > 0 { 64 } else { 512 };
-    let TrainArgs { frames, hold, resets, noise, .. } = *args;
-    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames, hold, resets, noise, pilot: None }
+    let TrainArgs { frames, hold, resets, .. } = *args;
+    GenerateConfig { transitions, seed, torque_scale, shard_trajectories, frames, hold, resets, pilot: None }
 }
 
 /// The policies that act in part of the data.
