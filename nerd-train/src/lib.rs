@@ -4,6 +4,7 @@ pub mod checkpoint;
 pub mod evaluate;
 pub mod learner;
 pub mod metrics;
+pub mod own;
 pub mod ppo;
 pub mod prepare;
 pub mod report;
