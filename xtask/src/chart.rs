@@ -289,17 +289,22 @@ pub fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
-/// Microseconds that a model takes for a frame of one environment on one core of the CPU.
+/// Microseconds that a model takes for a frame of one environment on one core of the CPU, best of five.
 pub fn microseconds(folder: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<f64> {
     const ENVIRONMENTS: usize = 256;
     const FRAMES: usize = 40;
+    const REPEATS: usize = 5;
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     one.install(|| {
-        let mut learned = Timed { solver: Box::new(neural(folder, system, None, Device::Flex, ENVIRONMENTS)?), spent: Duration::ZERO };
-        let protocol = PassiveConfig { starts: ENVIRONMENTS, steps: FRAMES, seed: 501, action: Action::Zero };
         let truth = crate::truth::Truth::of(folder)?;
-        passive(system, scene, &mut *truth.solver(system), &mut learned, protocol, &mut |_| ())?;
-        Ok(learned.spent.as_secs_f64() * 1e6 / (ENVIRONMENTS * FRAMES) as f64)
+        let protocol = PassiveConfig { starts: ENVIRONMENTS, steps: FRAMES, seed: 501, action: Action::Zero };
+        let mut best = f64::INFINITY;
+        for _ in 0..REPEATS {
+            let mut learned = Timed { solver: Box::new(neural(folder, system, None, Device::Flex, ENVIRONMENTS)?), spent: Duration::ZERO };
+            passive(system, scene, &mut *truth.solver(system), &mut learned, protocol, &mut |_| ())?;
+            best = best.min(learned.spent.as_secs_f64() * 1e6 / (ENVIRONMENTS * FRAMES) as f64);
+        }
+        Ok(best)
     })
 }
 

@@ -75,8 +75,13 @@ pub fn write(args: &SweepArgs, all: &[Measured]) -> Result<()> {
     if args.set != Set::Sizes {
         return Ok(());
     }
-    let point = |m: &Measured| (m.microseconds, m.error.iter().sum::<f64>() / m.error.len() as f64, m.name.to_string());
-    let series = names.iter().map(|name| Series { name: name.to_string(), points: of(name).iter().map(point).collect() });
+    // A size is one point: the quickest of its runs, since others may be on the machine, and the mean of their errors.
+    let series = names.iter().map(|name| {
+        let runs = of(name);
+        let time = runs.iter().map(|m| m.microseconds).fold(f64::INFINITY, f64::min);
+        let errors: Vec<f64> = runs.iter().map(|m| m.error.iter().sum::<f64>() / m.error.len() as f64).collect();
+        Series { name: name.to_string(), points: vec![(time, moments(&errors)[0], name.to_string())] }
+    });
     let figure = Figure {
         title: format!("{}: networks of several sizes", args.robot),
         x: "microseconds a frame, one environment, one core".into(),
