@@ -7,7 +7,7 @@ use nerd_train::ppo::{Policy, folder};
 
 use crate::common::{Device, folders};
 use crate::policy::arena::Arena;
-use crate::policy::evaluate::reward;
+use crate::policy::evaluate::{gap, reward};
 use crate::solvers::SolverName;
 
 /// What they run for.
@@ -50,7 +50,7 @@ impl Runners {
         let arena = Arena { solver: SolverName::Neural, model: Some(model.into()), device };
         let gaps = self.policies.iter().map(|(policy, real)| {
             let learned = reward(TASK, &arena, policy, self.games, SEED)?.mean;
-            Ok((learned - real).abs() / real.abs())
+            Ok(gap(*real, learned).abs() / 100.0)
         });
         Ok(gaps.sum::<Result<f64>>()? / self.policies.len() as f64)
     }

@@ -114,8 +114,13 @@ pub fn row(args: &EvaluateArgs) -> Result<Row> {
         games: args.games,
         real,
         learned,
-        gap: learned.map(|l| 100.0 * (l.mean - real.mean) / real.mean.abs()),
+        gap: learned.map(|l| gap(real.mean, l.mean)),
     })
+}
+
+/// `(learned - real) / |real|` in percent.
+pub fn gap(real: f64, learned: f64) -> f64 {
+    100.0 * (learned - real) / real.abs()
 }
 
 /// Plays so many games of a task in an arena.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use nerd_train::ppo::folder::PolicyConfig;
 
-use super::evaluate::{EvaluateArgs, Row, row, table, write};
+use super::evaluate::{EvaluateArgs, Row, gap as percent, row, table, write};
 use crate::common::{Device, folders};
 use crate::paper::policy_reward;
 use crate::provenance::Provenance;
@@ -85,10 +85,9 @@ fn by_task(rows: &[Row]) -> String {
         // As the paper's: of the means over seeds.
         let (real, played) =
             learned.iter().filter_map(|r| Some((r.real.mean, r.learned?.mean))).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let gap = if gaps.is_empty() { "-".into() } else { format!("{:+.2}", 100.0 * (played - real) / f64::abs(real)) };
+        let gap = if gaps.is_empty() { "-".into() } else { format!("{:+.2}", percent(real, played)) };
         let all = gaps.iter().map(|g| format!("{g:+.2}")).collect::<Vec<_>>().join(", ");
-        let paper =
-            policy_reward(task).map_or_else(Default::default, |p| (p[0].to_string(), format!("{:+.2}", 100.0 * (p[1] - p[0]) / p[0])));
+        let paper = policy_reward(task).map_or_else(Default::default, |p| (p[0].to_string(), format!("{:+.2}", percent(p[0], p[1]))));
         lines.push(vec![task.to_string(), mean(&learned), gap, all, mean(&truth), paper.0, paper.1]);
     }
     let header = ["task", "trained in NeRD: in truth", "gap (%)", "by seed", "trained in truth: in truth", "paper, in truth", "its gap"];

@@ -14,7 +14,7 @@ use nerd_train::ppo::{Policy, folder};
 use serde::Serialize;
 
 use super::arena::Arena;
-use super::evaluate::{Reward, reward};
+use super::evaluate::{Reward, gap, reward};
 use crate::chart::microseconds;
 use crate::common::{Device, folders};
 use crate::plot::{Figure, Series};
@@ -73,17 +73,10 @@ struct Row {
     guests: Vec<Played>,
 }
 
-impl Played {
-    /// (learned - real) / |real| in percent.
-    fn gap(&self) -> f64 {
-        100.0 * (self.learned.mean - self.real.mean) / self.real.mean.abs()
-    }
-}
-
 /// Gap of the mean over policies, as the paper's over seeds.
-fn gap(all: &[Played]) -> Option<f64> {
+fn together(all: &[Played]) -> Option<f64> {
     let (real, learned) = all.iter().fold((0.0, 0.0), |(real, learned), p| (real + p.real.mean, learned + p.learned.mean));
-    (!all.is_empty()).then(|| 100.0 * (learned - real) / f64::abs(real))
+    (!all.is_empty()).then(|| gap(real, learned))
 }
 
 /// Runs the part.
@@ -137,8 +130,8 @@ pub fn run(args: TransferArgs) -> Result<()> {
 
 fn write(args: &TransferArgs, rows: &[Row]) -> Result<()> {
     let rewards = |all: &[Played]| {
-        let words = all.iter().map(|p| format!("{:.0} / {:.0} ({:+.2} %)", p.real.mean, p.learned.mean, p.gap()));
-        gap(all).map_or_else(|| "-".into(), |gap| format!("{}; together {gap:+.2} %", words.collect::<Vec<_>>().join(", ")))
+        let words = all.iter().map(|p| format!("{:.0} / {:.0} ({:+.2} %)", p.real.mean, p.learned.mean, gap(p.real.mean, p.learned.mean)));
+        together(all).map_or_else(|| "-".into(), |gap| format!("{}; together {gap:+.2} %", words.collect::<Vec<_>>().join(", ")))
     };
     let name = |row: &Row| row.model.display().to_string();
     let cells = rows
@@ -155,7 +148,7 @@ fn write(args: &TransferArgs, rows: &[Row]) -> Result<()> {
         ],
         &cells.collect::<Vec<_>>(),
     );
-    let verdict = match rows.iter().find(|r| gap(&r.own).is_some_and(|gap| gap.abs() < TRANSFERS)) {
+    let verdict = match rows.iter().find(|r| together(&r.own).is_some_and(|gap| gap.abs() < TRANSFERS)) {
         Some(row) => format!("The cheapest model whose own policies together have a gap below {TRANSFERS} %: {}.", name(row)),
         None => format!("No model's own policies together have a gap below {TRANSFERS} %."),
     };
@@ -171,7 +164,8 @@ fn write(args: &TransferArgs, rows: &[Row]) -> Result<()> {
     let json = serde_json::json!({ "provenance": stamp, "rows": rows });
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
     let points = |of: fn(&Row) -> &[Played]| {
-        let point = |r: &Row| gap(of(r)).map(|gap| (r.microseconds, gap.abs(), name(r).rsplit('/').next().unwrap_or_default().to_string()));
+        let point =
+            |r: &Row| together(of(r)).map(|gap| (r.microseconds, gap.abs(), name(r).rsplit('/').next().unwrap_or_default().to_string()));
         rows.iter().filter_map(point).collect::<Vec<_>>()
     };
     let series = vec![
