@@ -7,6 +7,7 @@ pub mod metrics;
 pub mod own;
 pub mod ppo;
 pub mod prepare;
+mod product;
 pub mod report;
 pub mod schedule;
 pub mod supply;

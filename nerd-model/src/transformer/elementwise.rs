@@ -1,10 +1,11 @@
-//! Element-wise work in f32, written so that the compiler makes vectors of it at the width `pulp` finds at run time.
+//! Element-wise work in f32, written so that the compiler makes vectors of it at the width `pulp` finds at run time: what is
+//! inlined here, inside a `dispatch` of its caller's.
 
 use pulp::Arch;
 
 /// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor's series to r^7: 2e-8 relative, 0 below -87.
 #[inline(always)]
-pub(super) fn exp(x: f32) -> f32 {
+pub fn exp(x: f32) -> f32 {
     let x = x.max(-87.0);
     // Adding and taking away 1.5 x 2^23 rounds to a whole number.
     let shift = 12_582_912.0f32;
@@ -19,7 +20,7 @@ pub(super) fn exp(x: f32) -> f32 {
 
 /// erf by Abramowitz and Stegun 7.1.26: 1.5e-7 absolute.
 #[inline(always)]
-fn erf(x: f32) -> f32 {
+pub fn erf(x: f32) -> f32 {
     let a = x.abs();
     let t = 1.0 / (1.0 + 0.327_591_1 * a);
     let series = t * (0.254_829_6 + t * (-0.284_496_74 + t * (1.421_413_7 + t * (-1.453_152 + t * 1.061_405_4))));
@@ -48,9 +49,9 @@ pub(super) fn normalize(rows: &mut [f32], e: usize) {
     });
 }
 
-/// In sixteen lanes, since a compiler may not reorder a sum of floats.
+/// Sum of f over a row, in sixteen lanes, since a compiler may not reorder a sum of floats.
 #[inline(always)]
-fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
+pub fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     let mut lanes = [0.0f32; 16];
     let chunks = row.chunks_exact(16);
     let rest: f32 = chunks.remainder().iter().map(|x| f(*x)).sum();
@@ -62,7 +63,7 @@ fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
 
 /// `a . b`, in eight lanes.
 #[inline(always)]
-pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
+pub fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut lanes = [0.0f32; 8];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
@@ -77,7 +78,7 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
 
 /// Scores to shares that add up to 1.
 #[inline(always)]
-pub(super) fn softmax(scores: &mut [f32]) {
+pub fn softmax(scores: &mut [f32]) {
     let most = scores.iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
     let mut total = 0.0;
     for s in scores.iter_mut() {

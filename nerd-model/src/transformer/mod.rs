@@ -3,7 +3,7 @@
 mod attention;
 mod block;
 mod config;
-mod elementwise;
+pub mod elementwise;
 mod forward;
 mod network;
 mod packed;

@@ -1,39 +1,24 @@
-//! Updates through burn's autodiff, on the CPU (`Device::flex()`) or any other burn device.
-//!
-//! An update cuts its batch in shards. Each shard's graph computes `sum (y - y*)^2 / (batch tokens outputs)`, so the
-//! shards' losses and gradients add up to those of the mean over the batch. Shards are what keeps the CPU busy: burn
-//! runs its element-wise work on one thread, and a small shard's activations stay in the cache. Their gradients are
-//! added in shard order, so the result does not depend on the number of threads.
+//! Shards through burn's autodiff, on the CPU (`Device::flex()`) or any other burn device; for every architecture.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use nerd_model::network::Network;
 use nerd_model::transformer::Weights;
-use rayon::prelude::*;
 
-use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
-use crate::windows::{Windows, draw};
+use super::sharded::{Loss, Pass, Shard, Sharded};
+use super::{LearnError, LearnerConfig, LearnerState};
+use crate::windows::Windows;
 
-/// Windows in a shard.
-const SHARD: usize = 32;
-/// Entries of a gradient one task adds up.
-const SUM: usize = 1 << 14;
+/// Trains on a burn device.
+pub type BurnLearner = Sharded<Burn>;
 
-/// Trains on a burn device; the optimiser runs on the CPU over the flat vectors of [`LearnerState`].
-pub struct BurnLearner {
-    config: LearnerConfig,
-    state: LearnerState,
-    train: Arc<Windows>,
-    validation: Arc<Windows>,
+/// A burn device.
+pub struct Burn {
     device: Device,
-    shard: usize,
-    threads: usize,
-    sums: (f64, f64, u32),
 }
 
-impl BurnLearner {
+impl Sharded<Burn> {
     /// Continues `state` on `device` (autodiff is switched on here), in shards of 32 windows on every core.
     ///
     /// # Errors
@@ -45,153 +30,42 @@ impl BurnLearner {
         validation: Arc<Windows>,
         device: &Device,
     ) -> Result<Self, LearnError> {
-        let (network, n) = (state.weights.config, state.weights.config.parameters());
-        for (name, set) in [("training", &train), ("validation", &validation)] {
-            let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
-            if found != expected {
-                let message = format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
-                return Err(LearnError::Mismatch(message));
-            }
-            if set.is_empty() || set.y.len() * set.inputs != set.x.len() * set.outputs {
-                return Err(LearnError::Mismatch(format!(
-                    "{name} windows: {} inputs and {} targets make no window",
-                    set.x.len(),
-                    set.y.len()
-                )));
-            }
-        }
-        if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) || config.batch == 0 {
-            return Err(LearnError::Mismatch(format!("a state of {n} parameters and a batch above 0 are needed")));
-        }
-        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let device = device.clone().autodiff();
-        Ok(Self { config, state, train, validation, device, shard: SHARD, threads, sums: (0.0, 0.0, 0) })
+        Self::with(Burn { device: device.clone().autodiff() }, config, state, train, validation)
+    }
+}
+
+impl Pass for Burn {
+    type Worker = (Network, Device);
+
+    fn worker(&self, weights: &Weights, gradients: bool) -> Self::Worker {
+        let device = if gradients { self.device.clone() } else { self.device.clone().inner() };
+        (Network::new(weights, &device), device)
     }
 
-    /// Another shard size and number of threads (a GPU wants the whole batch in one shard on one thread).
-    pub fn shards(mut self, windows: usize, threads: usize) -> Self {
-        (self.shard, self.threads) = (windows.max(1), threads.max(1));
-        self
+    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError> {
+        let error = errors(worker, shard);
+        scalar((error.clone() * error).sum())
     }
 
-    /// Squared error and the gradient of the loss, before clipping, for the training windows `rows`.
-    ///
-    /// # Errors
-    /// If the device fails.
-    pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
-        let scale = 1.0 / self.values(&self.train, rows.len());
-        let parts = self.sharded(&self.state.weights, &self.device, rows, |network, rows| {
-            let error = errors(network, &self.train, rows, &self.device);
-            let squares = (error.clone() * error.clone()).sum() * scale;
-            let loss = match self.config.huber.map(f64::from) {
-                None => squares.clone(),
-                Some(d) => ((error.clone() * error / (d * d) + 1.0).sqrt() - 1.0).sum() * (2.0 * d * d * scale),
-            };
-            Ok((scalar(squares)?, network.gradients(&loss.backward())))
-        })?;
-        let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
-        let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
-        let mut total = parts.next().unwrap_or_default();
-        let rest: Vec<_> = parts.collect();
-        total.par_chunks_mut(SUM).enumerate().for_each(|(i, total)| {
-            for part in &rest {
-                total.iter_mut().zip(&part[i * SUM..]).for_each(|(t, p)| *t += p);
-            }
-        });
-        Ok((loss, total))
-    }
-
-    /// Squared errors in a mean over `windows` windows.
-    fn values(&self, set: &Windows, windows: usize) -> f64 {
-        (windows * set.history * set.outputs) as f64
-    }
-
-    /// `work` on every shard of `rows`, on several threads; the results stand in shard order.
-    ///
-    /// Plain threads, not rayon tasks: burn waits inside its own locks, and a waiting rayon thread might take up
-    /// another shard there. Each thread has its own module, so that autodiff graphs share nothing.
-    fn sharded<T: Send>(
-        &self,
-        weights: &Weights,
-        device: &Device,
-        rows: &[u64],
-        work: impl Fn(&Network, &[u64]) -> Result<T, LearnError> + Sync,
-    ) -> Result<Vec<T>, LearnError> {
-        let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
-        let next = AtomicUsize::new(0);
-        let thread = || {
-            let network = Network::new(weights, device);
-            let mut done = Vec::new();
-            loop {
-                let i = next.fetch_add(1, Ordering::Relaxed);
-                let Some(rows) = shards.get(i) else { return Ok(done) };
-                done.push((i, work(&network, rows)?));
-            }
+    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError> {
+        let error = errors(worker, shard);
+        let squares = (error.clone() * error.clone()).sum() * loss.scale;
+        let loss = match loss.huber.map(f64::from) {
+            None => squares.clone(),
+            Some(d) => ((error.clone() * error / (d * d) + 1.0).sqrt() - 1.0).sum() * (2.0 * d * d * loss.scale),
         };
-        let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
-            let others: Vec<_> = (1..self.threads.min(shards.len())).map(|_| scope.spawn(thread)).collect();
-            let mut done = thread()?;
-            for other in others {
-                done.extend(other.join().map_err(|_| LearnError::Device("a worker thread panicked".into()))??);
-            }
-            Ok(done)
-        })?;
-        done.sort_unstable_by_key(|(i, _)| *i);
-        Ok(done.into_iter().map(|(_, result)| result).collect())
+        Ok((scalar(squares)?, worker.0.gradients(&loss.backward())))
     }
 }
 
-impl Learner for BurnLearner {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
-        let (step, windows) = (self.state.step, self.train.len() as u64);
-        let rows: Vec<u64> = (0..self.config.batch as u64).map(|row| draw(self.config.seed, step, row, windows)).collect();
-        let (loss, gradient) = self.gradient(&rows)?;
-        if !loss.is_finite() {
-            return Err(LearnError::NotFinite { step, loss });
-        }
-        let norm = adam::norm(&gradient);
-        if !norm.is_finite() {
-            return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
-        }
-        adam::step(&mut self.state, &gradient, norm, lr, &self.config);
-        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
-        Ok(())
-    }
-
-    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
-        Arc::make_mut(&mut self.train).replace(first, fresh).map_err(LearnError::Mismatch)
-    }
-
-    fn progress(&mut self) -> Result<Progress, LearnError> {
-        let (loss, norm, n) = std::mem::take(&mut self.sums);
-        let n = f64::from(n.max(1));
-        Ok(Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 })
-    }
-
-    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
-        let rows: Vec<u64> = (0..windows.clamp(1, self.validation.len()) as u64).collect();
-        let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
-        let device = self.device.clone().inner();
-        let parts = self.sharded(&weights, &device, &rows, |network, rows| {
-            let error = errors(network, &self.validation, rows, &device);
-            scalar((error.clone() * error).sum())
-        })?;
-        Ok((parts.iter().sum::<f64>() / self.values(&self.validation, rows.len())) as f32)
-    }
-
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
-        Ok(self.state.clone())
-    }
-}
-
-/// Errors of the windows `rows`, `[windows, tokens, outputs]`.
-fn errors(network: &Network, set: &Windows, rows: &[u64], device: &Device) -> Tensor<3> {
-    let gather = |data: &[f32], width: usize| {
-        let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
-        let flat: Vec<f32> = rows.iter().flat_map(window).copied().collect();
-        Tensor::<3>::from_data(TensorData::new(flat, [rows.len(), set.history, width]), device)
+/// `[windows, tokens, outputs]`.
+fn errors((network, device): &(Network, Device), shard: Shard) -> Tensor<3> {
+    let Shard { windows, tokens, x, y } = shard;
+    let tensor = |data: Vec<f32>| {
+        let width = data.len() / (windows * tokens);
+        Tensor::<3>::from_data(TensorData::new(data, [windows, tokens, width]), device)
     };
-    network.forward(gather(&set.x, set.inputs)) - gather(&set.y, set.outputs)
+    network.forward(tensor(x)) - tensor(y)
 }
 
 /// A scalar tensor's value.

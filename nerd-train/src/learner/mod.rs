@@ -7,9 +7,12 @@
 
 pub mod adam;
 mod burn;
+mod cpu;
 pub mod muon;
+mod sharded;
 
 pub use burn::BurnLearner;
+pub use cpu::CpuLearner;
 #[cfg(feature = "cuda")]
 pub mod cuda;
 

@@ -4,12 +4,12 @@
 //! flat vector, W then b by layer. Backward, with D the gradient behind a layer: `dW += x^T D`, `db += sum of rows of D`,
 //! in front of it `D W^T`, times the slope of f.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::Accum;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::activation::Activation;
+use crate::product::{matrix, product};
 
 /// Shape of a network.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,7 +60,7 @@ impl Mlp {
             let (x, y) = (&below[l], &mut above[0]);
             y.clear();
             (0..rows).for_each(|_| y.extend_from_slice(bias));
-            product(matrix(x, rows, w[0]), matrix(weights, w[0], w[1]), y, rows, w[1]);
+            product(y, Accum::Add, matrix(x, rows, w[0]), matrix(weights, w[0], w[1]));
             if l + 1 < last {
                 self.activation.apply(y);
             }
@@ -76,35 +76,16 @@ impl Mlp {
             let start = end - (w[0] + 1) * w[1];
             let (d_weights, d_bias) = gradient[start..end].split_at_mut(w[0] * w[1]);
             behind.chunks_exact(w[1]).for_each(|row| d_bias.iter_mut().zip(row).for_each(|(d, g)| *d += g));
-            product(matrix(&layers[l], rows, w[0]).transpose(), matrix(behind, rows, w[1]), d_weights, w[0], w[1]);
+            product(d_weights, Accum::Add, matrix(&layers[l], rows, w[0]).transpose(), matrix(behind, rows, w[1]));
             if l > 0 {
                 before.clear();
                 before.resize(rows * w[0], 0.0);
                 let weights = matrix(&flat[start..start + w[0] * w[1]], w[0], w[1]);
-                product(matrix(behind, rows, w[1]), weights.transpose(), before, rows, w[0]);
+                product(before, Accum::Add, matrix(behind, rows, w[1]), weights.transpose());
                 self.activation.chain(&layers[l], before);
                 std::mem::swap(behind, before);
             }
             end = start;
         }
-    }
-}
-
-fn matrix(x: &[f32], rows: usize, columns: usize) -> MatRef<'_, f32> {
-    MatRef::from_row_major_slice(x, rows, columns)
-}
-
-/// `out += a b`, on this thread.
-fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>, out: &mut [f32], rows: usize, columns: usize) {
-    matmul(MatMut::from_row_major_slice_mut(out, rows, columns), Accum::Add, a, b, 1.0f32, Par::Seq);
-    release();
-}
-
-/// faer's assembly kernels leave the upper halves of the vector registers in use, and then every scalar instruction after them
-/// waits for those halves: a rollout took three times, an update five times as long.
-fn release() {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = pulp::x86::V3::try_new() {
-        simd.avx._mm256_zeroupper();
     }
 }

@@ -26,7 +26,7 @@ use nerd_sim::dataset::{GenerateConfig, Pilot};
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
-use nerd_train::learner::{BurnLearner, Learner, LearnerConfig, LearnerState, Optimizer};
+use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::ppo::Policies;
 use nerd_train::prepare::{Prepared, generate, moments, normalize, read};
 use nerd_train::schedule::Schedule;
@@ -344,7 +344,13 @@ fn engine(
     validation: nerd_train::windows::Windows,
 ) -> Result<Box<dyn Learner>> {
     match args.device {
-        Device::Flex => Ok(Box::new(BurnLearner::new(config, state, Arc::new(data.windows), Arc::new(validation), &burn_device())?)),
+        Device::Flex => {
+            let (windows, validation) = (Arc::new(data.windows), Arc::new(validation));
+            Ok(match state.weights.config.architecture {
+                Architecture::Transformer => Box::new(CpuLearner::new(config, state, windows, validation)?),
+                _ => Box::new(BurnLearner::new(config, state, windows, validation, &burn_device())?),
+            })
+        }
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use nerd_train::learner::cuda::{CudaLearner, Precision};

@@ -1,0 +1,179 @@
+//! Causal attention over the tokens of each window, forward and backward.
+//!
+//! With q, k, v of a head, `S = q k^T / sqrt(d)`, shares `P = softmax(S)` over the tokens that a token may see, `o = P v`; backward
+//! `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`, `dk = dS^T q / sqrt(d)`.
+
+use nerd_model::transformer::elementwise::softmax;
+use nerd_model::transformer::{Positions, TransformerConfig};
+use pulp::Arch;
+
+/// Shape of a window's attention, and memory for one head of one.
+pub struct Attention {
+    tokens: usize,
+    heads: usize,
+    embedding: usize,
+    /// Tokens that a token sees, itself included.
+    reach: usize,
+    /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing of a position table.
+    turns: Vec<(f32, f32)>,
+    /// Keys or values of a head turned on their side, `[d][width]`.
+    aside: Vec<f32>,
+    row: Vec<f32>,
+}
+
+impl Attention {
+    pub fn new(config: &TransformerConfig) -> Self {
+        let tokens = config.sequence();
+        let rotary = config.positions == Positions::Rotary;
+        Self {
+            tokens,
+            heads: config.heads,
+            embedding: config.embedding,
+            reach: if rotary { config.history } else { tokens },
+            turns: (0..if rotary { tokens } else { 0 }).flat_map(|place| config.turn(place)).collect(),
+            aside: Vec::new(),
+            row: Vec::new(),
+        }
+    }
+
+    /// A row of shares, with room to whole vectors.
+    fn width(&self) -> usize {
+        self.tokens.next_multiple_of(8)
+    }
+
+    /// Queries, keys and values `[windows tokens][3 E]` to mixed values `[windows tokens][E]`. Queries and keys are left turned,
+    /// shares as `[window][head][tokens][width]`.
+    pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
+        let (t, e, width) = (self.tokens, self.embedding, self.width());
+        let windows = qkv.len() / (t * 3 * e);
+        shares.clear();
+        shares.resize(windows * self.heads * t * width, 0.0);
+        out.clear();
+        out.resize(windows * t * e, 0.0);
+        Arch::new().dispatch(|| {
+            for ((qkv, out), shares) in
+                qkv.chunks_exact_mut(t * 3 * e).zip(out.chunks_exact_mut(t * e)).zip(shares.chunks_exact_mut(self.heads * t * width))
+            {
+                self.turn(qkv, 1.0);
+                for (head, shares) in shares.chunks_exact_mut(t * width).enumerate() {
+                    self.mix(qkv, head, shares, out);
+                }
+            }
+        });
+    }
+
+    /// Gradient `dqkv` in front of [`Attention::forward`] from that behind it.
+    pub fn backward(&mut self, qkv: &[f32], shares: &[f32], behind: &[f32], dqkv: &mut Vec<f32>) {
+        let (t, e, width) = (self.tokens, self.embedding, self.width());
+        dqkv.clear();
+        dqkv.resize(qkv.len(), 0.0);
+        Arch::new().dispatch(|| {
+            for (((qkv, dqkv), behind), shares) in qkv
+                .chunks_exact(t * 3 * e)
+                .zip(dqkv.chunks_exact_mut(t * 3 * e))
+                .zip(behind.chunks_exact(t * e))
+                .zip(shares.chunks_exact(self.heads * t * width))
+            {
+                for (head, shares) in shares.chunks_exact(t * width).enumerate() {
+                    self.unmix(qkv, head, shares, behind, dqkv);
+                }
+                self.turn(dqkv, -1.0);
+            }
+        });
+    }
+
+    /// Turns queries and keys of a window to their places, or (sign -1) back.
+    #[inline(always)]
+    fn turn(&self, qkv: &mut [f32], sign: f32) {
+        let d = self.embedding / self.heads;
+        for (row, turns) in qkv.chunks_exact_mut(3 * self.embedding).zip(self.turns.chunks_exact(d / 2)) {
+            for head in row[..2 * self.embedding].chunks_exact_mut(d) {
+                let (a, b) = head.split_at_mut(d / 2);
+                for ((a, b), (cos, sin)) in a.iter_mut().zip(b).zip(turns) {
+                    (*a, *b) = (*a * cos - *b * sin * sign, *a * sin * sign + *b * cos);
+                }
+            }
+        }
+    }
+
+    /// Part 0, 1 or 2 (query, key, value) of a head's token.
+    #[inline(always)]
+    fn at(&self, part: usize, head: usize, token: usize) -> std::ops::Range<usize> {
+        let d = self.embedding / self.heads;
+        let first = (3 * token + part) * self.embedding + head * d;
+        first..first + d
+    }
+
+    /// Part 1 or 2 of a head, on its side.
+    #[inline(always)]
+    fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
+        let (d, width) = (self.embedding / self.heads, self.width());
+        self.aside.clear();
+        self.aside.resize(d * width, 0.0);
+        for token in 0..self.tokens {
+            for (m, x) in qkv[self.at(part, head, token)].iter().enumerate() {
+                self.aside[m * width + token] = *x;
+            }
+        }
+    }
+
+    /// The tokens that a token sees.
+    #[inline(always)]
+    fn seen(&self, token: usize) -> std::ops::Range<usize> {
+        (token + 1).saturating_sub(self.reach)..token + 1
+    }
+
+    #[inline(always)]
+    fn mix(&mut self, qkv: &[f32], head: usize, shares: &mut [f32], out: &mut [f32]) {
+        let (d, width) = (self.embedding / self.heads, self.width());
+        let scale = (d as f32).sqrt().recip();
+        self.lay(qkv, 1, head);
+        for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
+            let seen = self.seen(i);
+            for (q, keys) in qkv[self.at(0, head, i)].iter().zip(self.aside.chunks_exact(width)) {
+                add(shares, q * scale, keys);
+            }
+            softmax(&mut shares[seen.clone()]);
+            shares[..seen.start].fill(0.0);
+            shares[seen.end..].fill(0.0);
+            let out = &mut out[i * self.embedding + head * d..][..d];
+            for j in seen {
+                add(out, shares[j], &qkv[self.at(2, head, j)]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], behind: &[f32], dqkv: &mut [f32]) {
+        let (d, width) = (self.embedding / self.heads, self.width());
+        let scale = (d as f32).sqrt().recip();
+        self.lay(qkv, 2, head);
+        let mut slopes = std::mem::take(&mut self.row);
+        for (i, shares) in shares.chunks_exact(width).enumerate() {
+            let (seen, behind) = (self.seen(i), &behind[i * self.embedding + head * d..][..d]);
+            slopes.clear();
+            slopes.resize(width, 0.0);
+            for (g, values) in behind.iter().zip(self.aside.chunks_exact(width)) {
+                add(&mut slopes, *g, values);
+            }
+            let along: f32 = slopes.iter().zip(shares).map(|(s, p)| s * p).sum();
+            slopes.iter_mut().zip(shares).for_each(|(s, p)| *s = p * (*s - along) * scale);
+            for j in seen {
+                add(&mut dqkv[self.at(2, head, j)], shares[j], behind);
+                add(&mut dqkv[self.at(0, head, i)], slopes[j], &qkv[self.at(1, head, j)]);
+                add(&mut dqkv[self.at(1, head, j)], slopes[j], &qkv[self.at(0, head, i)]);
+            }
+        }
+        self.row = slopes;
+    }
+}
+
+/// `y += a x`.
+#[inline(always)]
+fn add(y: &mut [f32], a: f32, x: &[f32]) {
+    let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());
+    for (y, x) in y.iter_mut().zip(x) {
+        (0..8).for_each(|i| y[i] += a * x[i]);
+    }
+    y_rest.iter_mut().zip(x_rest).for_each(|(y, x)| *y += a * x);
+}

@@ -1,0 +1,218 @@
+//! An update on the CPU in shards, whoever computes a shard.
+//!
+//! An update cuts its batch in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its bent form, so the
+//! shards' losses and gradients add up to those of the mean over the batch. Shards keep all cores busy, and a small shard's
+//! activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of threads.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use nerd_model::transformer::Weights;
+use rayon::prelude::*;
+
+use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
+use crate::windows::{Windows, draw};
+
+/// Windows in a shard.
+const SHARD: usize = 32;
+/// Entries of a gradient one task adds up.
+const SUM: usize = 1 << 14;
+
+/// How the errors of a shard and their gradient come about.
+pub trait Pass: Sync {
+    /// A thread's own network.
+    type Worker;
+    /// A network with these weights, for gradients or for errors alone.
+    fn worker(&self, weights: &Weights, gradients: bool) -> Self::Worker;
+    /// Its thread needs it no more.
+    fn rest(&self, _: Self::Worker) {}
+    /// Sum of the squared errors.
+    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
+    /// Sum of the squared errors, and the gradient of the loss, both times the loss's scale.
+    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError>;
+}
+
+/// Some windows.
+pub struct Shard {
+    /// How many.
+    pub windows: usize,
+    /// Of each.
+    pub tokens: usize,
+    /// Tokens `[windows][tokens][inputs]`.
+    pub x: Vec<f32>,
+    /// Targets `[windows][tokens][outputs]`.
+    pub y: Vec<f32>,
+}
+
+/// What is made small.
+#[derive(Clone, Copy, Debug)]
+pub struct Loss {
+    /// Factor of every error's share.
+    pub scale: f64,
+    /// [`LearnerConfig::huber`].
+    pub huber: Option<f32>,
+}
+
+/// Trains by [`Pass`]; the optimiser runs on the CPU over the flat vectors of [`LearnerState`].
+pub struct Sharded<P> {
+    pass: P,
+    config: LearnerConfig,
+    state: LearnerState,
+    train: Arc<Windows>,
+    validation: Arc<Windows>,
+    shard: usize,
+    threads: usize,
+    sums: (f64, f64, u32),
+}
+
+impl<P: Pass> Sharded<P> {
+    /// Continues `state`, in shards of 32 windows on every core.
+    ///
+    /// # Errors
+    /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
+    pub(super) fn with(
+        pass: P,
+        config: LearnerConfig,
+        state: LearnerState,
+        train: Arc<Windows>,
+        validation: Arc<Windows>,
+    ) -> Result<Self, LearnError> {
+        let (network, n) = (state.weights.config, state.weights.config.parameters());
+        for (name, set) in [("training", &train), ("validation", &validation)] {
+            let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
+            if found != expected {
+                let message = format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
+                return Err(LearnError::Mismatch(message));
+            }
+            if set.is_empty() || set.y.len() * set.inputs != set.x.len() * set.outputs {
+                return Err(LearnError::Mismatch(format!(
+                    "{name} windows: {} inputs and {} targets make no window",
+                    set.x.len(),
+                    set.y.len()
+                )));
+            }
+        }
+        if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) || config.batch == 0 {
+            return Err(LearnError::Mismatch(format!("a state of {n} parameters and a batch above 0 are needed")));
+        }
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        Ok(Self { pass, config, state, train, validation, shard: SHARD, threads, sums: (0.0, 0.0, 0) })
+    }
+
+    /// Another shard size and number of threads (a GPU wants the whole batch in one shard on one thread).
+    pub fn shards(mut self, windows: usize, threads: usize) -> Self {
+        (self.shard, self.threads) = (windows.max(1), threads.max(1));
+        self
+    }
+
+    /// Squared error and the gradient of the loss, before clipping, for the training windows `rows`.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
+        let loss = Loss { scale: 1.0 / self.values(&self.train, rows.len()), huber: self.config.huber };
+        let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), loss);
+        let parts = self.sharded(&self.state.weights, true, rows, work)?;
+        let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
+        let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
+        let mut total = parts.next().unwrap_or_default();
+        let rest: Vec<_> = parts.collect();
+        total.par_chunks_mut(SUM).enumerate().for_each(|(i, total)| {
+            for part in &rest {
+                total.iter_mut().zip(&part[i * SUM..]).for_each(|(t, p)| *t += p);
+            }
+        });
+        Ok((loss, total))
+    }
+
+    /// Squared errors in a mean over `windows` windows.
+    fn values(&self, set: &Windows, windows: usize) -> f64 {
+        (windows * set.history * set.outputs) as f64
+    }
+
+    /// `work` on every shard of `rows`, on several threads; the results stand in shard order.
+    ///
+    /// Plain threads, not rayon tasks: burn waits inside its own locks, and a waiting rayon thread might take up
+    /// another shard there. Each thread has its own network, so that autodiff graphs share nothing.
+    fn sharded<T: Send>(
+        &self,
+        weights: &Weights,
+        gradients: bool,
+        rows: &[u64],
+        work: impl Fn(&mut P::Worker, &[u64]) -> Result<T, LearnError> + Sync,
+    ) -> Result<Vec<T>, LearnError> {
+        let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
+        let next = AtomicUsize::new(0);
+        let thread = || {
+            let mut worker = self.pass.worker(weights, gradients);
+            let mut done = Vec::new();
+            loop {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                let Some(rows) = shards.get(i) else {
+                    self.pass.rest(worker);
+                    return Ok(done);
+                };
+                done.push((i, work(&mut worker, rows)?));
+            }
+        };
+        let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
+            let others: Vec<_> = (1..self.threads.min(shards.len())).map(|_| scope.spawn(thread)).collect();
+            let mut done = thread()?;
+            for other in others {
+                done.extend(other.join().map_err(|_| LearnError::Device("a worker thread panicked".into()))??);
+            }
+            Ok(done)
+        })?;
+        done.sort_unstable_by_key(|(i, _)| *i);
+        Ok(done.into_iter().map(|(_, result)| result).collect())
+    }
+}
+
+impl<P: Pass> Learner for Sharded<P> {
+    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+        let (step, windows) = (self.state.step, self.train.len() as u64);
+        let rows: Vec<u64> = (0..self.config.batch as u64).map(|row| draw(self.config.seed, step, row, windows)).collect();
+        let (loss, gradient) = self.gradient(&rows)?;
+        if !loss.is_finite() {
+            return Err(LearnError::NotFinite { step, loss });
+        }
+        let norm = adam::norm(&gradient);
+        if !norm.is_finite() {
+            return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
+        }
+        adam::step(&mut self.state, &gradient, norm, lr, &self.config);
+        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
+        Ok(())
+    }
+
+    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
+        Arc::make_mut(&mut self.train).replace(first, fresh).map_err(LearnError::Mismatch)
+    }
+
+    fn progress(&mut self) -> Result<Progress, LearnError> {
+        let (loss, norm, n) = std::mem::take(&mut self.sums);
+        let n = f64::from(n.max(1));
+        Ok(Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 })
+    }
+
+    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
+        let rows: Vec<u64> = (0..windows.clamp(1, self.validation.len()) as u64).collect();
+        let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
+        let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.squares(worker, shard(&self.validation, rows));
+        let parts = self.sharded(&weights, false, &rows, work)?;
+        Ok((parts.iter().sum::<f64>() / self.values(&self.validation, rows.len())) as f32)
+    }
+
+    fn state(&mut self) -> Result<LearnerState, LearnError> {
+        Ok(self.state.clone())
+    }
+}
+
+/// The windows `rows` of a set.
+fn shard(set: &Windows, rows: &[u64]) -> Shard {
+    let gather = |data: &[f32], width: usize| {
+        let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
+        rows.iter().flat_map(window).copied().collect()
+    };
+    Shard { windows: rows.len(), tokens: set.history, x: gather(&set.x, set.inputs), y: gather(&set.y, set.outputs) }
+}

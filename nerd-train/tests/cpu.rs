@@ -1,0 +1,72 @@
+//! The written-out pass on the CPU against burn's autodiff.
+
+mod common;
+
+use std::sync::Arc;
+
+use common::{LEARNER, NETWORK, windows};
+use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
+use nerd_train::learner::{BurnLearner, CpuLearner, LearnError, Learner, LearnerConfig, LearnerState};
+use nerd_train::windows::Windows;
+
+/// Shapes with and without a table, a band narrower than the sequence, heads of widths that are no whole vector.
+const SHAPES: [TransformerConfig; 4] = [
+    NETWORK,
+    TransformerConfig { embedding: 36, heads: 3, layers: 3, block: 7, head: 5, ..NETWORK },
+    TransformerConfig { block: 11, history: 3, layers: 2, positions: Positions::Rotary, ..NETWORK },
+    TransformerConfig { embedding: 60, heads: 6, block: 9, history: 9, positions: Positions::Rotary, ..NETWORK },
+];
+
+/// The usual ones, cut for a network's sequences; weights far enough from 0 that attention is no mean.
+fn case(network: TransformerConfig) -> (LearnerState, Arc<Windows>) {
+    let mut weights = Weights::init(network, 3);
+    weights.flat.iter_mut().enumerate().for_each(|(i, w)| *w += 0.3 * (i as f32 * 0.7).sin());
+    let windows = Windows { history: network.sequence(), ..Arc::unwrap_or_clone(windows(0.0)) };
+    (LearnerState::new(weights), Arc::new(windows))
+}
+
+#[test]
+fn gradient_is_burns_for_every_shape_and_loss() {
+    let rows: Vec<u64> = (0..40).collect();
+    for network in SHAPES {
+        for huber in [None, Some(0.1)] {
+            let (state, windows) = case(network);
+            let config = LearnerConfig { huber, ..LEARNER };
+            let mut cpu = CpuLearner::new(config, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
+            let device = burn::tensor::Device::flex();
+            let mut burn = BurnLearner::new(config, state, windows.clone(), windows, &device).expect("windows fit");
+            let (expected, found) = (burn.gradient(&rows).expect("finite"), cpu.gradient(&rows).expect("finite"));
+            assert!((found.0 / expected.0 - 1.0).abs() < 1e-5, "{network:?}: loss {} for burn's {}", found.0, expected.0);
+            let mut first = 0;
+            for tensor in network.tensors() {
+                let range = first..first + tensor.len();
+                first = range.end;
+                let (a, b) = (&found.1[range.clone()], &expected.1[range]);
+                let largest = b.iter().fold(1e-3f32, |m, x| m.max(x.abs()));
+                let off = a.iter().zip(b).fold(0.0f32, |m, (a, b)| m.max((a - b).abs())) / largest;
+                assert!(off < 3e-5, "{network:?}, huber {huber:?}, {}: off by {off:.1e} of the largest entry {largest:.1e}", tensor.name);
+            }
+            let (a, b) = (cpu.validate(20).expect("finite"), burn.validate(20).expect("finite"));
+            assert!((a / b - 1.0).abs() < 1e-5, "{network:?}: validation loss {a} for burn's {b}");
+        }
+    }
+}
+
+/// Memory is used again by the next update, which another number of windows must not find in it.
+#[test]
+fn an_update_leaves_nothing_to_the_next() {
+    let (state, windows) = case(SHAPES[2]);
+    let fresh = || CpuLearner::new(LEARNER, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
+    let used = fresh();
+    for rows in [(0..60).collect::<Vec<u64>>(), vec![5], (3..40).collect()] {
+        let found = used.gradient(&rows).expect("finite");
+        assert!(found == fresh().gradient(&rows).expect("finite"), "{} windows: not what a new learner finds", rows.len());
+    }
+}
+
+#[test]
+fn other_networks_are_sent_to_burn() {
+    let state = LearnerState::new(Weights::init(TransformerConfig { architecture: Architecture::Gru, ..NETWORK }, 0));
+    let refused = CpuLearner::new(LEARNER, state, windows(0.0), windows(0.0)).err();
+    assert!(matches!(&refused, Some(LearnError::Mismatch(m)) if m.contains("Gru")), "{refused:?}");
+}
