@@ -19,9 +19,7 @@ use nerd_model::folder::Model;
 use nerd_model::form::Form;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::Normalizer;
-#[cfg(feature = "cuda")]
-use nerd_model::transformer::Architecture;
-use nerd_model::transformer::{Positions, Stream, TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::dataset::{GenerateConfig, Pilot};
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
