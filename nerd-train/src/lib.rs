@@ -4,7 +4,6 @@ pub mod checkpoint;
 pub mod evaluate;
 pub mod learner;
 pub mod metrics;
-pub mod own;
 pub mod ppo;
 pub mod prepare;
 mod product;

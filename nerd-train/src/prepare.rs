@@ -21,24 +21,7 @@ use crate::windows::Windows;
 /// # Errors
 /// Of the base's flight.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Result<Windows, DatasetError> {
-    made(system, recording, None, history, form.into())
-}
-
-/// The same, but that targets lead to the states `[frame][trajectory][q, qd]` given, not to those recorded next.
-///
-/// # Errors
-/// Of the base's flight.
-pub fn tokens_towards(
-    system: &Arc<System>,
-    recording: &Recording,
-    truths: &[f32],
-    history: usize,
-    form: impl Into<Form>,
-) -> Result<Windows, DatasetError> {
-    made(system, recording, Some(truths), history, form.into())
-}
-
-fn made(system: &Arc<System>, recording: &Recording, truths: Option<&[f32]>, history: usize, form: Form) -> Result<Windows, DatasetError> {
+    let form = form.into();
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
@@ -47,7 +30,7 @@ fn made(system: &Arc<System>, recording: &Recording, truths: Option<&[f32]>, his
     rows.try_for_each_init(
         || (Features::new(system, form), form.base.flight(system)),
         |(features, flight), (trajectory, (x, y))| {
-            let row = Row::of(system, recording, truths, trajectory);
+            let row = Row::of(system, recording, trajectory);
             let bases = match flight {
                 None => &row.states,
                 Some(flight) => {
@@ -72,25 +55,17 @@ fn made(system: &Arc<System>, recording: &Recording, truths: Option<&[f32]>, his
 struct Row {
     trajectory: usize,
     states: Vec<f64>,
-    /// By frame, what targets lead to.
-    next: Vec<f64>,
     torques: Vec<f64>,
     gravity: Vector3<f64>,
 }
 
 impl Row {
-    fn of(system: &System, recording: &Recording, truths: Option<&[f32]>, trajectory: usize) -> Self {
+    fn of(system: &System, recording: &Recording, trajectory: usize) -> Self {
         let (f, d, joints) = (recording.frames, system.robot.state_dim(), system.robot.joint_count());
         let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
-        let states = wide(&recording.states[trajectory * (f + 1) * d..][..(f + 1) * d]);
-        let next = truths.map_or_else(
-            || states[d..].to_vec(),
-            |truths| (0..f).flat_map(|frame| wide(&truths[(frame * recording.trajectories + trajectory) * d..][..d])).collect(),
-        );
         Self {
             trajectory,
-            states,
-            next,
+            states: wide(&recording.states[trajectory * (f + 1) * d..][..(f + 1) * d]),
             torques: wide(&recording.torques[trajectory * f * joints..][..f * joints]),
             gravity: vector(&recording.gravity[3 * trajectory..]),
         }
@@ -108,7 +83,7 @@ impl Row {
         y: &mut [f32],
     ) {
         let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-        let (state, next) = (&self.states[frame * d..][..d], &self.next[frame * d..][..d]);
+        let (state, next) = (&self.states[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
         let row = self.trajectory * recording.frames + frame;
         let event = |k: usize| {
             let i = row * points + k;

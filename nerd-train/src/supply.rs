@@ -10,12 +10,11 @@ use std::sync::mpsc::{Receiver, sync_channel};
 
 use nerd_model::form::Form;
 use nerd_model::normalizer::Normalizer;
-use nerd_sim::dataset::{DatasetError, GenerateConfig, record};
+use nerd_sim::dataset::{DatasetError, GenerateConfig};
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 
-use crate::own::{Judged, Own, is_own};
-use crate::prepare::{normalize, shard, tokens_towards};
+use crate::prepare::{normalize, shard};
 use crate::windows::Windows;
 
 /// What to record, and when it is wanted.
@@ -34,8 +33,6 @@ pub struct SupplyConfig {
     pub form: Form,
     /// Of the run.
     pub normalizer: Normalizer,
-    /// A model, and the share of the shards that it steps itself ([`crate::own`]).
-    pub own: Option<(Own, f64)>,
 }
 
 /// Why there is no fresh data.
@@ -123,16 +120,7 @@ impl Supply {
 fn make(system: &Arc<System>, solver: &(dyn Fn() -> Box<dyn Solver> + Sync), c: &SupplyConfig, k: u64) -> Result<Windows, DatasetError> {
     let count = c.data.shard_trajectories;
     let first = c.data.trajectories() as u64 + k * count as u64;
-    // A model may leave its senses; its shard is then the truth's.
-    let own = c.own.as_ref().filter(|(_, share)| is_own(k, *share)).and_then(|(model, _)| {
-        let mut judged = Judged::new(model(), solver());
-        let recording = record(system, &mut judged, &c.data, first, count).ok()?;
-        tokens_towards(system, &recording, &judged.truths, c.history, c.form).ok()
-    });
-    let mut windows = match own {
-        Some(windows) => windows,
-        None => shard(system, solver, &c.data, first, count, (c.history, c.form))?.0,
-    };
+    let (mut windows, _) = shard(system, solver, &c.data, first, count, (c.history, c.form))?;
     normalize(&mut windows, &c.normalizer);
     Ok(windows)
 }

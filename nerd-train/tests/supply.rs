@@ -30,7 +30,7 @@ fn recorded(system: &Arc<System>, shards: usize) -> Windows {
 /// Ten shards over a run of 100 updates, from `step` on.
 fn supply(system: &Arc<System>, normalizer: &Normalizer, step: u64) -> Supply {
     let (normalizer, form) = (normalizer.clone(), Form::default());
-    let config = SupplyConfig { data: data(SLOTS), shards: 10, updates: 100, step, history: 2, form, normalizer, own: None };
+    let config = SupplyConfig { data: data(SLOTS), shards: 10, updates: 100, step, history: 2, form, normalizer };
     Supply::new(system, solver, config).unwrap()
 }
 

@@ -11,8 +11,6 @@ pub enum Set {
     Sizes,
     /// The paper's form, optimiser and loss beside ours
     Forms,
-    /// A second run from the weights of the switches' base, on data of the first one's own states
-    Second,
 }
 
 /// One run.
@@ -58,8 +56,6 @@ const SIZES: [Entry; 9] = [
     entry("h-5", |a| a.history = Some(5)),
 ];
 
-const SECOND: [Entry; 3] = [entry(BASE, |_| ()), entry("own-half", |a| a.own = 0.5), entry("own-all", |a| a.own = 1.0)];
-
 const FORMS: [Entry; 3] = [entry(BASE, |a| size(a, 192, 6)), entry("state", state), entry("paper", paper)];
 
 fn size(args: &mut TrainArgs, embedding: usize, layers: usize) {
@@ -87,7 +83,6 @@ impl Set {
             Self::Switches => &SWITCHES,
             Self::Sizes => &SIZES,
             Self::Forms => &FORMS,
-            Self::Second => &SECOND,
         }
     }
 }

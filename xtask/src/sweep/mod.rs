@@ -114,36 +114,20 @@ pub fn run(args: SweepArgs) -> Result<()> {
     report::write(&args, &all)
 }
 
-/// Folder of a run.
-fn place(args: &SweepArgs, set: Set, name: &str, seed: u64) -> PathBuf {
-    let folder = format!(
-        "{}-{set:?}-e{}l{}-{}x{}-{}+{}",
-        args.robot, args.embedding, args.layers, args.updates, args.batch, args.transitions, args.fresh
-    );
-    Path::new(RUNS).join(folder.to_lowercase()).join(name).join(format!("seed{seed}"))
-}
-
-/// Trains a run unless its model is there.
-fn trained(run: &TrainArgs) -> Result<PathBuf> {
-    let model = run.out.join("model");
-    if !model.join("config.json").exists() && train(run)?.is_none() {
-        bail!("training of {} did not finish", run.out.display());
-    }
-    Ok(model)
-}
-
-/// Trains a run and measures it.
+/// Trains a run unless its model is there, and measures it.
 fn one(args: &SweepArgs, entry: &Entry, seed: u64) -> Result<Measured> {
     let mut run = base(&args.robot, args, seed);
-    if args.set == Set::Second {
-        run.out = place(args, Set::Switches, BASE, seed);
-        run.from = Some(trained(&run)?);
-        run.seed += 1000;
-    }
     (entry.change)(&mut run);
-    run.out = place(args, args.set, entry.name, seed);
-    let model = trained(&run)?;
-    measure(args, entry, &TrainArgs { seed, ..run }, &model)
+    let folder = format!(
+        "{}-{:?}-e{}l{}-{}x{}-{}+{}",
+        args.robot, args.set, args.embedding, args.layers, args.updates, args.batch, args.transitions, args.fresh
+    );
+    run.out = Path::new(RUNS).join(folder.to_lowercase()).join(entry.name).join(format!("seed{seed}"));
+    let model = run.out.join("model");
+    if !model.join("config.json").exists() && train(&run)?.is_none() {
+        bail!("training of {} did not finish", run.out.display());
+    }
+    measure(args, entry, &run, &model)
 }
 
 fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> Result<Measured> {

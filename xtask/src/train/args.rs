@@ -74,10 +74,6 @@ pub struct TrainArgs {
     /// Share of the trajectories that policies act in
     #[arg(long, default_value_t = 0.5)]
     pub policy_share: f64,
-    /// Share of the fresh data in which the model of --from steps, so that tokens hold its own states and targets lead to where
-    /// the truth goes from them
-    #[arg(long, default_value_t = 0.0)]
-    pub own: f64,
     /// Optimiser updates in the whole run
     #[arg(long)]
     pub updates: Option<u64>,
@@ -150,7 +146,6 @@ impl TrainArgs {
             resets: 0.0,
             policy: Vec::new(),
             policy_share: 0.5,
-            own: 0.0,
             updates: None,
             batch: None,
             rate: 1e-3,

@@ -30,8 +30,6 @@ pub struct Run {
     pub torque_scale: f64,
     pub hold: usize,
     pub resets: f64,
-    #[serde(default)]
-    pub own: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policies: Option<String>,
     pub data_sha256: String,

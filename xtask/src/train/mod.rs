@@ -159,9 +159,6 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) {
         bail!("--hold is at least 1, --resets within 0 and 1");
     }
-    if !(0.0..=1.0).contains(&args.own) || args.own > 0.0 && (args.from.is_none() || args.fresh == 0) {
-        bail!("--own is within 0 and 1, and needs --from and --fresh");
-    }
     if args.huber.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
         bail!("--huber {}: an error above 0; leave it out for squares alone", args.huber.unwrap_or_default());
     }
@@ -214,17 +211,12 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         torque_scale: args.torque_scale,
         hold: args.hold,
         resets: args.resets,
-        own: args.own,
         policies: config.pilot.as_ref().map(|p| format!("{p:?}")),
         data_sha256: data.sha256.clone(),
         transitions,
         fresh: args.fresh,
         from: parent.as_ref().map(|p| history(&p.config)),
     };
-    let stepper = parent.clone().map(|model| {
-        let of = system.clone();
-        Arc::new(move || Box::new(Neural::on_cpu(model.clone(), &of)) as Box<dyn Solver>) as nerd_train::own::Own
-    });
     let first_weights = || parent.map_or_else(|| Weights::init(network, args.seed), |p| p.weights);
     let text = serde_json::to_string(&run)?;
     let state = resume(&args.out, &network, &text)?.unwrap_or_else(|| LearnerState::new(first_weights()));
@@ -235,8 +227,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let supply = (args.fresh > 0).then(|| {
         let (truth, shards) = (args.truth, args.fresh.div_ceil(config.frames * config.shard_trajectories) as u64);
         let (history, normalizer, of) = (network.sequence(), normalizer.clone(), system.clone());
-        let own = stepper.filter(|_| args.own > 0.0).map(|own| (own, args.own));
-        let config = SupplyConfig { data: config, shards, updates, step: first, history, form, normalizer, own };
+        let config = SupplyConfig { data: config, shards, updates, step: first, history, form, normalizer };
         Supply::new(&system, move || truth.solver(&of), config)
     });
     let mut engine = engine(args, learner, state, data, validation)?;
