@@ -28,6 +28,9 @@ fn a_policy_is_trained_continued_played_and_shown() {
     assert!(read(format!("{whole}/curve.svg")).starts_with(b"<svg"));
     let card = String::from_utf8(read(format!("{whole}/policy/README.md"))).expect("utf-8");
     assert!(["commit", "command", "machine", "seed"].iter().all(|word| card.contains(word)), "{card}");
+    // Asked for again, a finished run stays as it is.
+    train(&whole, "30", &[]);
+    assert!(card == String::from_utf8_lossy(&read(format!("{whole}/policy/README.md"))), "a finished run's card has changed");
     refused(&["policy", "train", "cartpole-swingup", "--solver", "rapier", "--out", &whole], "another --out");
 
     let (policy, table, page) = (format!("{whole}/policy"), path("table.json"), path("page.html"));

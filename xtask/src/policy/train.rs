@@ -112,7 +112,10 @@ pub fn run(args: TrainArgs) -> Result<()> {
     }
     bar.finish();
     trainer.save(&checkpoint, &run)?;
-    card::log_time(&out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &split.words(&clock))?;
+    // Asked again, a finished run keeps its times.
+    if trainer.state.iteration > first || !out.join("sessions.jsonl").exists() {
+        card::log_time(&out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &split.words(&clock))?;
+    }
     curve::draw(&out, &run)?;
     card::export(&out, &args.task, &solver, &trainer)?;
     let (_, best) = trainer.best();
