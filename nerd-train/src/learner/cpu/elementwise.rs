@@ -44,7 +44,7 @@ fn products(a: &[f32], b: &[f32]) -> f32 {
     lanes.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
 }
 
-/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the slope there: both need the same exponential.
+/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the slope there, so that the backward pass only multiplies.
 pub fn gelu(x: &mut [f32], active: &mut Vec<f32>) {
     use std::f32::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
     active.resize(x.len(), 0.0);
