@@ -21,10 +21,17 @@ pub fn exp(x: f32) -> f32 {
 /// erf by Abramowitz and Stegun 7.1.26: 1.5e-7 absolute.
 #[inline(always)]
 pub fn erf(x: f32) -> f32 {
+    erf_and_bell(x).0
+}
+
+/// [`erf`] and `e^(-x^2)`, which it is made of and its slope is proportional to.
+#[inline(always)]
+pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let a = x.abs();
     let t = 1.0 / (1.0 + 0.327_591_1 * a);
     let series = t * (0.254_829_6 + t * (-0.284_496_74 + t * (1.421_413_7 + t * (-1.453_152 + t * 1.061_405_4))));
-    (1.0 - series * exp(-a * a)).copysign(x)
+    let bell = exp(-a * a);
+    ((1.0 - series * bell).copysign(x), bell)
 }
 
 /// `x (1 + erf(x / sqrt 2)) / 2`.

@@ -254,9 +254,11 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         return Ok(None);
     }
     let folder = args.out.join("model");
+    let Some((step, criterion)) = outcome.best else {
+        bail!("{}: in no validation did the rollouts end in numbers; give it more --updates", args.out.display());
+    };
     let best = std::fs::read(args.out.join("best.safetensors")).context("best.safetensors of the run")?;
     let mut weights = Weights::from_bytes(network, &best)?;
-    let (step, criterion) = outcome.best.unwrap_or((updates, f64::NAN));
     let mut chosen = format!("moving average {} at update {step}, chosen by criterion {criterion:.5}", learner.average);
     if args.rollouts > 0 {
         // Where the rate has fallen to zero the last weights need no average, and may be better than it.

@@ -1,6 +1,6 @@
 //! What stands between two products, over rows and in the widest vectors.
 
-use nerd_model::transformer::elementwise::{erf, exp, sum};
+use nerd_model::transformer::elementwise::{erf_and_bell, sum};
 use pulp::Arch;
 
 use crate::learner::sharded::Loss;
@@ -50,9 +50,10 @@ pub fn gelu(x: &mut [f32], active: &mut Vec<f32>) {
     active.resize(x.len(), 0.0);
     Arch::new().dispatch(|| {
         for (x, active) in x.iter_mut().zip(active.iter_mut()) {
-            let share = 0.5 * (1.0 + erf(*x * FRAC_1_SQRT_2));
+            let (erf, bell) = erf_and_bell(*x * FRAC_1_SQRT_2);
+            let share = 0.5 * (1.0 + erf);
             *active = *x * share;
-            *x = share + *x * exp(-0.5 * *x * *x) * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI);
+            *x = share + *x * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI);
         }
     });
 }
