@@ -180,11 +180,11 @@ impl Trainer {
         Ok(nerd_sim::files::write(&path, &bytes).map_err(|source| CheckpointError::Io { path, source })?)
     }
 
-    /// Step and criterion of the best weights so far, if there are any.
-    fn best(&self) -> Option<(u64, f64)> {
+    /// Step and criterion of the best weights so far, if there are any of this very run.
+    pub fn best(&self) -> Option<(u64, f64)> {
         let bytes = std::fs::read(self.folder.join("best.safetensors")).ok()?;
         let (_, header) = SafeTensors::read_metadata(&bytes).ok()?;
-        let metadata = header.metadata().as_ref()?;
+        let metadata = header.metadata().as_ref().filter(|m| m.get("config") == Some(&self.run))?;
         Some((metadata.get("step")?.parse().ok()?, metadata.get("criterion")?.parse().ok()?))
     }
 }

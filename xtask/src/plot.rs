@@ -7,8 +7,10 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 
-/// Width and height (px).
+/// Width and height (px), without the legend.
 const SIZE: (u32, u32) = (1000, 640);
+/// Height of a line of the legend (px).
+const ROW: i32 = 22;
 /// Okabe and Ito's colours, which the colour-blind tell apart, and for more than seven series black and brown.
 pub const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
@@ -75,7 +77,27 @@ pub fn stroke<B: DrawingBackend>(
 impl Figure {
     /// Writes `stem`.svg and `stem`.png.
     pub fn save(&self, stem: &Path) -> Result<()> {
-        save(stem, SIZE, self)
+        let rows = self.names().len().div_ceil(2) as u32;
+        save(stem, (SIZE.0, SIZE.1 + rows * ROW as u32 + 8), self)
+    }
+
+    /// What the legend says, and in which colour.
+    fn names(&self) -> Vec<(&str, RGBAColor)> {
+        let front = (!self.front.is_empty()).then(|| ("Pareto front", BLACK.mix(0.3)));
+        front.into_iter().chain(self.series.iter().zip(COLOURS.iter().cycle()).map(|(s, c)| (s.name.as_str(), c.to_rgba()))).collect()
+    }
+
+    /// Under the picture, where it covers no point: two columns, downwards.
+    fn legend<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let names = self.names();
+        let down = names.len().div_ceil(2) as i32;
+        for (k, (name, colour)) in names.into_iter().enumerate() {
+            let (column, row) = (k as i32 / down, k as i32 % down);
+            let (x, y) = (90 + column * (SIZE.0 as i32 / 2 - 40), row * ROW + ROW / 2);
+            area.draw(&Circle::new((x, y), 5, colour.filled()))?;
+            area.draw(&Text::new(name, (x + 14, y - 8), ("sans-serif", 14)))?;
+        }
+        Ok(())
     }
 }
 
@@ -85,7 +107,8 @@ impl Picture for Figure {
         area.fill(&WHITE).map_err(failed)?;
         let all = || self.series.iter().flat_map(|s| &s.points);
         let (x, y) = (decades(all().map(|p| p.0)), decades(all().map(|p| p.1).chain(self.levels.iter().map(|l| l.0))));
-        let mut chart = ChartBuilder::on(area)
+        let (plot, legend) = area.split_vertically(SIZE.1);
+        let mut chart = ChartBuilder::on(&plot)
             .caption(&self.title, ("sans-serif", 20))
             .margin(14)
             .x_label_area_size(46)
@@ -106,8 +129,7 @@ impl Picture for Figure {
         // The front is a staircase: to be better one must pay up to the next point.
         if !self.front.is_empty() {
             let stairs = self.front.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]).chain(self.front.last().copied());
-            let band = chart.draw_series(LineSeries::new(stairs, BLACK.mix(0.18).stroke_width(7))).map_err(failed)?;
-            band.label("Pareto front").legend(|(x, y)| PathElement::new([(x, y), (x + 22, y)], BLACK.mix(0.18).stroke_width(7)));
+            chart.draw_series(LineSeries::new(stairs, BLACK.mix(0.18).stroke_width(7))).map_err(failed)?;
         }
         for (height, name) in &self.levels {
             chart.draw_series(DashedLineSeries::new([(x.0, *height), (x.1, *height)], 6, 5, BLACK.mix(0.5).into())).map_err(failed)?;
@@ -121,17 +143,9 @@ impl Picture for Figure {
                 let style = ("sans-serif", 12).into_font().color(colour);
                 EmptyElement::at((*x, *y)) + Circle::new((0, 0), 4, colour.filled()) + Text::new(word.clone(), (6, -14), style)
             });
-            let drawn = chart.draw_series(marks).map_err(failed)?;
-            drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 11, y), 5, colour.filled()));
+            chart.draw_series(marks).map_err(failed)?;
         }
-        chart
-            .configure_series_labels()
-            .position(corner(&self.series, x, y))
-            .label_font(("sans-serif", 14))
-            .background_style(WHITE.mix(0.85))
-            .border_style(BLACK.mix(0.2))
-            .draw()
-            .map_err(failed)?;
+        self.legend(&legend).map_err(failed)?;
         area.present().map_err(failed)
     }
 }
@@ -140,23 +154,6 @@ impl Picture for Figure {
 fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.filter(|v| *v > 0.0).fold((f64::MAX, f64::MIN_POSITIVE), |(a, b), v| (a.min(v), b.max(v)));
     (low / 2.0, high * 4.0)
-}
-
-/// The lower or upper corner with the fewest points, for the legend.
-fn corner(series: &[Series], x: (f64, f64), y: (f64, f64)) -> SeriesLabelPosition {
-    let share = |v: f64, range: (f64, f64)| (v / range.0).ln() / (range.1 / range.0).ln();
-    let inside = |left: bool, low: bool| {
-        let near = |v: f64, first: bool, room: f64| if first { v < room } else { v > 1.0 - room };
-        let points = series.iter().flat_map(|s| &s.points);
-        points.filter(|p| near(share(p.0, x), left, 0.4) && near(share(p.1, y), low, 0.33)).count()
-    };
-    let corners = [
-        (inside(true, true), SeriesLabelPosition::LowerLeft),
-        (inside(false, false), SeriesLabelPosition::UpperRight),
-        (inside(false, true), SeriesLabelPosition::LowerRight),
-        (inside(true, false), SeriesLabelPosition::UpperLeft),
-    ];
-    corners.into_iter().min_by_key(|c| c.0).map_or(SeriesLabelPosition::LowerLeft, |c| c.1)
 }
 
 fn power(v: f64) -> String {

@@ -163,10 +163,13 @@ fn write(args: &TransferArgs, rows: &[Row]) -> Result<()> {
     crate::files::write(&stem.with_extension("md"), text.as_bytes())?;
     let json = serde_json::json!({ "provenance": stamp, "rows": rows });
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
+    // Joined by size, and not by price, which small networks hardly differ in.
+    let mut by_size: Vec<&Row> = rows.iter().collect();
+    by_size.sort_by_key(|r| r.parameters);
     let points = |of: fn(&Row) -> &[Played]| {
         let point =
-            |r: &Row| together(of(r)).map(|gap| (r.microseconds, gap.abs(), name(r).rsplit('/').next().unwrap_or_default().to_string()));
-        rows.iter().filter_map(point).collect::<Vec<_>>()
+            |r: &&Row| together(of(r)).map(|gap| (r.microseconds, gap.abs(), name(r).rsplit('/').next().unwrap_or_default().to_string()));
+        by_size.iter().filter_map(point).collect::<Vec<_>>()
     };
     let series = vec![
         Series { name: "trained in the model".into(), points: points(|r| &r.own) },

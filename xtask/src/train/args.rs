@@ -110,6 +110,9 @@ pub struct TrainArgs {
     /// Stop, with a checkpoint, after so many minutes; the same command continues
     #[arg(long)]
     pub minutes: Option<f64>,
+    /// Train no further: make a model of the best weights that the run has had so far
+    #[arg(long)]
+    pub finish: bool,
     /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
     #[arg(long)]
     pub f32: bool,
@@ -158,6 +161,7 @@ impl TrainArgs {
             validate_every: None,
             rollouts: 64,
             minutes: None,
+            finish: false,
             f32: false,
             device,
             seed: 0,

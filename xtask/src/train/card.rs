@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
@@ -90,8 +90,8 @@ pub fn export(
     chosen: String,
     args: &TrainArgs,
 ) -> Result<()> {
-    let sessions: Vec<serde_json::Value> =
-        std::fs::read_to_string(out.join("sessions.jsonl"))?.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
+    let sessions = std::fs::read_to_string(out.join("sessions.jsonl")).context("sessions.jsonl, the times of the run")?;
+    let sessions: Vec<serde_json::Value> = sessions.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
     let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
     let machine = sessions.last().map_or_else(String::new, |s| s["machine"].as_str().unwrap_or_default().to_string());
     let stamp = Provenance::now(args.seed);

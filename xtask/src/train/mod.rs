@@ -221,6 +221,19 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let text = serde_json::to_string(&run)?;
     let state = resume(&args.out, &network, &text)?.unwrap_or_else(|| LearnerState::new(first_weights()));
     crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
+    let (trainer, folder) = (Trainer::new(trainer, learner.batch, &args.out, &text), args.out.join("model"));
+    let averaged = |(step, criterion): (u64, f64)| -> Result<(Weights, String)> {
+        let best = std::fs::read(args.out.join("best.safetensors")).context("best.safetensors of the run")?;
+        let chosen = format!("moving average {} at update {step}, chosen by criterion {criterion:.5}", learner.average);
+        Ok((Weights::from_bytes(network, &best)?, chosen))
+    };
+    if args.finish {
+        let best = trainer.best().with_context(|| format!("{}: no validated weights of this very run", args.out.display()))?;
+        let (weights, chosen) = averaged(best)?;
+        export(&folder, &args.out, &run, normalizer, weights, format!("{chosen}; the run was ended there"), args)?;
+        eprintln!("model written to {}", folder.display());
+        return Ok(Some(folder));
+    }
     eprintln!("{} parameters, {} windows, update {} of {updates}", network.parameters(), data.windows.len(), state.step);
 
     let first = state.step;
@@ -243,28 +256,24 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
             f64::INFINITY
         })))
     };
-    let outcome = Trainer::new(trainer, learner.batch, &args.out, &text)
-        // More minutes than a duration holds are no limit.
-        .stop_at(args.minutes.and_then(|m| Duration::try_from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0)).ok()))
-        .run(&mut *engine, supply.transpose()?, &mut hook)?;
+    // More minutes than a duration holds are no limit.
+    let stop_at = args.minutes.and_then(|m| Duration::try_from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0)).ok());
+    let outcome = trainer.stop_at(stop_at).run(&mut *engine, supply.transpose()?, &mut hook)?;
     let seconds = started.elapsed().as_secs_f64();
     log_time(&args.out, first, outcome.step, seconds)?;
     if !outcome.finished {
         eprintln!("stopped at update {} of {updates} after {seconds:.0} s; the same command continues", outcome.step);
         return Ok(None);
     }
-    let folder = args.out.join("model");
-    let Some((step, criterion)) = outcome.best else {
+    let Some(best) = outcome.best else {
         bail!("{}: in no validation did the rollouts end in numbers; give it more --updates", args.out.display());
     };
-    let best = std::fs::read(args.out.join("best.safetensors")).context("best.safetensors of the run")?;
-    let mut weights = Weights::from_bytes(network, &best)?;
-    let mut chosen = format!("moving average {} at update {step}, chosen by criterion {criterion:.5}", learner.average);
+    let (mut weights, mut chosen) = averaged(best)?;
     if args.rollouts > 0 {
         // Where the rate has fallen to zero the last weights need no average, and may be better than it.
         let last = engine.state()?.weights;
         let found = rollout_error(&system, &run, &normalizer, last.clone(), args).unwrap_or(f64::INFINITY);
-        if found < criterion {
+        if found < best.1 {
             (weights, chosen) = (last, format!("last, not averaged, at update {updates}, chosen by criterion {found:.5}"));
         }
     }
