@@ -1,0 +1,88 @@
+//! What trains and evaluates networks, by device.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use nerd_model::transformer::{Architecture, Stream, TransformerConfig, Weights};
+use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
+use nerd_train::prepare::Prepared;
+
+use super::TrainArgs;
+use crate::common::Device;
+
+/// A network on a device, for so many environments.
+pub fn network(weights: &Weights, device: Device, envs: usize) -> Result<Box<dyn Stream>> {
+    match device {
+        Device::Flex => Ok(nerd_model::network::on_cpu(weights)),
+        Device::Cuda => on_cuda(weights, envs),
+    }
+}
+
+#[cfg(feature = "cuda")]
+fn on_cuda(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
+    transformer_only(&weights.config)?;
+    Ok(nerd_train::learner::cuda::stream(weights, nerd_train::learner::cuda::Precision::F32, envs)?)
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
+    bail!("--device cuda needs a build with `--features cuda`")
+}
+
+/// The fused engine is one network's.
+#[cfg(feature = "cuda")]
+fn transformer_only(network: &TransformerConfig) -> Result<()> {
+    match network.architecture {
+        Architecture::Transformer => Ok(()),
+        other => bail!("--device cuda computes Transformers, no {other:?}; leave it out"),
+    }
+}
+
+fn burn_device() -> nerd_model::BurnDevice {
+    nerd_model::BurnDevice::flex()
+}
+
+pub fn engine(
+    args: &TrainArgs,
+    config: LearnerConfig,
+    state: LearnerState,
+    data: Prepared,
+    validation: nerd_train::windows::Windows,
+) -> Result<Box<dyn Learner>> {
+    match args.device {
+        Device::Flex => {
+            let (windows, validation) = (Arc::new(data.windows), Arc::new(validation));
+            Ok(match state.weights.config.architecture {
+                Architecture::Transformer => Box::new(CpuLearner::new(config, state, windows, validation)?),
+                _ => Box::new(BurnLearner::new(config, state, windows, validation, &burn_device())?),
+            })
+        }
+        #[cfg(feature = "cuda")]
+        Device::Cuda => {
+            use nerd_train::learner::cuda::{CudaLearner, Precision};
+            transformer_only(&state.weights.config)?;
+            let precision = if args.f32 { Precision::F32 } else { Precision::Tf32 };
+            Ok(Box::new(CudaLearner::new(config, precision, state, &data.windows, &validation)?))
+        }
+        #[cfg(not(feature = "cuda"))]
+        Device::Cuda => bail!("--device cuda needs a build with `--features cuda`"),
+    }
+}
+
+/// The state to go on from, if the folder holds one of this very run.
+pub fn resume(out: &Path, network: &TransformerConfig, run: &str) -> Result<Option<LearnerState>> {
+    let path = out.join("last.safetensors");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let (state, found) = nerd_train::checkpoint::load(&path, network)?;
+    if found != run {
+        bail!(
+            "{}: belongs to a run with other settings; use another --out, or the settings in {}",
+            path.display(),
+            out.join("run.json").display()
+        );
+    }
+    Ok(Some(state))
+}

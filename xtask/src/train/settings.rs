@@ -1,0 +1,116 @@
+//! What a run's options come to: network, learner, trainer.
+
+use anyhow::{Result, bail};
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::form::Form;
+use nerd_model::transformer::{Positions, TransformerConfig};
+use nerd_sim::prelude::*;
+use nerd_train::learner::{LearnerConfig, Optimizer};
+use nerd_train::schedule::Schedule;
+use nerd_train::trainer::TrainerConfig;
+
+use super::args::{BaseName, OptimizerName, Preset, TrainArgs};
+
+/// What options come to.
+pub struct Settings {
+    /// What predictions are added to.
+    pub base: Base,
+    /// What tokens and targets hold.
+    pub form: Form,
+    /// Shape of the network.
+    pub network: TransformerConfig,
+    /// How it learns.
+    pub learner: LearnerConfig,
+    /// How long.
+    pub trainer: TrainerConfig,
+    /// Transitions to record before.
+    pub transitions: usize,
+}
+
+impl Settings {
+    /// Those of a run's options.
+    ///
+    /// # Errors
+    /// If one of them makes no sense; its message names the option.
+    pub fn new(args: &TrainArgs, system: &System) -> Result<Self> {
+        check(args)?;
+        let small = args.preset == Preset::Small;
+        let base = match args.base {
+            BaseName::State => Base::State,
+            BaseName::Flight if system.robot.contact_points.is_empty() => {
+                bail!(
+                    "`{}` has nothing to touch: a frame of flight is its whole motion and needs no network; use --solver articulated",
+                    args.robot
+                )
+            }
+            BaseName::Flight => args.truth.flight(),
+        };
+        args.variant.check(base)?;
+        let form = args.variant.form(base);
+        let network = network(args, system, form)?;
+        let updates = args.updates.unwrap_or(if small { 6_000 } else { 500_000 });
+        let optimizer = match args.optimizer {
+            OptimizerName::Adam => Optimizer::Adam,
+            OptimizerName::Muon => Optimizer::Muon,
+        };
+        let learner = LearnerConfig {
+            batch: args.batch.unwrap_or(if small { 128 } else { 512 }),
+            clip: 1.0,
+            average: args.average,
+            seed: args.seed,
+            huber: args.huber,
+            optimizer,
+        };
+        let tail = (args.tail.clamp(0.0, 1.0) * updates as f64) as u64;
+        let every = args.validate_every.unwrap_or(updates.div_ceil(50));
+        let trainer = TrainerConfig {
+            updates,
+            schedule: Schedule { start: args.rate, end: args.last_rate, warmup: args.warmup, tail },
+            validate_every: every,
+            checkpoint_every: updates.div_ceil(10),
+            validation_windows: if small { 4096 } else { 16_384 },
+            log_every: if small { 20 } else { 500 },
+        };
+        let transitions = args.transitions.unwrap_or(if small { 400_000 } else { 10_000_000 });
+        Ok(Self { base, form, network, learner, trainer, transitions })
+    }
+}
+
+fn check(args: &TrainArgs) -> Result<()> {
+    if !(-10.0..=1.0).contains(&args.torque_scale) {
+        bail!("--torque-scale {} is outside [-10, 1]", args.torque_scale);
+    }
+    if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) {
+        bail!("--hold is at least 1, --resets within 0 and 1");
+    }
+    if args.huber.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
+        bail!("--huber {}: an error above 0; leave it out for squares alone", args.huber.unwrap_or_default());
+    }
+    if args.frames == 0 {
+        bail!("--frames 0: at least one is needed");
+    }
+    Ok(())
+}
+
+fn network(args: &TrainArgs, system: &System, form: Form) -> Result<TransformerConfig> {
+    let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
+    let mut network = TransformerConfig::paper(inputs, outputs, 192);
+    if args.preset == Preset::Small {
+        network = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..network };
+    }
+    network.history = args.history.unwrap_or(network.history);
+    network.block = network.block.max(network.history);
+    if args.stream {
+        network = TransformerConfig { positions: Positions::Rotary, block: args.sequence.max(network.history), ..network };
+    }
+    network.layers = args.layers.unwrap_or(network.layers);
+    if let Some(embedding) = args.embedding {
+        // Heads keep their width.
+        let heads = (embedding * network.heads).div_euclid(network.embedding).max(1);
+        network = TransformerConfig { embedding, heads, ..network };
+    }
+    let network = args.variant.network(network);
+    network.check().map_err(anyhow::Error::msg)?;
+    Ok(network)
+}
