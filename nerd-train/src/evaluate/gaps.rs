@@ -1,0 +1,90 @@
+//! Distances between states, and where a state that keeps its velocities goes.
+
+use std::sync::Arc;
+
+use nalgebra::UnitQuaternion;
+use nerd_core::dynamics::{to_local, to_world};
+use nerd_core::state::{quaternion, vector, wrap};
+use nerd_sim::system::System;
+
+/// What is compared: a floating root's position (m, Euclidean distance) and orientation (rad, angle between), then the joints.
+pub fn quantities(system: &System) -> Vec<String> {
+    let root = ["position", "orientation"].into_iter().filter(|_| system.robot.floating()).map(String::from);
+    root.chain(system.robot.joints().map(|j| j.name.clone())).collect()
+}
+
+/// Figures in the order of [`quantities`] as a table shows them: the joints of a robot with more than two by their mean.
+pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
+    let joints = system.robot.joint_count();
+    if joints <= 2 {
+        return figures.to_vec();
+    }
+    let (root, angles) = figures.split_at(figures.len() - joints);
+    [root, &[angles.iter().sum::<f64>() / joints as f64]].concat()
+}
+
+/// Distances between two states, by quantity.
+pub(super) struct Gaps {
+    system: Arc<System>,
+    wraps: Vec<bool>,
+}
+
+impl Gaps {
+    pub(super) fn new(system: &Arc<System>) -> Self {
+        Self { system: system.clone(), wraps: system.robot.joints().map(|j| j.wraps()).collect() }
+    }
+
+    pub(super) fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        let coords = self.system.robot.root_coords();
+        let mut at = 0;
+        if self.system.robot.floating() {
+            out[0] = (vector(a) - vector(b)).norm();
+            out[1] = angle(&quaternion(&a[3..7]), &quaternion(&b[3..7]));
+            at = 2;
+        }
+        for (k, wraps) in self.wraps.iter().enumerate() {
+            let gap = a[coords + k] - b[coords + k];
+            out[at + k] = if *wraps { wrap(gap) } else { gap }.abs();
+        }
+    }
+
+    /// Largest joint speed, turning speed and speed of the root.
+    pub(super) fn speeds(&self, state: &[f64]) -> [f64; 3] {
+        let robot = &self.system.robot;
+        let mut state = state.to_vec();
+        let (q, qd) = state.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        let joints = qd[robot.root_dofs()..].iter().fold(0.0f64, |a, v| a.max(v.abs()));
+        if robot.floating() { [joints, vector(qd).norm(), vector(&qd[3..6]).norm()] } else { [joints, 0.0, 0.0] }
+    }
+}
+
+/// Angle between two orientations (rad), from the chord of their quaternions, so that equal ones are at 0 and not at rounding.
+fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
+    let (near, far) = ((a.coords - b.coords).norm(), (a.coords + b.coords).norm());
+    4.0 * near.min(far).atan2(near.max(far))
+}
+
+/// Moves a state on by `time` (s) at constant joint velocities, angular velocity and velocity of the root.
+pub fn glide(system: &System, state: &mut [f64], time: f64) {
+    let robot = &system.robot;
+    let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
+    let (q, qd) = state.split_at_mut(nq);
+    to_local(robot, q, qd);
+    q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
+    if robot.floating() {
+        let p = vector(q) + vector(&qd[3..6]) * time;
+        let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
+        q[..3].copy_from_slice(p.as_slice());
+        nerd_core::state::write_quaternion(&mut q[3..7], &turned);
+    }
+    to_world(robot, q, qd);
+}
+
+/// Distances between two states in the order of [`quantities`].
+pub fn differences(system: &Arc<System>, a: &[f64], b: &[f64]) -> Vec<f64> {
+    let gaps = Gaps::new(system);
+    let mut out = vec![0.0; gaps.wraps.len() + if system.robot.floating() { 2 } else { 0 }];
+    gaps.between(a, b, &mut out);
+    out
+}
