@@ -3,7 +3,7 @@
 //! Data is recorded in memory from the truth (`--truth`; 10 million transitions in seconds to minutes, of rapier in minutes
 //! to hours) or read from `--data`.
 //! The run folder holds `run.json`, `metrics.jsonl`, `last.safetensors`, `best.safetensors`; running the same command
-//! again continues it. When all updates are done the model is written to `<out>/model`.
+//! again continues it. When all updates are done the model is written to `<out>/model`; with `--finish` at once, of the best so far.
 //! The paper's size on two CPU cores is for the patient (about 1 s an update at batch 512); `--preset small` trains in
 //! minutes and is what `reproduce --train` uses.
 
