@@ -134,7 +134,7 @@ impl Picture for Figure {
         for (height, name) in &self.levels {
             chart.draw_series(DashedLineSeries::new([(x.0, *height), (x.1, *height)], 6, 5, BLACK.mix(0.5).into())).map_err(failed)?;
             let style = ("sans-serif", 13).into_font().color(&BLACK.mix(0.7));
-            chart.draw_series([Text::new(name.clone(), (x.0 * 1.1, *height * 1.25), style)]).map_err(failed)?;
+            chart.draw_series([EmptyElement::at((x.0, *height)) + Text::new(name.clone(), (10, -16), style)]).map_err(failed)?;
         }
         for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle()) {
             let line = series.points.iter().map(|p| (p.0, p.1));
