@@ -151,8 +151,8 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
     let (out, model) = (out.to_str().expect("utf-8").to_string(), out.join("model").to_str().expect("utf-8").to_string());
-    let train = |robot: &str, more: &[&str]| {
-        let options = [
+    let train = |robot: &str| {
+        xtask(&[
             "train",
             "--robot",
             robot,
@@ -172,21 +172,34 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
             "muon",
             "--out",
             &out,
-        ];
-        xtask(&[options.as_slice(), more].concat())
+        ])
     };
-    let run = train("cartpole", &[]);
+    let run = train("cartpole");
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let weights = std::fs::read(Path::new(&model).join("model.safetensors")).expect("weights");
-    assert!(train("cartpole", &[]).status.success(), "a finished run may be called again");
+    assert!(train("cartpole").status.success(), "a finished run may be called again");
     assert_eq!(weights, std::fs::read(Path::new(&model).join("model.safetensors")).expect("weights"), "and changes nothing");
-    let other = train("pendulum", &[]);
+    let other = train("pendulum");
     assert_eq!(other.status.code(), Some(2), "another robot in the same folder");
-    // What is left of a run that was cut off is a model, too, and says so.
-    std::fs::remove_dir_all(&model).expect("the model");
-    let cut = train("cartpole", &["--finish"]);
-    assert!(cut.status.success(), "{}", String::from_utf8_lossy(&cut.stderr));
-    let card = std::fs::read_to_string(Path::new(&model).join("README.md")).expect("card");
+    // What is left of a run that was killed before its end is a model, too, and says so.
+    let cut = format!("{out}-cut");
+    let killed = |more: &[&str]| {
+        let options =
+            "train --robot cartpole --preset small --transitions 20000 --updates 1000000 --batch 16 --rollouts 2 --validate-every 4";
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_xtask"));
+        command.args(options.split(' ')).args(["--out", &cut]).args(more).stderr(std::process::Stdio::null());
+        command
+    };
+    let mut run = killed(&[]).spawn().expect("started");
+    let metrics = Path::new(&cut).join("metrics.jsonl");
+    while std::fs::read_to_string(&metrics).map_or(0, |lines| lines.matches("validation").count()) < 2 {
+        assert!(run.try_wait().expect("a state").is_none(), "the run ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    run.kill().expect("killed");
+    run.wait().expect("ended");
+    assert!(killed(&["--finish"]).status().expect("started").success(), "no model of a killed run");
+    let card = std::fs::read_to_string(Path::new(&cut).join("model/README.md")).expect("card");
     assert!(card.contains("the run was ended there"), "{card}");
 
     let table = folder.path().join("table.json");

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
-use nerd_train::learner::LearnerConfig;
+use nerd_train::learner::{LearnerConfig, LearnerState};
 use nerd_train::trainer::TrainerConfig;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +39,23 @@ pub struct Run {
     pub fresh: usize,
     /// What the weights it started from had been through.
     pub from: Option<String>,
+}
+
+/// The state to go on from, if the folder holds one of this very run.
+pub fn resume(out: &Path, network: &TransformerConfig, run: &str) -> Result<Option<LearnerState>> {
+    let path = out.join("last.safetensors");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let (state, found) = nerd_train::checkpoint::load(&path, network)?;
+    if found != run {
+        bail!(
+            "{}: belongs to a run with other settings; use another --out, or the settings in {}",
+            path.display(),
+            out.join("run.json").display()
+        );
+    }
+    Ok(Some(state))
 }
 
 /// What `config.json` will hold.
@@ -72,7 +89,7 @@ pub fn history(config: &ModelConfig) -> String {
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
 
-/// One line a session: which updates took how long where.
+/// One line a validation: which updates took how long where. A run that is killed has those up to its best weights.
 pub fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
     use std::io::Write;
     let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine() });

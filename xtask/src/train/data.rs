@@ -13,6 +13,7 @@ use nerd_train::prepare::{Prepared, generate};
 
 use super::TrainArgs;
 
+/// What a run records.
 pub fn recording(args: &TrainArgs, transitions: usize, seed: u64) -> GenerateConfig {
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     // Small shards come soon, whatever the truth.
@@ -41,6 +42,7 @@ pub fn pilot(args: &TrainArgs, system: &System) -> Result<Option<(Arc<dyn Pilot>
     Ok(Some((Arc::new(Policies::new(policies)?), args.policy_share)))
 }
 
+/// Records it in memory.
 pub fn recorded(system: &Arc<System>, args: &TrainArgs, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
     let bar = crate::common::bar("recording transitions", (config.trajectories() * config.frames) as u64);
     let done = AtomicUsize::new(0);

@@ -1,10 +1,10 @@
 //! What trains and evaluates networks, by device.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use nerd_model::transformer::{Architecture, Stream, TransformerConfig, Weights};
+use nerd_model::BurnDevice;
+use nerd_model::transformer::{Architecture, Stream, Weights};
 use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
 use nerd_train::prepare::Prepared;
 
@@ -32,17 +32,14 @@ fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
 
 /// The fused engine is one network's.
 #[cfg(feature = "cuda")]
-fn transformer_only(network: &TransformerConfig) -> Result<()> {
+fn transformer_only(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
     match network.architecture {
         Architecture::Transformer => Ok(()),
         other => bail!("--device cuda computes Transformers, no {other:?}; leave it out"),
     }
 }
 
-fn burn_device() -> nerd_model::BurnDevice {
-    nerd_model::BurnDevice::flex()
-}
-
+/// What learns, at the state it goes on from.
 pub fn engine(
     args: &TrainArgs,
     config: LearnerConfig,
@@ -55,7 +52,7 @@ pub fn engine(
             let (windows, validation) = (Arc::new(data.windows), Arc::new(validation));
             Ok(match state.weights.config.architecture {
                 Architecture::Transformer => Box::new(CpuLearner::new(config, state, windows, validation)?),
-                _ => Box::new(BurnLearner::new(config, state, windows, validation, &burn_device())?),
+                _ => Box::new(BurnLearner::new(config, state, windows, validation, &BurnDevice::flex())?),
             })
         }
         #[cfg(feature = "cuda")]
@@ -68,21 +65,4 @@ pub fn engine(
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => bail!("--device cuda needs a build with `--features cuda`"),
     }
-}
-
-/// The state to go on from, if the folder holds one of this very run.
-pub fn resume(out: &Path, network: &TransformerConfig, run: &str) -> Result<Option<LearnerState>> {
-    let path = out.join("last.safetensors");
-    if !path.exists() {
-        return Ok(None);
-    }
-    let (state, found) = nerd_train::checkpoint::load(&path, network)?;
-    if found != run {
-        bail!(
-            "{}: belongs to a run with other settings; use another --out, or the settings in {}",
-            path.display(),
-            out.join("run.json").display()
-        );
-    }
-    Ok(Some(state))
 }

@@ -31,11 +31,11 @@ mod settings;
 mod variant;
 
 pub use args::{BaseName, OptimizerName, Preset, TrainArgs};
-use card::{Run, export, history, log_time};
+use card::{Run, export, history, log_time, resume};
 use criterion::rollout_error;
 use data::{pilot, recorded, recording};
+use engine::engine;
 pub use engine::network;
-use engine::{engine, resume};
 use settings::Settings;
 pub use variant::Variant;
 
@@ -50,9 +50,13 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let mut last = None;
     for run in recipe::runs(name, args)? {
         let done = run.out.join("model");
-        last = if done.join("config.json").exists() { Some(done) } else { one(&run)? };
-        if last.is_none() {
-            return Ok(None);
+        if done.join("config.json").exists() {
+            last = Some(done);
+            continue;
+        }
+        last = one(&run)?;
+        if last.is_none() || run.finish {
+            break;
         }
     }
     Ok(last)
@@ -142,25 +146,34 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         Supply::new(&system, move || truth.solver(&of), config)
     });
     let mut engine = engine(args, learner, state, data, validation)?;
-    let mut hook = |learner: &mut dyn Learner, _step: u64| -> Result<Option<f64>, nerd_train::trainer::HookError> {
-        if args.rollouts == 0 {
-            return Ok(None);
-        }
-        let state = learner.state()?;
-        let weights = Weights { config: network, flat: state.average };
-        // Early weights may leave; that is an infinite error, not the end of the run.
-        Ok(Some(rollout_error(&system, &run, &normalizer, weights, args).unwrap_or_else(|e| {
-            eprintln!("{e:#}");
-            f64::INFINITY
-        })))
+    let mut logged = (first, Duration::ZERO);
+    let mut log = |step: u64| -> Result<()> {
+        let now = started.elapsed();
+        log_time(&args.out, logged.0, step, (now - logged.1).as_secs_f64())?;
+        logged = (step, now);
+        Ok(())
+    };
+    let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>, nerd_train::trainer::HookError> {
+        let error = if args.rollouts > 0 {
+            let weights = Weights { config: network, flat: learner.state()?.average };
+            // Early weights may leave; that is an infinite error, not the end of the run.
+            Some(rollout_error(&system, &run, &normalizer, weights, args).unwrap_or_else(|e| {
+                eprintln!("{e:#}");
+                f64::INFINITY
+            }))
+        } else {
+            None
+        };
+        log(step)?;
+        Ok(error)
     };
     // More minutes than a duration holds are no limit.
     let stop_at = args.minutes.and_then(|m| Duration::try_from_secs_f64((60.0 * m - started.elapsed().as_secs_f64()).max(1.0)).ok());
     let outcome = trainer.stop_at(stop_at).run(&mut *engine, supply.transpose()?, &mut hook)?;
-    let seconds = started.elapsed().as_secs_f64();
-    log_time(&args.out, first, outcome.step, seconds)?;
+    log(outcome.step)?;
     if !outcome.finished {
-        eprintln!("stopped at update {} of {updates} after {seconds:.0} s; the same command continues", outcome.step);
+        let seconds = started.elapsed().as_secs();
+        eprintln!("stopped at update {} of {updates} after {seconds} s; the same command continues", outcome.step);
         return Ok(None);
     }
     let Some(best) = outcome.best else {

@@ -30,7 +30,7 @@ fn recipes() -> Result<BTreeMap<String, Recipe>> {
     toml::from_str(RECIPES).context("xtask/assets/models.toml")
 }
 
-/// The runs of a model, each in a folder of its own below `--out`. Device, minutes and, as caps for a rehearsal, updates and
+/// The runs of a model, each in a folder of its own below `--out`. Device, minutes, --finish and, as caps for a rehearsal, updates and
 /// transitions are those of `asked`; all else is the recipe's.
 pub fn runs(name: &str, asked: &TrainArgs) -> Result<Vec<TrainArgs>> {
     let recipes = recipes()?;
@@ -50,6 +50,7 @@ pub fn runs(name: &str, asked: &TrainArgs) -> Result<Vec<TrainArgs>> {
             from: runs.last().map(|r| r.out.join("model")),
             device: asked.device,
             minutes: asked.minutes,
+            finish: asked.finish,
             updates: line.args.updates.map(|own| asked.updates.map_or(own, |a| a.min(own))),
             validate_every: line.args.validate_every.filter(|_| asked.updates.is_none()),
             transitions: line.args.transitions.map(|own| cap(asked.transitions, own)),
@@ -67,12 +68,13 @@ mod tests {
     #[test]
     fn every_recipe_can_be_read_and_starts_from_its_run_before() {
         for (name, recipe) in recipes().expect("models.toml") {
-            let words = ["train", "--robot", &recipe.robot, "--out", "out/x", "--preset", &name, "--transitions", "1000"];
+            let words = ["train", "--robot", &recipe.robot, "--out", "out/x", "--preset", &name, "--transitions", "1000", "--finish"];
             let asked = Line::try_parse_from(words).expect("options").args;
             let runs = runs(&name, &asked).unwrap_or_else(|e| panic!("{name}: {e:#}"));
             assert_eq!(runs.len(), recipe.runs.len());
             for (k, run) in runs.iter().enumerate() {
                 assert_eq!(run.from.is_some(), k > 0, "{name}, run {k}");
+                assert!(run.finish, "{name}, run {k} would train on");
                 assert!(run.transitions == Some(1000) && run.updates.is_some_and(|u| u > 10_000), "{name}, run {k}: {run:?}");
             }
         }
