@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 mod ablations;
+mod campaign;
 mod chart;
 mod check;
 mod common;
@@ -59,6 +60,8 @@ enum Verb {
     Tosses(tosses::TossesArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
+    /// Try hostile input: files and command lines changed at random, runs killed
+    Campaign(campaign::CampaignArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -89,6 +92,7 @@ fn main() -> ExitCode {
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {
