@@ -7,6 +7,8 @@ use anyhow::Result;
 
 /// What a case may take.
 pub const SECONDS: u64 = 10;
+/// What may be added for a case of command lines, which has its own watch.
+pub const SLACK: u64 = 20;
 /// Address space of a process (bytes).
 pub const MEMORY: u64 = 4 << 30;
 
@@ -27,14 +29,14 @@ impl From<ExitStatus> for End {
     }
 }
 
-/// Waits for a process, and kills it when its time is over.
-pub fn wait(mut child: Child) -> Result<End> {
+/// Waits for a process, and kills it after so many seconds.
+pub fn wait(mut child: Child, seconds: u64) -> Result<End> {
     let started = Instant::now();
     loop {
         if let Some(status) = child.try_wait()? {
             return Ok(status.into());
         }
-        if started.elapsed() > Duration::from_secs(SECONDS) {
+        if started.elapsed() > Duration::from_secs(seconds) {
             child.kill()?;
             child.wait()?;
             return Ok(End::Late);

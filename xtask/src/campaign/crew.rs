@@ -10,10 +10,7 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 
 use super::case::{Fault, Kind, Verdict};
-use super::child::SECONDS;
-
-/// What the worker of command lines has its own watch for.
-const SLACK: u64 = 5;
+use super::child::{SECONDS, SLACK};
 
 /// Tries all cases; `told` hears of every one.
 pub fn campaign(cases: u64, seed: u64, scratch: &Path, told: &(dyn Fn(u64, Verdict) + Sync)) -> Result<()> {
@@ -58,7 +55,7 @@ fn hire(first: u64, stride: u64, cases: u64, seed: u64, said: &Path) -> Result<(
     let mut command = Command::new(std::env::current_exe()?);
     let numbers = [("--cases", cases), ("--seed", seed), ("--first", first), ("--stride", stride)];
     command.arg("campaign").args(numbers.iter().flat_map(|(flag, n)| [flag.to_string(), n.to_string()]));
-    command.env("RAYON_NUM_THREADS", "1").env("NERD_COMMIT", "campaign");
+    command.envs([("NERD_COMMIT", "campaign"), ("RAYON_NUM_THREADS", "1"), ("RUST_BACKTRACE", "0")]);
     let mut worker = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(File::create(said)?).spawn()?;
     let out = worker.stdout.take().context("a worker without a voice")?;
     let (send, lines) = channel();

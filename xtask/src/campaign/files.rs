@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use safetensors::tensor::{Dtype, SafeTensors};
 
+/// In the words of a number that is none.
+pub const NOT_FINITE: &str = "not finite";
+
 /// Says what is wrong with a file that the program wrote, by its kind.
 pub fn whole(path: &Path) -> Result<(), String> {
     let wrong = |reason: String| format!("{}: {reason}", path.file_name().unwrap_or_default().to_string_lossy());
@@ -32,7 +35,7 @@ fn table(bytes: &[u8]) -> Result<(), String> {
     for (i, record) in reader.records().enumerate() {
         let record = record.map_err(|e| e.to_string())?;
         if let Some(cell) = record.iter().find(|c| c.parse::<f64>().is_ok_and(|x| !x.is_finite())) {
-            return Err(format!("line {} holds {cell}", i + 2));
+            return Err(format!("line {} holds {cell}, which is {NOT_FINITE}", i + 2));
         }
     }
     Ok(())
@@ -49,7 +52,7 @@ fn tensors(bytes: &[u8]) -> Result<(), String> {
             _ => true,
         };
         if !finite && !name.contains("depths") {
-            return Err(format!("`{name}` is not finite"));
+            return Err(format!("`{name}` is {NOT_FINITE}"));
         }
     }
     Ok(())

@@ -5,14 +5,15 @@ use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use rand::{Rng, RngExt};
 
 use super::bench::{Bench, write};
 use super::case::{Fault, Files, Verdict, text};
-use super::child::{End, wait};
-use super::files::{below, whole};
+use super::child::{End, SECONDS, wait};
+use super::files::{NOT_FINITE, below, whole};
 use super::mutate::{one, times};
+use super::robots::ROBOTS;
 
 const FILE: &str = "line.txt";
 
@@ -132,9 +133,10 @@ fn odd(rng: &mut impl Rng, flag: &str) -> &'static str {
     if flag == "--out" { one(rng, &["''", "out/a/b/c", "there", "null", "there/a", "."]) } else { one(rng, &ODD) }
 }
 
-/// Runs it.
+/// Runs it. Of several lines the last is judged; those before it prepare, with `rm FILE` and `cut FILE` among them, which takes
+/// a file's second half away.
 pub fn judge(files: &Files, bench: &Bench) -> Result<Verdict> {
-    let Some(line) = text(files, FILE) else { return Ok(Verdict::Refused("not UTF-8".into())) };
+    let Some(text) = text(files, FILE) else { return Ok(Verdict::Refused("not UTF-8".into())) };
     let good = bench.path("good");
     if !good.exists() {
         fixtures(bench, &good)?;
@@ -147,29 +149,48 @@ pub fn judge(files: &Files, bench: &Bench) -> Result<Verdict> {
         std::os::unix::fs::symlink("/dev/null", folder.join("null"))?;
     }
     let said = bench.path("said.txt");
+    let (before, line) = text.trim().rsplit_once('\n').unwrap_or(("", text));
+    before.lines().try_for_each(|line| prepare(line, &folder, &said))?;
+    let had = below(&folder)?;
     let end = run(line, &folder, &said)?;
     let words = String::from_utf8_lossy(&std::fs::read(&said)?).trim().to_string();
+    let panic = words.lines().skip_while(|line| !line.contains("panicked at")).take(2).collect::<Vec<_>>().join(" ");
     let last = words.lines().last().unwrap_or_default().to_string();
-    let fault = |what| Ok(Verdict::Fault(what, last.clone()));
-    let left: Vec<_> = below(&folder)?.into_iter().filter(|p| !["there", "f", "null"].iter().any(|n| *p == folder.join(n))).collect();
+    let fault = |what, words: &str| Ok(Verdict::Fault(what, words.into()));
+    let left: Vec<_> = below(&folder)?.into_iter().filter(|p| !had.contains(p)).collect();
     let kept = std::fs::read(folder.join("there"))? == b"x" && folder.join("null").is_symlink();
     match end {
-        End::Late => fault(Fault::Time),
-        End::Signal if words.contains("memory allocation of") => fault(Fault::Memory),
-        End::Signal => fault(Fault::Abort),
-        _ if words.contains("panicked at") => fault(Fault::Panic),
-        End::Code(0) => match left.iter().try_for_each(|p| whole(p)) {
-            Ok(()) => Ok(Verdict::Accepted),
-            Err(e) if e.contains("finite") || e.contains("NaN") || e.contains("inf") => Ok(Verdict::Fault(Fault::NotFinite, e)),
-            Err(e) => Ok(Verdict::Fault(Fault::Untidy, e)),
-        },
-        End::Code(2) if last.is_empty() => Ok(Verdict::Fault(Fault::Untidy, "a refusal without a word".into())),
-        End::Code(2) if !left.is_empty() || folder.join("out").exists() => {
-            Ok(Verdict::Fault(Fault::Untidy, format!("a refusal left {left:?}: {last}")))
+        End::Late => fault(Fault::Time, &last),
+        End::Signal if words.contains("memory allocation of") => fault(Fault::Memory, &last),
+        End::Signal => fault(Fault::Abort, &last),
+        _ if !panic.is_empty() => fault(Fault::Panic, &panic),
+        End::Code(0) => Ok(left.iter().find_map(|p| whole(p).err()).map_or(Verdict::Accepted, |words| {
+            let fault = if words.contains(NOT_FINITE) { Fault::NotFinite } else { Fault::Untidy };
+            Verdict::Fault(fault, words)
+        })),
+        End::Code(2) if last.is_empty() => fault(Fault::Untidy, "a refusal without a word"),
+        End::Code(2) if !left.is_empty() || before.is_empty() && folder.join("out").exists() => {
+            fault(Fault::Untidy, &format!("a refusal left {left:?}: {last}"))
         }
-        End::Code(2) if !kept => Ok(Verdict::Fault(Fault::Untidy, format!("a refusal replaced a file: {last}"))),
+        End::Code(2) if !kept => fault(Fault::Untidy, &format!("a refusal replaced a file: {last}")),
         End::Code(2) => Ok(Verdict::Refused(last)),
-        End::Code(code) => Ok(Verdict::Fault(Fault::Abort, format!("exit code {code}: {last}"))),
+        End::Code(code) => fault(Fault::Abort, &format!("exit code {code}: {last}")),
+    }
+}
+
+fn prepare(line: &str, folder: &Path, said: &Path) -> Result<()> {
+    match line.split_once(' ') {
+        Some(("rm", file)) => std::fs::remove_file(folder.join(file)).with_context(|| line.to_string()),
+        Some(("cut", file)) => {
+            let path = folder.join(file);
+            let bytes = std::fs::read(&path).with_context(|| line.to_string())?;
+            Ok(std::fs::write(path, &bytes[..bytes.len() / 2])?)
+        }
+        _ => {
+            let end = run(line, folder, said)?;
+            ensure!(end == End::Code(0), "`{line}` failed: {}", std::fs::read_to_string(said)?);
+            Ok(())
+        }
     }
 }
 
@@ -178,29 +199,38 @@ fn run(line: &str, folder: &Path, said: &Path) -> Result<End> {
     let mut command = Command::new(std::env::current_exe()?);
     command.args(line.split_whitespace().map(|w| if w == "''" { "" } else { w })).current_dir(folder);
     // Its results are thrown away, so nobody needs to ask git where they come from.
-    command.env("NERD_COMMIT", "campaign").env("RAYON_NUM_THREADS", "1");
-    wait(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(said)?).spawn()?)
+    command.envs([("NERD_COMMIT", "campaign"), ("RAYON_NUM_THREADS", "1"), ("RUST_BACKTRACE", "0")]);
+    wait(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(said)?).spawn()?, SECONDS)
 }
 
 /// The good files: a robot with a specification, states, a model, a data set, a policy.
 fn fixtures(bench: &Bench, folder: &Path) -> Result<()> {
-    let file = |name: &str, text: &str| (name.to_string(), text.as_bytes().to_vec());
-    let files = [
-        file("robot.urdf", include_str!("../../tests/corpus/toml/robot.urdf")),
-        file("robot.toml", include_str!("../../tests/corpus/toml/robot.toml")),
-        file("states.csv", "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n1,0,-1,0.5,0,1\n"),
-        file("robot.csv", "traj,step,arm,d_arm\n0,0,0.1,0.2\n"),
-    ];
+    let file = |folder: &'static str, name: &str, text: &str| (folder, name.to_string(), text.as_bytes().to_vec());
+    let (xml, spec) = (include_str!("../../tests/corpus/toml/robot.urdf"), include_str!("../../tests/corpus/toml/robot.toml"));
     let half = bench.path("half");
-    write(&half, &Files::from(files))?;
+    // The same names, other physics.
+    let [_, (_, pendulum, urdf), ..] = ROBOTS;
+    let files = [
+        file("", "robot.urdf", xml),
+        file("", "robot.toml", spec),
+        file("", "states.csv", "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n1,0,-1,0.5,0,1\n"),
+        file("", "robot.csv", "traj,step,arm,d_arm\n0,0,0.1,0.2\n"),
+        file("other", "robot.urdf", &xml.replace("mass value=\"1\"", "mass value=\"2\"")),
+        file("other", "robot.toml", spec),
+        file("other", "pendulum.urdf", &urdf.replace("mass value=\"25", "mass value=\"2")),
+        file("other", "pendulum.toml", pendulum),
+        file("mixed", "robot.urdf", xml),
+        ("mixed", "latin.urdf".to_string(), b"<robot name=\"\xe9\"/>".to_vec()),
+    ];
+    for (folder, name, bytes) in files {
+        write(&half.join(folder), &Files::from([(name, bytes)]))?;
+    }
     write(&half.join("model"), &bench.models[1])?;
     for line in [
         "dataset --robot pendulum --transitions 200 --frames 20 --out data",
         "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out run",
     ] {
-        let said = bench.path("said.txt");
-        let end = run(line, &half, &said)?;
-        anyhow::ensure!(end == End::Code(0), "`{line}` failed: {}", std::fs::read_to_string(&said)?);
+        prepare(line, &half, &bench.path("said.txt"))?;
     }
     std::fs::rename(half.join("run/policy"), half.join("policy"))?;
     std::fs::rename(&half, folder).context("cannot keep the good files")

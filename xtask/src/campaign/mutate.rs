@@ -39,7 +39,7 @@ pub fn one<T: Copy>(rng: &mut impl Rng, of: &[T]) -> T {
 
 /// How many changes: one to four, mostly one.
 pub fn times(rng: &mut impl Rng) -> usize {
-    [1, 1, 1, 2, 2, 3, 4][rng.random_range(0..7)]
+    one(rng, &[1, 1, 1, 1, 2, 2, 3, 4])
 }
 
 /// A change of any text: of its numbers, its lines, or its bytes.
@@ -61,11 +61,12 @@ pub fn number(rng: &mut impl Rng, text: &mut Vec<u8>) {
     }
     let span = found[rng.random_range(0..found.len())].clone();
     let old = std::str::from_utf8(&text[span.clone()]).ok().and_then(|t| t.parse::<f64>().ok()).unwrap_or(1.0);
-    let new = match rng.random_range(0..8) {
+    let new = match rng.random_range(0..9) {
         0 => (-old).to_string(),
         1 => (old * 10f64.powi(rng.random_range(-6..7))).to_string(),
         2 => (old + rng.random_range(-2.0..2.0)).to_string(),
         3 => rng.random_range(0..20).to_string(),
+        4 => (old * rng.random_range(0.5..2.0)).to_string(),
         _ => one(rng, &ODD).to_string(),
     };
     text.splice(span, new.into_bytes());

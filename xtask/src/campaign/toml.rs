@@ -48,6 +48,7 @@ fn change(rng: &mut impl Rng, file: &mut Vec<u8>) {
                 ["true", "\"text\"", "\"U(1, 1)\"", "\"U(-1e308, 1e308)\"", "\"U(0, 1/0)\"", "[]", "{}", "[0.0, 0.0, 0.0]", "\"1e-300\""];
             lines[a] = format!("{key} = {}", one(rng, &odd));
         }
+        3 if rng.random_range(0..16) == 0 => lines[a] = format!("{key} = \"1{}\"", "/1".repeat(200_000)),
         3 => lines[a] = format!("{key} = {}", one(rng, &ODD)),
         4 => {
             let more = [

@@ -74,23 +74,19 @@ pub fn change(rng: &mut impl Rng, file: &mut Vec<u8>) {
     }
 }
 
-/// Reads it on a fixed and on a free base, and steps both.
+/// Reads it on a fixed and on a free base, and steps both. One that moves on either is accepted.
 pub fn judge(files: &Files) -> Verdict {
     // As from a file that is not UTF-8.
     let Some(urdf) = text(files, FILE) else { return Verdict::Refused("not UTF-8".into()) };
-    let mut said = None;
-    for floating in [false, true] {
-        let verdict = match System::bare("robot", urdf, floating) {
-            Ok(system) => moved(system),
-            Err(e) => Verdict::Refused(e.to_string()),
-        };
-        match verdict {
-            Verdict::Fault(..) => return verdict,
-            Verdict::Accepted => {}
-            Verdict::Refused(words) => said = Some(words),
-        }
+    let [fixed, floating] = [false, true].map(|floating| match System::bare("robot", urdf, floating) {
+        Ok(system) => moved(system),
+        Err(e) => Verdict::Refused(e.to_string()),
+    });
+    match (&fixed, &floating) {
+        (Verdict::Fault(..), _) | (Verdict::Accepted, Verdict::Refused(_)) => fixed,
+        (_, Verdict::Fault(..) | Verdict::Accepted) => floating,
+        _ => fixed,
     }
-    said.map_or(Verdict::Accepted, Verdict::Refused)
 }
 
 fn moved(system: System) -> Verdict {
