@@ -40,3 +40,25 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     file.persist(path)?;
     Ok(())
 }
+
+/// Writes files into a folder in their order: at once where the folder is not there yet, or else one after the other. What
+/// marks it as complete comes last.
+///
+/// # Errors
+/// What the file system says; then a folder that was not there is not there.
+pub fn write_folder(folder: &Path, files: &[(&str, Vec<u8>)]) -> Result<()> {
+    if folder.exists() {
+        return files.iter().try_for_each(|(name, bytes)| write(&folder.join(name), bytes));
+    }
+    let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(parent)?;
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    let made = builder.suffix(".tmp").tempdir_in(parent)?;
+    files.iter().try_for_each(|(name, bytes)| write(&made.path().join(name), bytes))?;
+    std::fs::rename(made.path(), folder)?;
+    // Its name is the folder's now: nothing is left to be taken away.
+    let _ = made.keep();
+    Ok(())
+}
