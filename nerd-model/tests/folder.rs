@@ -196,7 +196,7 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     std::fs::remove_file(old.path().join("config.json")).expect("removed");
     let error = Model::load(old.path(), &pendulum(), None).expect_err("no configuration").to_string();
     assert!(error.contains("config.json"), "{error}");
-    // A new folder is there whole or not at all, and nothing beside it.
+    // Nothing is left beside a folder that was made.
     let fresh = new.path().join("fresh");
     model.save(&fresh, "# card\n", Storage::F16).expect("saved");
     Model::load(&fresh, &pendulum(), None).expect("as it was written");

@@ -87,6 +87,6 @@ pub(super) fn file(path: &Path) -> impl Fn(std::io::Error) -> ModelError + '_ {
 }
 
 pub(super) fn read_json<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<T, ModelError> {
-    let text = std::fs::read_to_string(path).map_err(file(path))?;
+    let text = nerd_sim::files::read_text(path).map_err(file(path))?;
     serde_json::from_str(&text).map_err(|e| wrong(path, e.to_string()))
 }

@@ -10,7 +10,6 @@ mod error;
 use std::collections::HashMap;
 use std::path::Path;
 
-use nerd_sim::files::write_folder;
 use nerd_sim::system::System;
 use sha2::{Digest, Sha256};
 
@@ -120,7 +119,10 @@ impl Model {
             ("model.safetensors", bytes),
             ("config.json", json(serde_json::to_string_pretty(&config))?),
         ];
-        write_folder(folder, &files).map_err(file(folder))
+        files.iter().try_for_each(|(name, bytes)| {
+            let path = folder.join(name);
+            nerd_sim::files::write(&path, bytes).map_err(file(&path))
+        })
     }
 }
 
