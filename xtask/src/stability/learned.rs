@@ -62,7 +62,7 @@ type Table = (String, Vec<String>, Vec<Line>);
 
 /// Tables of all models.
 pub fn tables(models: &[PathBuf], words: &[String]) -> Result<Vec<Table>> {
-    super::known(words, ASKS.iter().map(|a| a.0))?;
+    super::known(words, &ASKS.map(|a| a.0))?;
     models.iter().map(|folder| table(folder, words)).collect()
 }
 

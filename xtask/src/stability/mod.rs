@@ -72,7 +72,7 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         }
         return Ok(());
     }
-    known(&args.rows, rows().map(|r| r.name))?;
+    known(&args.rows, &rows().map(|r| r.name).collect::<Vec<_>>())?;
     let chosen: Vec<&Row> = rows().filter(|r| args.rows.is_empty() || args.rows.iter().any(|w| r.name.contains(w.as_str()))).collect();
     let bar = crate::common::bar("cells", (chosen.len() * METHODS.len()) as u64);
     let done = std::sync::atomic::AtomicUsize::new(0);
@@ -103,9 +103,9 @@ pub fn run(args: StabilityArgs) -> Result<()> {
 }
 
 /// Refuses a word of --rows that no row has in its name.
-fn known(words: &[String], names: impl Iterator<Item = &'static str> + Clone) -> Result<()> {
-    match words.iter().find(|w| !names.clone().any(|name| name.contains(w.as_str()))) {
-        Some(word) => bail!("--rows {word}: no row is called so; known are {}", names.collect::<Vec<_>>().join(", ")),
+fn known(words: &[String], names: &[&str]) -> Result<()> {
+    match words.iter().find(|w| !names.iter().any(|name| name.contains(w.as_str()))) {
+        Some(word) => bail!("--rows {word}: no row is called so; known are {}", names.join(", ")),
         None => Ok(()),
     }
 }
