@@ -1,11 +1,12 @@
 //! `cargo xtask dataset --robot pendulum --out data/pendulum`: random trajectories of a truth as safetensors shards.
 //!
 //! Starts from the robot's sampling box, a random plane where it has one, fresh random torques every frame. A shard is
-//! there whole or not at all; the same command again keeps what is there and makes what is missing.
+//! there whole or not at all; the same command again keeps what is there and makes what is missing. One process at a time
+//! writes into a folder.
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use nerd_sim::dataset::{GenerateConfig, generate};
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
@@ -51,11 +52,13 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     let torque_scale = Law { low: args.torque_scale, high: 1.0 };
     let DatasetArgs { transitions, frames, seed, hold, resets, .. } = args;
     let config = GenerateConfig { transitions, frames, seed, torque_scale, hold, resets, ..Default::default() };
-    // A shard is recorded, turned into bytes and written: three times its numbers, in f32, and the batch in f64.
+    // A shard is recorded, turned into bytes and written: three times its numbers.
     let (robot, trajectories) = (&system.robot, config.trajectories().min(config.shard_trajectories));
     let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
-    numbers::memory(&[("trajectories of a shard", trajectories), ("--frames", frames)], 12 * row)?;
+    numbers::memory(&[("trajectories of a shard", trajectories), ("--frames", frames)], 24 * row)?;
     numbers::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
+    // Of two processes with one --out the second is refused: each would leave shards of its own.
+    let _claim = nerd_sim::files::claim(&args.out).context("--out")?;
     let started = std::time::Instant::now();
     let bar = crate::common::bar("transitions", (config.trajectories() * config.frames) as u64);
     let mut solver = args.truth.solver(&system);

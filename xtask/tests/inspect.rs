@@ -55,7 +55,7 @@ fn a_trajectory_that_is_no_number_or_beyond_the_bound_is_left_out_and_counted() 
     let path = folder.path().join("shard-00000.safetensors");
     let (mut recording, header) = read_shard(&path).expect("a shard");
     let row = recording.states.len() / recording.trajectories;
-    recording.states[2 * row + 5] = f32::NAN;
+    recording.states[2 * row + 5] = f64::NAN;
     recording.states[7 * row + 3] = 1e6;
     write_shard(&path, &recording, &header).expect("written");
     // As `train --data` does, it refuses shards that its manifest was not written for.

@@ -7,10 +7,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_sim::dataset::{Manifest, Recording, read_shard, sha256_of};
+use nerd_sim::dataset::{Manifest, Recording, check_header, read_shard, sha256_of};
 use nerd_sim::prelude::*;
 use nerd_train::prepare::tokens;
 use serde::Serialize;
@@ -66,19 +66,19 @@ struct Counts {
 /// Runs the verb.
 pub fn run(args: InspectArgs) -> Result<()> {
     let folder = args.folder.as_ref().or(args.data.as_ref()).context("no folder to inspect")?;
-    let manifest = manifest(folder)?;
+    let manifest = Manifest::read(folder)
+        .with_context(|| format!("no data set to inspect; make one with `cargo xtask dataset --out {}`", folder.display()))?;
     let robot = args.robot.as_ref().unwrap_or(&manifest.robot);
     let system = System::named(robot)
         .with_context(|| format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf", folder.display(), manifest.robot))?;
-    if system.name != manifest.robot {
-        bail!("{} holds robot `{}`, not `{}`", folder.display(), manifest.robot, system.name);
-    }
+    let wrong = |reason: String| anyhow!("{}: {reason}", folder.display());
+    manifest.check(&system, &manifest.truth).map_err(wrong)?;
     let (mut all, mut counts, mut hashes) = (columns(&system), Counts::default(), Vec::new());
     let bar = crate::common::bar("shards, twice", 2 * manifest.shards.len() as u64);
     for pass in 0..2 {
         for (k, name) in manifest.shards.iter().enumerate() {
             let path = folder.join(name);
-            let recording = shard(&system, &path)?;
+            let recording = shard(&system, &manifest, &path)?;
             let kept = kept(&recording, args.bound, if pass == 0 { Some(&mut counts) } else { None });
             if pass == 0 {
                 count(&system, &recording, &kept, &mut counts);
@@ -125,21 +125,11 @@ pub fn run(args: InspectArgs) -> Result<()> {
     picture::draw(&title, &all, counts.tokens, &stem)
 }
 
-fn manifest(folder: &Path) -> Result<Manifest> {
-    let path = folder.join("manifest.json");
-    let text = std::fs::read_to_string(&path).with_context(|| {
-        format!("cannot read {}; make a data set with `cargo xtask dataset --out {}`", path.display(), folder.display())
-    })?;
-    serde_json::from_str(&text).with_context(|| format!("{} is no manifest of a data set", path.display()))
-}
-
-/// A shard, if it is of this system.
-fn shard(system: &System, path: &Path) -> Result<Recording> {
-    let recording = read_shard(path)?.0;
-    match recording.check(&system.robot) {
-        Ok(()) => Ok(recording),
-        Err(reason) => bail!("{}: {reason}", path.display()),
-    }
+/// A shard, if it is of this system and of the manifest's truth.
+fn shard(system: &System, manifest: &Manifest, path: &Path) -> Result<Recording> {
+    let (recording, header) = read_shard(path)?;
+    let checked = check_header(&header, system, &manifest.truth).and_then(|()| recording.check(&system.robot));
+    checked.map(|()| recording).map_err(|reason| anyhow!("{}: {reason}", path.display()))
 }
 
 /// Which trajectories a learner may see.
