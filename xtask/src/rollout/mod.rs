@@ -23,7 +23,8 @@ FILE of --states has a header and one row for each trajectory and step:
                 world's origin, the joints' rates d_JOINT; of cartpole x theta xdot thetadot, of pendulum q1 q2 qd1 qd2
   torques       all of tau_JOINT (N m or N) or none, held from their row's step to the next; of cartpole tau_cart tau_pole, of
                 pendulum tau1 tau2; without them no torque acts
-Columns go by these names (a TOML may give others), in any order; others are passed over.
+Columns go by these names (a TOML may give others; JOINT is q_NAME where a joint's name is taken, as `step` or `tau1` is), in
+any order; others are passed over.
 OUT has traj, step and the state, in f64 with as many digits as it takes.";
 
 /// Roll a solver out from the states of a file.
