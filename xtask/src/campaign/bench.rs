@@ -1,6 +1,6 @@
 //! Where cases are tried: a folder for files, and small models to be spoilt.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -80,15 +80,18 @@ fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -
     };
     let config = ModelConfig {
         robot: system.name.clone(),
+        robot_sha256: system.robot_sha256(),
         truth: Truth::Articulated.name(),
         base,
         view: View::Own,
         network,
+        // Saving makes it.
+        model_sha256: String::new(),
         data_sha256: "0".repeat(64),
         transitions: 1000,
         updates: 1,
         batch: 1,
-        provenance: HashMap::new(),
+        provenance: BTreeMap::new(),
     };
     let moments = |width: usize| Moments { mean: vec![0.0; width], variance: vec![1e-3; width] };
     let normalizer = Normalizer { inputs: moments(inputs), outputs: moments(outputs) };
