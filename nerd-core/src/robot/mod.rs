@@ -3,6 +3,7 @@
 mod lump;
 mod model;
 mod urdf;
+mod xml;
 
 pub use model::{Base, Joint, JointKind, Limit, Link, PlacedBox, Robot, Shape, ShapeKind};
 pub use urdf::UrdfError;
