@@ -77,7 +77,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let bar = crate::common::bar("frames", steps as u64);
     for step in 0..steps {
         for (t, torques) in file.trajectories.values().zip(torques.chunks_exact_mut(joints.max(1))) {
-            if let Some(given) = t.torques.get(&step) {
+            if let Some(given) = t.torques(step) {
                 torques.copy_from_slice(given);
             }
         }
