@@ -53,9 +53,6 @@ pub struct Kills {
 impl Kills {
     /// One row a command.
     pub fn table(&self) -> String {
-        if self.rows.is_empty() {
-            return String::new();
-        }
         markdown(&["command", "kills", "inside a write", "half-written", "other bytes after", "left over after"], &self.rows)
     }
 }

@@ -102,7 +102,7 @@ pub fn make(rng: &mut impl Rng) -> Files {
             (7, _) => {
                 let (always, beside) = VERBS[rng.random_range(0..VERBS.len())];
                 let foreign: Vec<String> =
-                    [options(always), options(beside)].concat().into_iter().filter(|w| w.starts_with("--")).collect();
+                    [options(always), options(beside)].concat().into_iter().filter(|w| w.starts_with("--") && !w.starts_with("--out")).collect();
                 words.push(foreign[rng.random_range(0..foreign.len())].clone());
             }
             (8, Some(flag)) if flag == "--out" || flag == "--seed" => drop(words.remove(at)),
@@ -219,6 +219,8 @@ fn fixtures(bench: &Bench, folder: &Path) -> Result<()> {
         file("other", "robot.toml", spec),
         file("other", "pendulum.urdf", &urdf.replace("mass value=\"25", "mass value=\"2")),
         file("other", "pendulum.toml", pendulum),
+        file("misnamed", "robot.urdf", xml),
+        file("misnamed", "robot.toml", &spec.replace("robot.urdf", "nobody.urdf")),
         file("mixed", "robot.urdf", xml),
         ("mixed", "latin.urdf".to_string(), b"<robot name=\"\xe9\"/>".to_vec()),
     ];

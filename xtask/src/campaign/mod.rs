@@ -83,7 +83,8 @@ pub fn run(args: CampaignArgs) -> Result<()> {
     bar.finish();
     let tally = tally.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
     let kills = kills::kill(args.kills, args.seed)?;
-    let text = format!("{}\n{}", tally.table(), kills.table());
+    let tables = [(args.cases, tally.table()), (args.kills, kills.table())];
+    let text = tables.into_iter().filter(|(n, _)| *n > 0).map(|(_, table)| table).collect::<Vec<_>>().join("\n");
     println!("{text}");
     let kept = tally.keep(args.seed, &args.faults, KEPT)?;
     if let Some(out) = &args.out {

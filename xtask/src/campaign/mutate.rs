@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt};
 
 /// Numbers that programs stumble over.
-pub const ODD: [&str; 26] = [
+pub const ODD: [&str; 27] = [
     "nan",
     "inf",
     "-inf",
@@ -22,7 +22,7 @@ pub const ODD: [&str; 26] = [
     "64",
     "1e6",
     "1e9",
-    "1e12",
+    "1e12", "1000000",
     "4294967296",
     "9223372036854775807",
     "18446744073709551615",
