@@ -15,10 +15,12 @@
 
 pub mod articulated;
 pub mod batch;
+mod collider;
 pub mod control;
 pub mod dataset;
 pub mod files;
 pub mod law;
+mod material;
 mod parallel;
 #[cfg(feature = "rapier")]
 pub mod rapier;
