@@ -81,7 +81,7 @@ impl Frame for Workspace {
         if self.explicit(system, scene, config, contact, state, tau)? {
             return Ok(());
         }
-        // A damper or a limit was met that no explicit substep of this length can bear.
+        // A damper, a limit or a friction was met that no explicit substep of this length can bear.
         state.copy_from_slice(&self.start);
         self.data.external.fill(Wrench::default());
         self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), state, tau)
@@ -128,7 +128,9 @@ impl Workspace {
                     let held = config.refresh == Refresh::Frame;
                     self.query(system, scene, qd, if held { 2.0 * system.frame_time } else { 0.0 }, if held { BEYOND } else { 0.0 })?;
                 }
-                self.press(robot, config, qd);
+                if !self.press(robot, config, qd, dt) {
+                    return Ok(false);
+                }
             }
             if !self.accelerate(robot, scene, q, qd, tau, renew, (dt, Integrator::SymplecticEuler))? {
                 return Ok(false);
@@ -169,8 +171,8 @@ impl Workspace {
         }
     }
 
-    /// Contact wrenches into `data.external`.
-    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64]) {
+    /// Contact wrenches into `data.external`; whether no friction is too stiff for a substep of `dt`.
+    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64], dt: f64) -> bool {
         self.data.external.fill(Wrench::default());
         let origin = self.data.origin;
         let mut moving = false;
@@ -183,12 +185,17 @@ impl Workspace {
                     velocities(robot, qd, &mut self.data);
                     moving = true;
                 }
+                let material = &self.materials[event.collider];
+                if self.stiff.drags(*owner, material.friction_damping, dt) {
+                    return false;
+                }
                 let x = p0 - n * point.radius;
                 let v = self.data.velocity[point.link].at(&x);
-                let f = force(gap, n, &v, &self.materials[event.collider], config.friction);
+                let f = force(gap, n, &v, material, config.friction);
                 self.data.external[point.link] += Wrench::force_at(f, &x);
             }
         }
+        true
     }
 
     /// `data.qdd = M^-1 (tau + limits - damping - bias)`; whether no joint is too stiff for a substep of `dt`.
