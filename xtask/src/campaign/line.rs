@@ -101,8 +101,11 @@ pub fn make(rng: &mut impl Rng) -> Files {
             (6, Some(flag)) if !verb => words.push(format!("{flag} {}", odd(rng, &flag))),
             (7, _) => {
                 let (always, beside) = VERBS[rng.random_range(0..VERBS.len())];
-                let foreign: Vec<String> =
-                    [options(always), options(beside)].concat().into_iter().filter(|w| w.starts_with("--") && !w.starts_with("--out")).collect();
+                let foreign: Vec<String> = [options(always), options(beside)]
+                    .concat()
+                    .into_iter()
+                    .filter(|w| w.starts_with("--") && !w.starts_with("--out"))
+                    .collect();
                 words.push(foreign[rng.random_range(0..foreign.len())].clone());
             }
             (8, Some(flag)) if flag == "--out" || flag == "--seed" => drop(words.remove(at)),
