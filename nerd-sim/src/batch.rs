@@ -37,6 +37,19 @@ impl Batch {
         self.scenes.is_empty()
     }
 
+    /// Refuses a batch whose fields are not of one length: they are public.
+    ///
+    /// # Errors
+    /// What the lengths are.
+    pub fn check(&self) -> Result<(), String> {
+        let (n, d) = (self.scenes.len(), self.system.robot.state_dim());
+        if self.states.len() == n * d && self.frames.len() == n {
+            return Ok(());
+        }
+        let (states, frames) = (self.states.len(), self.frames.len());
+        Err(format!("a batch of {n} scenes needs {} numbers in `states` and {n} in `frames`, it has {states} and {frames}", n * d))
+    }
+
     /// State `[q, qd]` of an environment.
     pub fn state(&self, env: usize) -> &[f64] {
         let d = self.system.robot.state_dim();

@@ -1,11 +1,13 @@
 //! Sampling laws written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
 
+use std::fmt;
+
 use rand::{Rng, RngExt};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// A uniform law on `[low, high)`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "String")]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Law {
     /// Lower end.
     pub low: f64,
@@ -20,6 +22,19 @@ impl Law {
     }
 }
 
+impl fmt::Display for Law {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // -0 + 0 is 0: equal laws read equal.
+        write!(f, "U({}, {})", self.low + 0.0, self.high + 0.0)
+    }
+}
+
+impl From<Law> for String {
+    fn from(law: Law) -> Self {
+        law.to_string()
+    }
+}
+
 impl TryFrom<String> for Law {
     type Error = String;
 
@@ -27,19 +42,27 @@ impl TryFrom<String> for Law {
         let inner = text.trim().strip_prefix("U(").and_then(|t| t.strip_suffix(')'));
         let ends = inner.and_then(|t| t.split_once(','));
         let law = ends.and_then(|(low, high)| Some(Self { low: number(low)?, high: number(high)? }));
-        law.filter(|l| l.low <= l.high).ok_or_else(|| format!("`{text}` is no law: write U(low, high), for example U(-pi, 2.5)"))
+        law.filter(|l| l.low <= l.high && (l.high - l.low).is_finite())
+            .ok_or_else(|| format!("`{text}` is no law: write U(low, high), for example U(-pi, 2.5)"))
     }
 }
 
 /// A finite number, a multiple of pi, or a fraction of two such.
 pub(crate) fn number(text: &str) -> Option<f64> {
-    let text = text.trim();
-    let value = match (text.split_once('/'), text.strip_suffix("pi")) {
-        (Some((a, b)), _) => number(a)? / number(b)?,
-        (None, Some("")) => std::f64::consts::PI,
-        (None, Some("-")) => -std::f64::consts::PI,
-        (None, Some(k)) => k.parse::<f64>().ok()? * std::f64::consts::PI,
-        (None, None) => text.parse().ok()?,
+    let value = match text.split_once('/') {
+        Some((above, below)) => multiple(above)? / multiple(below)?,
+        None => multiple(text)?,
     };
     value.is_finite().then_some(value)
+}
+
+/// A number or a multiple of pi.
+fn multiple(text: &str) -> Option<f64> {
+    let text = text.trim();
+    match text.strip_suffix("pi") {
+        Some("") => Some(std::f64::consts::PI),
+        Some("-") => Some(-std::f64::consts::PI),
+        Some(factor) => Some(factor.parse::<f64>().ok()? * std::f64::consts::PI),
+        None => text.parse().ok(),
+    }
 }

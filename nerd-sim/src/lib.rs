@@ -18,7 +18,9 @@ pub mod batch;
 pub mod control;
 pub mod dataset;
 pub mod files;
+mod identity;
 pub mod law;
+mod limits;
 mod parallel;
 #[cfg(feature = "rapier")]
 pub mod rapier;
@@ -27,6 +29,7 @@ pub mod scene;
 pub mod solver;
 pub mod spec;
 pub mod system;
+mod validate;
 pub mod worlds;
 
 /// What most programs need.

@@ -89,7 +89,7 @@ fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
         state[nq..nq + 3].copy_from_slice(w.as_slice());
         state[nq + 3..rates].copy_from_slice((pose * v + p.cross(&w)).as_slice());
     }
-    let specs: Vec<_> = system.joint_specs().collect();
+    let specs = &system.spec.joints;
     let laws = |i: usize| if which == Start::Sample { &specs[i].sample } else { &specs[i].reset };
     for i in 0..specs.len() {
         state[coords + i] = laws(i).q.draw(rng);
@@ -140,6 +140,8 @@ fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut imp
     let tangent = heights.fold(f64::INFINITY, f64::min);
     // The plane's reach is measured from the first joint, where the arm hangs.
     let pivot = point_position(&data, 0, &Vector3::zeros());
-    let (low, high) = (normal.dot(&pivot) - law.reach, tangent - law.clearance);
+    let high = tangent - law.clearance;
+    // Where the start leaves no room within reach, the clearance is kept.
+    let low = (normal.dot(&pivot) - law.reach).min(high);
     Plane { normal, offset: Law { low, high }.draw(rng) }
 }

@@ -5,10 +5,10 @@ use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Compliant contact material; a pair acts with the mean of its two.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
     /// Normal stiffness k_e (N/m).

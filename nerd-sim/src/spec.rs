@@ -1,24 +1,28 @@
-//! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused.
+//! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused, and numbers outside the ranges of
+//! `validate.rs`, which says them by key.
 
-use serde::Deserialize;
+use std::collections::BTreeMap;
 
-use std::collections::HashMap;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::articulated::Refresh;
-use crate::law::Law;
+use crate::law::{Law, number};
 use crate::scene::Material;
 
 /// One file.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spec {
-    /// URDF file beside this one.
-    pub urdf: String,
+    /// Name of the URDF file beside this one [default: this one's, as .urdf]; another is refused where files are read.
+    #[serde(default)]
+    pub urdf: Option<String>,
     /// Whether the root is free.
     pub floating: bool,
     /// One control frame (s), a number or a fraction such as `1/60`.
     pub frame_time: String,
     /// Gravity (m/s^2), world axes.
+    #[serde(deserialize_with = "exactly")]
     pub gravity: [f64; 3],
     /// Substeps of the reference simulator in one frame.
     pub substeps: usize,
@@ -44,7 +48,7 @@ pub struct Spec {
     pub root: Option<RootSpec>,
     /// By link, the link whose inertia moves in its place in the mass matrix; see [`nerd_core::robot::Robot`].
     #[serde(default)]
-    pub mass_matrix_of: HashMap<String, String>,
+    pub mass_matrix_of: BTreeMap<String, String>,
     /// What is said of each joint.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointSpec>,
@@ -56,8 +60,15 @@ pub struct Spec {
     pub scenes: Vec<SceneSpec>,
 }
 
+impl Spec {
+    /// One control frame (s); NaN if `frame_time` is no number.
+    pub fn seconds(&self) -> f64 {
+        number(&self.frame_time).unwrap_or(f64::NAN)
+    }
+}
+
 /// What is said of a joint.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointSpec {
     /// Name in the URDF.
@@ -70,7 +81,11 @@ pub struct JointSpec {
     /// Drive inertia at the joint (kg m^2 or kg).
     #[serde(default)]
     pub armature: f64,
-    /// Spring and damper beyond the URDF's limits.
+    /// Spring and damper beyond the URDF's limits; both 0 leave them without effect.
+    ///
+    /// Default: as stiff as `paper`'s substep `dt` bears. With the least inertia I that the joint shows over a few poses, all
+    /// others free: stiffness `I (0.2 / dt)^2`, or up to four times that where the joint's effort would else push it 4 % of its
+    /// range beyond an end; damping `0.4 I / dt`.
     pub limit: Option<LimitSpec>,
     /// Amplitude of random torques (N m or N).
     #[serde(default)]
@@ -90,7 +105,7 @@ pub struct JointSpec {
 }
 
 /// The position law `tau = kp (target - q) - kd qd`.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlSpec {
     /// Whether the target is measured from where the joint is, not from its default.
@@ -109,7 +124,7 @@ pub struct ControlSpec {
 }
 
 /// Laws of the gains of training data, one draw for all joints.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomGains {
     /// Law of kp.
@@ -119,12 +134,14 @@ pub struct RandomGains {
 }
 
 /// Default pose and starts of a floating root.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RootSpec {
     /// Default position (m).
+    #[serde(deserialize_with = "exactly")]
     pub position: [f64; 3],
     /// Default orientation, x y z w.
+    #[serde(deserialize_with = "exactly")]
     pub quaternion: [f64; 4],
     /// Starts of training data.
     pub sample: RootStart,
@@ -133,23 +150,26 @@ pub struct RootSpec {
 }
 
 /// Laws of a floating root's start.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RootStart {
     /// World position by axis (m).
+    #[serde(deserialize_with = "exactly")]
     pub position: [Law; 3],
     /// Angle (rad) of a turn of the default pose about a cube-uniform body axis.
     pub tilt: Law,
     /// Angular velocity in body axes (rad/s).
+    #[serde(deserialize_with = "exactly")]
     pub angular: [Law; 3],
     /// Velocity of the root in body axes (m/s).
+    #[serde(deserialize_with = "exactly")]
     pub linear: [Law; 3],
     /// Starts are drawn again until every contact point stands this far from the data's scene (m).
     pub clearance: Option<f64>,
 }
 
 /// Spring and damper of a limit.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LimitSpec {
     /// N m/rad or N/m.
@@ -159,7 +179,7 @@ pub struct LimitSpec {
 }
 
 /// Laws of a joint's initial position and velocity.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartSpec {
     /// Law of the position.
@@ -171,12 +191,13 @@ pub struct StartSpec {
 }
 
 /// A contact point.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactSpec {
     /// Link it is fixed on.
     pub link: String,
     /// Position in the link frame (m).
+    #[serde(deserialize_with = "exactly")]
     pub point: [f64; 3],
     /// Radius in the contact law (m).
     pub radius: f64,
@@ -185,7 +206,7 @@ pub struct ContactSpec {
 }
 
 /// Law of random planes (per trajectory).
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomPlane {
     /// Farthest the plane stands from the root (m).
@@ -195,7 +216,7 @@ pub struct RandomPlane {
 }
 
 /// A named scene.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneSpec {
     /// Its name on the command line.
@@ -207,11 +228,18 @@ pub struct SceneSpec {
 }
 
 /// A plane through (0, height, 0): the horizontal one turned by extrinsic x-y-z angles.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneSpec {
     /// Height along the up axis (m).
     pub height: f64,
     /// Angles (rad), `R = Rz Ry Rx`.
+    #[serde(deserialize_with = "exactly")]
     pub angles: [f64; 3],
+}
+
+/// So many values, no more: serde drops the rest of a longer list.
+fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(from: D) -> Result<[T; N], D::Error> {
+    let values = Vec::<T>::deserialize(from)?;
+    values.try_into().map_err(|found: Vec<T>| D::Error::custom(format!("{} values, {N} are needed", found.len())))
 }

@@ -1,16 +1,19 @@
 //! A system: a robot model together with its specification, built in or from files.
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Link, Robot, UrdfError};
+use nerd_core::robot::{Joint, Link, Robot, UrdfError};
 
-use crate::law::{Law, number};
+use crate::law::Law;
+use crate::limits::stiffen;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
 use crate::scene::{Collider, Scene, turned_plane};
-use crate::spec::{JointSpec, Spec, StartSpec};
+use crate::spec::{ContactSpec, JointSpec, Spec, StartSpec};
+use crate::validate::{RESERVED, check};
 use crate::worlds::{WORLDS, world};
 
 /// Name, specification and URDF of a robot that comes with the crate.
@@ -73,8 +76,6 @@ pub struct System {
     pub spec: Spec,
     /// One control frame (s).
     pub frame_time: f64,
-    /// Index of each name in `spec.joints`, by joint.
-    joint_specs: Vec<usize>,
 }
 
 impl System {
@@ -92,14 +93,23 @@ impl System {
         if path.extension().is_none_or(|e| e != "urdf") {
             return Err(SystemError::Unknown(name.into()));
         }
-        let read = |path: &Path| std::fs::read_to_string(path).map_err(|source| SystemError::File { path: path.into(), source });
+        let read = |path: &Path| crate::files::read_text(path).map_err(|source| SystemError::File { path: path.into(), source });
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
         let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
-        Self::from_text(&stem, &read(path)?, spec.as_deref()).map(Arc::new)
+        let system = Self::from_text(&stem, &read(path)?, spec.as_deref())?;
+        // A file that says it is of another one would be believed.
+        match &system.spec.urdf {
+            Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {
+                let text = format!("urdf = {urdf:?}, but {name} is what is read; write its name, or leave the line out");
+                Err(SystemError::Spec(stem.into(), text))
+            }
+            _ => Ok(Arc::new(system)),
+        }
     }
 
-    /// From the text of a URDF and of a specification; without one, see [`System::bare`], with a fixed base.
+    /// From the text of a URDF and of a specification; without one, see [`System::bare`], with a fixed base. Here no file is
+    /// known, and `urdf` in the specification means nothing.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         let Some(text) = spec else { return Self::bare(name, urdf, false) };
         let spec = toml::from_str::<Spec>(text);
@@ -119,63 +129,15 @@ impl System {
     fn new(name: &str, mut robot: Robot, mut spec: Spec, told: bool) -> Result<Self, SystemError> {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
-        let frame_time = number(&spec.frame_time).filter(|t| *t > 0.0);
-        let frame_time = frame_time.ok_or_else(|| wrong(format!("frame_time `{}` is no positive number of seconds", spec.frame_time)))?;
-        for (what, found, wanted) in [
-            ("state_columns", spec.state_columns.len(), robot.state_dim()),
-            ("torque_columns", spec.torque_columns.len(), robot.joint_count()),
-            ("joint", spec.joints.len(), robot.joint_count()),
-        ] {
-            if found != wanted {
-                return Err(wrong(format!("{found} entries of `{what}`, the robot needs {wanted}")));
-            }
+        check(&spec, &robot).map_err(wrong)?;
+        // From here on in the order of the coordinates.
+        let places: HashMap<&str, usize> = robot.joints().enumerate().map(|(i, j)| (j.name.as_str(), i)).collect();
+        spec.joints.sort_by_key(|joint| places.get(joint.name.as_str()).copied());
+        if let Some(root) = &mut spec.root {
+            upright(&mut root.quaternion);
         }
-        let mut joint_specs = Vec::new();
-        if spec.root.is_some() && !robot.floating() {
-            return Err(wrong("[root] is for a floating robot; set floating = true".into()));
-        }
-        if !spec.mass_matrix_of.is_empty() {
-            let at = |name: &str| robot.links.iter().position(|l| l.name == name);
-            let unknown = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| at(n).is_none());
-            if let Some(link) = unknown {
-                return Err(wrong(format!("mass_matrix_of names unknown link `{link}`")));
-            }
-            let other = |l: &Link| spec.mass_matrix_of.get(&l.name).map_or(&l.name, |o| o).clone();
-            robot.mass_matrix_of = robot.links.iter().filter_map(|l| at(&other(l))).collect();
-        }
-        for joint in robot.joints_mut() {
-            let index = spec.joints.iter().position(|s| s.name == joint.name);
-            let index = index.ok_or_else(|| wrong(format!("no [[joint]] named `{}`", joint.name)))?;
-            joint.armature = spec.joints[index].armature;
-            match (&mut joint.limit, spec.joints[index].limit) {
-                (Some(limit), Some(law)) => (limit.stiffness, limit.damping) = (law.stiffness, law.damping),
-                (None, Some(_)) => return Err(wrong(format!("joint `{}` has no limit in the URDF to give stiffness to", joint.name))),
-                (_, None) => {}
-            }
-            joint_specs.push(index);
-        }
-        if !spec.contacts.is_empty() {
-            let link = |wanted: &str| {
-                robot.links.iter().position(|l| l.name == wanted).ok_or_else(|| wrong(format!("[[contact]] on unknown link `{wanted}`")))
-            };
-            let points = spec.contacts.iter().map(|c| {
-                Ok(ContactPoint { link: link(&c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
-            });
-            robot.contact_points = points.collect::<Result<_, SystemError>>()?;
-        } else if told && spec.scenes.is_empty() && spec.random_plane.is_none() {
-            // Said to have nothing to touch: the robot pays for no contact point.
-            robot.contact_points.clear();
-        }
-        if let Some(joint) =
-            spec.joints.iter().find(|j| j.torque.is_nan() || j.torque < 0.0 || j.gain.is_some_and(|g| g.is_nan() || g < 0.0))
-        {
-            return Err(wrong(format!("torque or gain of joint `{}` is negative or no number", joint.name)));
-        }
-        let clear = spec.root.iter().flat_map(|r| [Some(&r.sample), r.reset.as_ref()]).flatten().any(|s| s.clearance.is_some());
-        if clear && spec.data_scene.is_none() {
-            return Err(wrong("[root] asks for clearance, but no data_scene says from what".into()));
-        }
-        let system = Self { name: name.into(), robot, spec, frame_time, joint_specs };
+        equip(&mut robot, &spec, told);
+        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec };
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
         }
@@ -202,7 +164,7 @@ impl System {
 
     /// What the specification says of each joint, in the order of the coordinates.
     pub fn joint_specs(&self) -> impl Iterator<Item = &JointSpec> {
-        self.joint_specs.iter().map(|&i| &self.spec.joints[i])
+        self.spec.joints.iter()
     }
 
     /// Amplitude of random torques by joint (N m or N).
@@ -244,20 +206,61 @@ impl System {
     }
 }
 
-/// Columns of tables that the specification leaves to us.
+/// Gives the robot what a checked specification says of it.
+fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
+    let at = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.name == name);
+    if !spec.mass_matrix_of.is_empty() {
+        let other = |l: &Link| spec.mass_matrix_of.get(&l.name).map_or(&l.name, |o| o).clone();
+        robot.mass_matrix_of = robot.links.iter().filter_map(|l| at(robot, &other(l))).collect();
+    }
+    for (joint, said) in robot.joints_mut().zip(&spec.joints) {
+        joint.armature = said.armature;
+        if let (Some(limit), Some(law)) = (&mut joint.limit, said.limit) {
+            (limit.stiffness, limit.damping) = (law.stiffness, law.damping);
+        }
+    }
+    let unsaid: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
+    stiffen(robot, &unsaid, spec.seconds() / spec.substeps as f64);
+    if !spec.contacts.is_empty() {
+        let point = |c: &ContactSpec| {
+            Some(ContactPoint { link: at(robot, &c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
+        };
+        robot.contact_points = spec.contacts.iter().filter_map(point).collect();
+    } else if told && spec.scenes.is_empty() && spec.random_plane.is_none() {
+        // Said to have nothing to touch: the robot pays for no contact point.
+        robot.contact_points.clear();
+    }
+}
+
+/// Makes a quaternion a unit one; one that is so but for rounding stays as it is.
+fn upright(quaternion: &mut [f64; 4]) {
+    let size = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (size - 1.0).abs() > 1e-12 {
+        quaternion.iter_mut().for_each(|x| *x /= size);
+    }
+}
+
+/// Columns of tables that the specification leaves to us: joints by their names, with `q_` before those that would be
+/// taken for another column.
 fn name_columns(robot: &Robot, spec: &mut Spec) {
-    let column = |joint: &nerd_core::robot::Joint| {
-        let said = spec.joints.iter().find(|s| s.name == joint.name).and_then(|s| s.column.clone());
-        said.unwrap_or_else(|| joint.name.clone())
-    };
-    let names: Vec<String> = robot.joints().map(column).collect();
     let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
+    let (pose, twist) = (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
+    let said: HashMap<&str, &String> = spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
+    let mut taken: HashSet<String> = pose.iter().chain(&twist).cloned().chain(RESERVED.map(String::from)).collect();
+    let mut column = |joint: &Joint| {
+        let mut name = said.get(joint.name.as_str()).copied().unwrap_or(&joint.name).trim().to_string();
+        while !said.contains_key(joint.name.as_str())
+            && (name.starts_with("tau") || taken.contains(&name) || taken.contains(&format!("d_{name}")))
+        {
+            name = format!("q_{name}");
+        }
+        taken.extend([name.clone(), format!("d_{name}")]);
+        name
+    };
+    let names: Vec<String> = robot.joints().map(&mut column).collect();
     if spec.state_columns.is_empty() {
-        let rates = names.iter().map(|n| format!("d_{n}"));
-        spec.state_columns = root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]);
-        spec.state_columns.extend(names.clone());
-        spec.state_columns.extend(root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
-        spec.state_columns.extend(rates);
+        let rates = names.iter().map(|n| format!("d_{n}")).collect();
+        spec.state_columns = [pose, names.clone(), twist, rates].concat();
     }
     if spec.torque_columns.is_empty() {
         spec.torque_columns = names.iter().map(|n| format!("tau_{n}")).collect();
@@ -282,7 +285,7 @@ fn plain(robot: &Robot) -> Spec {
         reset: start(0.1, 0.0),
     };
     Spec {
-        urdf: String::new(),
+        urdf: None,
         floating: robot.floating(),
         frame_time: "1/60".into(),
         gravity: [0.0, 0.0, -9.81],

@@ -3,6 +3,8 @@
 //! Laid out with x and y on the ground and z against gravity, then turned so that z is the robot's up axis. Nothing rises
 //! above the ground within 0.4 m of the origin, so a robot that starts clear of a plane starts clear here, too.
 
+use std::sync::LazyLock;
+
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
@@ -20,6 +22,9 @@ const BOX: [[f64; 3]; 2] = [[0.3, 0.5, 0.1], [0.75, 0.0, 0.1]];
 const STEPS: (usize, f64, f64, f64) = (6, 0.08, 0.4, 4.0);
 /// Hills of `hills`: half side (m), cells a side, depth of the deepest valley (m); beyond them lies a plane that deep.
 const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
+
+/// The mesh of `hills`, made once and shared by every scene.
+static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(SharedShape::new));
 
 /// One of [`WORLDS`] under `gravity`, all of one material.
 pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
@@ -47,7 +52,7 @@ pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<S
         }
         "hills" => {
             let pose = Isometry3::from_parts(Vector3::zeros().into(), turn);
-            vec![flat(-HILLS.2, Vector3::z()), Collider::new(SharedShape::new(hills()?), pose, material)]
+            vec![flat(-HILLS.2, Vector3::z()), Collider::new(HILLS_MESH.clone()?, pose, material)]
         }
         _ => return None,
     };

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
+use nerd_core::state::vector;
 use nerd_model::features::Features;
 use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, read_shard, record, sha256_of};
+use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, check_header, read_shard, record, sha256_of};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
@@ -32,12 +33,12 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
         |(features, flight), (trajectory, (x, y))| {
             let row = Row::of(system, recording, trajectory);
             let bases = match flight {
-                None => &row.states,
+                None => row.states,
                 Some(flight) => {
                     let free = Arc::new(Scene::free(row.gravity));
                     let scenes = vec![free; f];
                     flight
-                        .step(&row.states[..f * outputs], &scenes, &row.torques)
+                        .step(&row.states[..f * outputs], &scenes, row.torques)
                         .map_err(|source| DatasetError::Step { first: trajectory as u64, source })?
                 }
             };
@@ -51,22 +52,21 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
     Ok(Windows { inputs, outputs, frames: f, history, x, y })
 }
 
-/// A trajectory in f64.
-struct Row {
+/// A trajectory.
+struct Row<'a> {
     trajectory: usize,
-    states: Vec<f64>,
-    torques: Vec<f64>,
+    states: &'a [f64],
+    torques: &'a [f64],
     gravity: Vector3<f64>,
 }
 
-impl Row {
-    fn of(system: &System, recording: &Recording, trajectory: usize) -> Self {
+impl<'a> Row<'a> {
+    fn of(system: &System, recording: &'a Recording, trajectory: usize) -> Self {
         let (f, d, joints) = (recording.frames, system.robot.state_dim(), system.robot.joint_count());
-        let wide = |x: &[f32]| x.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
         Self {
             trajectory,
-            states: wide(&recording.states[trajectory * (f + 1) * d..][..(f + 1) * d]),
-            torques: wide(&recording.torques[trajectory * f * joints..][..f * joints]),
+            states: &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d],
+            torques: &recording.torques[trajectory * f * joints..][..f * joints],
             gravity: vector(&recording.gravity[3 * trajectory..]),
         }
     }
@@ -88,7 +88,7 @@ impl Row {
         let event = |k: usize| {
             let i = row * points + k;
             let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
-            let distance = f64::from(recording.depths[i]);
+            let distance = recording.depths[i];
             // The point on the robot follows from the rest and is no input of the network.
             ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
         };
@@ -96,10 +96,6 @@ impl Row {
         features.token(state, base, &events, &self.torques[frame * joints..][..joints], &self.gravity, x);
         features.target(state, base, next, y);
     }
-}
-
-fn vector(x: &[f32]) -> Vector3<f64> {
-    Vector3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]))
 }
 
 /// A data set ready to be normalised, and the hash of the recordings it was made from.
@@ -121,6 +117,7 @@ pub fn generate(
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared, DatasetError> {
     let form = form.into();
+    config.check(system)?;
     let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
@@ -149,18 +146,14 @@ pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, fo
     let form = form.into();
     let path = folder.join("manifest.json");
     let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
-    let text = std::fs::read_to_string(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
-    let manifest: Manifest = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    if manifest.robot != system.name {
-        return Err(wrong(format!("holds robot `{}`, not `{}`", manifest.robot, system.name)));
-    }
+    let manifest = Manifest::read(folder)?;
+    manifest.check(system, truth).map_err(wrong)?;
     let shard = |name: &String| -> Result<_, DatasetError> {
-        let (recording, header) = read_shard(&folder.join(name))?;
-        let found = header.get("truth").map_or("nothing that it names", String::as_str);
-        if found != truth {
-            return Err(wrong(format!("holds transitions of truth `{found}`, not `{truth}`")));
-        }
-        recording.check(&system.robot).map_err(|reason| wrong(format!("{name}: {reason}")))?;
+        let path = folder.join(name);
+        let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
+        let (recording, header) = read_shard(&path)?;
+        check_header(&header, system, truth).map_err(wrong)?;
+        recording.check(&system.robot).map_err(wrong)?;
         Ok((tokens(system, &recording, history, form)?, recording.sha256()))
     };
     let prepared = joined(manifest.shards.par_iter().map(shard).collect::<Result<_, DatasetError>>()?);

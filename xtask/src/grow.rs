@@ -156,6 +156,8 @@ fn untrained(system: &Arc<System>, scene: &Arc<Scene>, embedding: usize, layers:
     let unit = |n: usize| Moments { mean: vec![0.0; n], variance: vec![1.0; n] };
     let config = ModelConfig {
         robot: system.name.clone(),
+        robot_sha256: system.robot_sha256(),
+        model_sha256: String::new(),
         truth: "none".into(),
         base,
         view: Default::default(),

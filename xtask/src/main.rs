@@ -2,7 +2,8 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::error::ErrorKind;
+use clap::{Command, CommandFactory, FromArgMatches, Parser};
 
 mod ablations;
 mod chart;
@@ -11,10 +12,12 @@ mod common;
 mod dataset;
 mod evaluate;
 mod files;
+mod flags;
 mod grow;
 mod horizons;
 mod inspect;
 mod mujoco;
+mod numbers;
 mod paper;
 mod plot;
 mod policy;
@@ -63,10 +66,26 @@ enum Verb {
     Check(check::CheckArgs),
 }
 
+fn parse() -> Result<Verb, clap::Error> {
+    let mut command = negatives(Verb::command());
+    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+    Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut command))
+}
+
+/// A number below zero behind an option is its value, for the option to refuse by its range.
+fn negatives(command: Command) -> Command {
+    let options = command.mut_args(|arg| {
+        let valued = !arg.is_positional() && arg.get_action().takes_values();
+        arg.allow_negative_numbers(valued)
+    });
+    options.mut_subcommands(negatives)
+}
+
 fn main() -> ExitCode {
-    let verb = match Verb::try_parse() {
+    let verb = match parse() {
         Ok(verb) => verb,
-        Err(error) if !error.use_stderr() => error.exit(),
+        // Asked for help, or for nothing at all: the list of verbs.
+        Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
         Err(error) => {
             // clap's message without its usage, on one line.
             let text = error.to_string();

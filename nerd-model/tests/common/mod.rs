@@ -26,6 +26,8 @@ pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
     let config = ModelConfig {
         robot,
+        robot_sha256: system.robot_sha256(),
+        model_sha256: String::new(),
         truth,
         base,
         view: Default::default(),

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::system::System;
+use crate::validate::{MOST_SUBSTEPS, within};
 
 /// Integrator of contact-free environments; those with contact use symplectic Euler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,5 +101,16 @@ impl ArticulatedConfig {
     /// Accurate: RK4 with four substeps in free space, [`Self::implicit`] with 128 where there is something to touch.
     pub fn converged(friction: Friction) -> Self {
         Self::implicit(128, friction)
+    }
+
+    /// Refuses numbers of substeps that would stand still, or never end.
+    ///
+    /// # Errors
+    /// Which one, and what is needed.
+    pub fn check(&self) -> Result<(), String> {
+        for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
+            within(&format!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+        }
+        Ok(())
     }
 }

@@ -21,6 +21,7 @@ impl Articulated {
 
 impl Solver for Articulated {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        self.config.check().map_err(StepError::Solver)?;
         self.parallel.step(&self.config, batch, torques)
     }
 }

@@ -1,75 +1,18 @@
 //! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 
 use super::drive::Drive;
-use super::pilot::Pilot;
 use super::recording::sha256_of;
-use super::{DatasetError, Recording, read_shard, write_shard};
+use super::{DatasetError, FORMAT, GenerateConfig, Manifest, Recording, manifest, read_shard, write_shard};
 use crate::batch::{Batch, contacts};
-use crate::law::Law;
 use crate::sampling::{Start, scene, start, stream};
 use crate::solver::Solver;
 use crate::system::System;
-
-/// What to generate.
-#[derive(Clone, Debug)]
-pub struct GenerateConfig {
-    /// Transitions in all, rounded up to whole trajectories.
-    pub transitions: usize,
-    /// Frames of a trajectory (paper: 100).
-    pub frames: usize,
-    /// Seed (training 0, validation 10 in the paper).
-    pub seed: u64,
-    /// Trajectories of a shard.
-    pub shard_trajectories: usize,
-    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
-    /// passive where draws are negative ([`super::Drive::draw`]).
-    pub torque_scale: Law,
-    /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
-    pub hold: usize,
-    /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
-    pub resets: f64,
-    /// Who acts in place of random torques, from starts of its own, and in what share of the trajectories (paper: none).
-    pub pilot: Option<(Arc<dyn Pilot>, f64)>,
-}
-
-impl Default for GenerateConfig {
-    fn default() -> Self {
-        let torque_scale = Law { low: 1.0, high: 1.0 };
-        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, pilot: None }
-    }
-}
-
-impl GenerateConfig {
-    /// Trajectories in all.
-    pub fn trajectories(&self) -> usize {
-        self.transitions.div_ceil(self.frames)
-    }
-}
-
-/// What a folder of shards holds; `manifest.json` in it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
-    /// Robot.
-    pub robot: String,
-    /// Trajectories.
-    pub trajectories: usize,
-    /// Frames of each.
-    pub frames: usize,
-    /// Seed.
-    pub seed: u64,
-    /// Shard files, in order.
-    pub shards: Vec<String>,
-    /// Hash of all shards ([`sha256_of`]).
-    pub sha256: String,
-}
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(
@@ -79,6 +22,7 @@ pub fn record(
     first: u64,
     count: usize,
 ) -> Result<Recording, DatasetError> {
+    config.check(system)?;
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
     let mut drive = Drive::new(system);
     let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
@@ -98,11 +42,11 @@ pub fn record(
         batch.scenes[env] = scene(system, &state, rng);
         batch.reset(env, &state);
         scales.push(config.torque_scale.draw(rng));
-        holds.push(if config.hold > 1 { ((config.hold + 1) as f64).powf(rng.random()) as usize } else { 1 });
+        holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
         solver.reset(env);
     }
     let f = config.frames;
-    let zeros = |n: usize| vec![0.0f32; n];
+    let zeros = |n: usize| vec![0.0; n];
     let mut out = Recording {
         trajectories: count,
         frames: f,
@@ -111,14 +55,14 @@ pub fn record(
         normals: zeros(count * f * points * 3),
         points: zeros(count * f * points * 3),
         depths: zeros(count * f * points),
-        gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().map(|g| *g as f32)).collect(),
+        gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().copied()).collect(),
     };
     let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
     let mut begun = streams.clone();
     for frame in 0..=f {
         for env in 0..count {
             let at = (env * (f + 1) + frame) * d;
-            copy(&mut out.states[at..], batch.state(env));
+            out.states[at..at + d].copy_from_slice(batch.state(env));
             if frame == f {
                 continue;
             }
@@ -134,13 +78,14 @@ pub fn record(
                 Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
                 None => drive.draw(batch.state(env), scales[env], &mut streams[env], now),
             }
-            copy(&mut out.torques[row * joints..], &tau[env * joints..(env + 1) * joints]);
+            out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
             if points > 0 {
                 contacts(system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
                 for (k, event) in events.iter().enumerate() {
-                    copy(&mut out.normals[(row * points + k) * 3..], event.normal.as_slice());
-                    copy(&mut out.points[(row * points + k) * 3..], event.p1.as_slice());
-                    out.depths[row * points + k] = event.distance as f32;
+                    let at = (row * points + k) * 3;
+                    out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());
+                    out.points[at..at + 3].copy_from_slice(event.p1.as_slice());
+                    out.depths[row * points + k] = event.distance;
                 }
             }
         }
@@ -149,10 +94,6 @@ pub fn record(
         }
     }
     Ok(out)
-}
-
-fn copy(out: &mut [f32], x: &[f64]) {
-    out.iter_mut().zip(x).for_each(|(o, x)| *o = *x as f32);
 }
 
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are
@@ -165,7 +106,9 @@ pub fn generate(
     folder: &Path,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
+    config.check(system)?;
     let total = config.trajectories();
+    let identity = manifest::header(system, truth);
     let mut hashes = Vec::new();
     let mut shards = Vec::new();
     let mut first = 0;
@@ -173,20 +116,18 @@ pub fn generate(
         let count = config.shard_trajectories.min(total - first);
         let name = format!("shard-{:05}.safetensors", shards.len());
         let path = folder.join(&name);
-        let header: BTreeMap<String, String> = [
-            ("robot", system.name.clone()),
-            ("truth", truth.to_string()),
+        let mut header = identity.clone();
+        let settings = [
             ("seed", config.seed.to_string()),
             ("first", first.to_string()),
             ("frames", config.frames.to_string()),
             ("trajectories", count.to_string()),
-            ("torque_scale", format!("U({}, {})", config.torque_scale.low, config.torque_scale.high)),
+            ("torque_scale", config.torque_scale.to_string()),
             ("hold", config.hold.to_string()),
             ("resets", config.resets.to_string()),
             ("pilot", format!("{:?}", config.pilot)),
-        ]
-        .map(|(k, v)| (k.to_string(), v))
-        .into();
+        ];
+        header.extend(settings.map(|(k, v)| (k.to_string(), v)));
         let kept = read_shard(&path).ok().filter(|(_, found)| *found == header).map(|(recording, _)| recording);
         let recording = match kept {
             Some(recording) => recording,
@@ -202,7 +143,18 @@ pub fn generate(
         progress(first * config.frames, total * config.frames);
     }
     let sha256 = sha256_of(hashes);
-    let manifest = Manifest { robot: system.name.clone(), trajectories: total, frames: config.frames, seed: config.seed, shards, sha256 };
+    let manifest = Manifest {
+        format: Some(FORMAT),
+        robot: system.name.clone(),
+        robot_sha256: system.robot_sha256(),
+        system_sha256: system.sha256(),
+        truth: truth.into(),
+        trajectories: total,
+        frames: config.frames,
+        seed: config.seed,
+        shards,
+        sha256,
+    };
     let path = folder.join("manifest.json");
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;
     crate::files::write(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;

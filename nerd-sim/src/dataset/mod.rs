@@ -1,13 +1,17 @@
 //! Random trajectories and the shards that hold them.
 
+mod config;
 mod drive;
 mod generate;
+mod manifest;
 mod pilot;
 mod recording;
 mod shard;
 
+pub use config::GenerateConfig;
 pub use drive::Drive;
-pub use generate::{GenerateConfig, Manifest, generate, record};
+pub use generate::{generate, record};
+pub use manifest::{Manifest, check_header};
 pub use pilot::{Act, Pilot};
 pub use recording::{Recording, sha256_of};
-pub use shard::{DatasetError, read_shard, write_shard};
+pub use shard::{DatasetError, FORMAT, read_shard, write_shard};

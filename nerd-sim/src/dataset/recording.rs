@@ -1,4 +1,5 @@
-//! Trajectories of equal length in memory, f32, trajectory-major.
+//! Trajectories of equal length in memory, trajectory-major, in f64: a robot 100 km from the world's origin is seen from
+//! where it stands as exactly as one at it, which world positions in f32 would round by 8 mm.
 
 use nerd_core::robot::Robot;
 use sha2::{Digest, Sha256};
@@ -11,24 +12,24 @@ pub struct Recording {
     /// Frames of each.
     pub frames: usize,
     /// States `[trajectory][F + 1][state_dim]`.
-    pub states: Vec<f32>,
+    pub states: Vec<f64>,
     /// Joint torques held over each frame, `[trajectory][F][joints]`.
-    pub torques: Vec<f32>,
+    pub torques: Vec<f64>,
     /// Surface normals at the frame's start, world axes, `[trajectory][F][points][3]`.
-    pub normals: Vec<f32>,
+    pub normals: Vec<f64>,
     /// Nearest scene points at the frame's start, world (m), `[trajectory][F][points][3]`.
-    pub points: Vec<f32>,
+    pub points: Vec<f64>,
     /// Signed distances at the frame's start (m), `[trajectory][F][points]`; infinite in an empty scene.
-    pub depths: Vec<f32>,
+    pub depths: Vec<f64>,
     /// Gravity (m/s^2), `[trajectory][3]`.
-    pub gravity: Vec<f32>,
+    pub gravity: Vec<f64>,
 }
 
 impl Recording {
     /// The arrays by name, with the shape of one trajectory.
-    pub fn arrays(&self) -> [(&'static str, Vec<usize>, &Vec<f32>); 6] {
+    pub fn arrays(&self) -> [(&'static str, Vec<usize>, &Vec<f64>); 6] {
         let (n, f) = (self.trajectories, self.frames);
-        let width = |x: &Vec<f32>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
+        let width = |x: &Vec<f64>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
         let contacts = width(&self.depths, f);
         [
             ("states", vec![f + 1, width(&self.states, f + 1)], &self.states),

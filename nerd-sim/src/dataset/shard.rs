@@ -19,6 +19,9 @@ pub enum DatasetError {
         /// What it said.
         source: std::io::Error,
     },
+    /// Nothing that can be made.
+    #[error("{0}")]
+    Config(String),
     /// Not a shard, or a shard of something else.
     #[error("{path}: {reason}", path = path.display())]
     Format {
@@ -45,16 +48,22 @@ fn file_error(path: &Path) -> impl Fn(std::io::Error) -> DatasetError + '_ {
 /// be the same bytes.
 const ENTRY: &str = "recording";
 
-/// Writes `recording` with `metadata` in the header (as JSON): to a temporary name first, then renamed.
+/// Form of shards and their manifest. The first had f32 arrays and did not know the system.
+pub const FORMAT: u32 = 2;
+const FORMAT_KEY: &str = "format";
+
+/// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary name first, then renamed.
 pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), DatasetError> {
-    let text = serde_json::to_string(metadata).map_err(|e| DatasetError::Format { path: path.into(), reason: e.to_string() })?;
+    let format = [(FORMAT_KEY.to_string(), FORMAT.to_string())];
+    let metadata: BTreeMap<_, _> = metadata.clone().into_iter().chain(format).collect();
+    let text = serde_json::to_string(&metadata).map_err(|e| DatasetError::Format { path: path.into(), reason: e.to_string() })?;
     let metadata = HashMap::from([(ENTRY.to_string(), text)]);
     let wrong = |e: safetensors::SafeTensorError| DatasetError::Format { path: path.into(), reason: e.to_string() };
     let raw = recording.arrays().map(|(name, shape, x)| {
         let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
         (name, [vec![recording.trajectories], shape].concat(), bytes)
     });
-    let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F32, shape.clone(), bytes).map_err(wrong)?)));
+    let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F64, shape.clone(), bytes).map_err(wrong)?)));
     let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, DatasetError>>()?, Some(metadata)).map_err(wrong)?;
     crate::files::write(path, &bytes).map_err(file_error(path))
 }
@@ -65,13 +74,16 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
     let wrong = |reason: String| DatasetError::Format { path: path.into(), reason };
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| wrong(e.to_string()))?;
-    let read = |name: &str| -> Result<(Vec<usize>, Vec<f32>), DatasetError> {
+    let text = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).ok_or_else(|| wrong(format!("no `{ENTRY}` in its metadata")))?;
+    let mut metadata: BTreeMap<String, String> = serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?;
+    check_format(metadata.remove(FORMAT_KEY).and_then(|f| f.parse().ok())).map_err(wrong)?;
+    let read = |name: &str| -> Result<(Vec<usize>, Vec<f64>), DatasetError> {
         let view = file.tensor(name).map_err(|_| wrong(format!("no array `{name}`")))?;
-        if view.dtype() != Dtype::F32 {
-            return Err(wrong(format!("array `{name}` is {:?}, not f32", view.dtype())));
+        if view.dtype() != Dtype::F64 {
+            return Err(wrong(format!("array `{name}` is {:?}, not f64", view.dtype())));
         }
-        let numbers = view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        Ok((view.shape().to_vec(), numbers))
+        let (numbers, _) = view.data().as_chunks();
+        Ok((view.shape().to_vec(), numbers.iter().map(|b| f64::from_le_bytes(*b)).collect()))
     };
     let (shape, states) = read("states")?;
     let [trajectories, rows, _] = shape[..] else { return Err(wrong("`states` has not three axes".into())) };
@@ -86,6 +98,13 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         depths: depths?.1,
         gravity: gravity?.1,
     };
-    let text = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).ok_or_else(|| wrong(format!("no `{ENTRY}` in its metadata")))?;
-    Ok((recording, serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?))
+    Ok((recording, metadata))
+}
+
+/// Refuses data of another form than [`FORMAT`].
+pub(super) fn check_format(found: Option<u32>) -> Result<(), String> {
+    match found {
+        Some(FORMAT) => Ok(()),
+        found => Err(format!("is data of format {}, not {FORMAT}; make the data set anew", found.unwrap_or(1))),
+    }
 }

@@ -140,13 +140,13 @@ fn shard(system: &System, path: &Path) -> Result<Recording> {
 
 /// Which trajectories a learner may see.
 fn kept(recording: &Recording, bound: f64, mut counts: Option<&mut Counts>) -> Vec<bool> {
-    let part = |x: &[f32], i: usize| x[i * x.len() / recording.trajectories..(i + 1) * x.len() / recording.trajectories].to_vec();
+    let part = |x: &[f64], i: usize| x[i * x.len() / recording.trajectories..(i + 1) * x.len() / recording.trajectories].to_vec();
     let look = |i: usize| {
         let states = part(&recording.states, i);
         let others = [&recording.torques, &recording.gravity, &recording.normals, &recording.points].map(|x| part(x, i));
         let finite = states.iter().chain(others.iter().flatten()).all(|x| x.is_finite());
         let finite = finite && !part(&recording.depths, i).iter().any(|x| x.is_nan());
-        let beyond = finite && states.iter().any(|x| f64::from(x.abs()) > bound);
+        let beyond = finite && states.iter().any(|x| x.abs() > bound);
         if let Some(counts) = &mut counts {
             counts.trajectories += 1;
             counts.not_finite += u64::from(!finite);
@@ -171,8 +171,8 @@ fn count(system: &System, recording: &Recording, kept: &[bool], counts: &mut Cou
         let near = recording.depths[row * points..(row + 1) * points].iter().zip(&robot.contact_points);
         let (mut seen, mut touching) = (0, 0);
         for (depth, point) in near {
-            seen += u64::from(f64::from(*depth) < point.threshold());
-            touching += u64::from(f64::from(*depth) < point.radius);
+            seen += u64::from(*depth < point.threshold());
+            touching += u64::from(*depth < point.radius);
         }
         counts.points_seen += seen;
         counts.points_touching += touching;
@@ -181,7 +181,7 @@ fn count(system: &System, recording: &Recording, kept: &[bool], counts: &mut Cou
         let at = (row / f * (f + 1) + row % f) * d;
         for ((k, _), (_, wraps)) in endless.iter().zip(&mut counts.wraps) {
             let turn = recording.states[at + d + k] - recording.states[at + k];
-            *wraps += u64::from(turn.abs() > std::f32::consts::PI);
+            *wraps += u64::from(turn.abs() > std::f64::consts::PI);
         }
     }
 }
@@ -193,7 +193,7 @@ fn each(system: &Arc<System>, recording: &Recording, kept: &[bool], all: &mut [C
     let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
     for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
         for (k, column) in all.iter_mut().enumerate() {
-            let seen = |point: usize| f64::from(recording.depths[row * points.len() + point]) < points[point].threshold();
+            let seen = |point: usize| recording.depths[row * points.len() + point] < points[point].threshold();
             if column.contact.is_none_or(seen) {
                 take(column, f64::from(if k < inputs { x[k] } else { y[k - inputs] }));
             }

@@ -94,8 +94,11 @@ impl CudaStream {
     /// Evaluates the tokens last loaded, `rows` of them, without copies. For timing.
     ///
     /// # Errors
-    /// [`LearnError::Device`] if the device fails.
+    /// [`LearnError::Mismatch`] if there is no memory for so many, [`LearnError::Device`] if the device fails.
     pub fn evaluate(&mut self, rows: usize) -> Result<(), LearnError> {
+        if !(1..=self.network.rows).contains(&rows) {
+            return Err(LearnError::Mismatch(format!("{rows} rows in a stream for {}", self.network.rows)));
+        }
         if self.graphs.iter().all(|(n, _)| *n != rows) {
             self.pass(rows)?;
             self.network.device.wait()?;
@@ -119,8 +122,11 @@ impl CudaStream {
     fn frame(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), LearnError> {
         let c = self.network.layout.config;
         let envs = tokens.len() / c.inputs;
-        if envs * c.inputs != tokens.len() || envs > self.network.rows || asked.iter().any(|env| *env >= envs) {
+        if envs * c.inputs != tokens.len() || envs > self.network.rows {
             return Err(LearnError::Mismatch(format!("{} values for at most {} rows of {}", tokens.len(), self.network.rows, c.inputs)));
+        }
+        if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
+            return Err(LearnError::Mismatch(format!("the environments asked for are not increasing numbers below {envs}")));
         }
         out.clear();
         out.resize(asked.len() * c.outputs, 0.0);

@@ -1,0 +1,74 @@
+//! What to record: how much, from where, and driven by what.
+
+use std::sync::Arc;
+
+use super::DatasetError;
+use super::pilot::Pilot;
+use crate::law::Law;
+use crate::system::System;
+use crate::validate::within;
+
+/// Most that one shard may take in memory.
+const MOST_GIGABYTES: f64 = 16.0;
+
+/// What to generate.
+#[derive(Clone, Debug)]
+pub struct GenerateConfig {
+    /// Transitions in all, rounded up to whole trajectories.
+    pub transitions: usize,
+    /// Frames of a trajectory (paper: 100).
+    pub frames: usize,
+    /// Seed (training 0, validation 10 in the paper).
+    pub seed: u64,
+    /// Trajectories of a shard.
+    pub shard_trajectories: usize,
+    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
+    /// passive where draws are negative ([`super::Drive::draw`]).
+    pub torque_scale: Law,
+    /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
+    pub hold: usize,
+    /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
+    pub resets: f64,
+    /// Who acts in place of random torques, from starts of its own, and in what share of the trajectories (paper: none).
+    pub pilot: Option<(Arc<dyn Pilot>, f64)>,
+}
+
+impl Default for GenerateConfig {
+    fn default() -> Self {
+        let torque_scale = Law { low: 1.0, high: 1.0 };
+        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, pilot: None }
+    }
+}
+
+impl GenerateConfig {
+    /// Trajectories in all.
+    pub fn trajectories(&self) -> usize {
+        self.transitions.div_ceil(self.frames.max(1))
+    }
+
+    /// Refuses what cannot be made, with the number's name.
+    ///
+    /// # Errors
+    /// What is wrong, and what is needed.
+    pub fn check(&self, system: &System) -> Result<(), DatasetError> {
+        let within = |what: &str, x: f64, range| within(&format!("data: {what}"), x, range, "").map_err(DatasetError::Config);
+        within("transitions", self.transitions as f64, 1.0..=1e12)?;
+        within("frames", self.frames as f64, 1.0..=1e6)?;
+        within("shard_trajectories", self.shard_trajectories as f64, 1.0..=1e6)?;
+        within("hold", self.hold as f64, 1.0..=1e6)?;
+        within("resets", self.resets, 0.0..=1.0)?;
+        within("torque_scale's low end", self.torque_scale.low, -1e6..=self.torque_scale.high)?;
+        within("torque_scale's high end", self.torque_scale.high, -1e6..=1e6)?;
+        within("the pilot's share", self.pilot.as_ref().map_or(0.0, |(_, share)| *share), 0.0..=1.0)?;
+        let robot = &system.robot;
+        let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
+        let gigabytes = (self.shard_trajectories.min(self.trajectories()) * (self.frames + 1)) as f64 * row as f64 * 8e-9;
+        if gigabytes > MOST_GIGABYTES {
+            return Err(DatasetError::Config(format!(
+                "data: a shard of {} trajectories of {} frames takes {gigabytes:.0} GB; at most {MOST_GIGABYTES} are allowed, take fewer",
+                self.shard_trajectories, self.frames
+            )));
+        }
+        Ok(())
+    }
+}

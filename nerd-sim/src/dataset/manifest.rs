@@ -1,0 +1,99 @@
+//! What a folder of shards holds, and of what.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::DatasetError;
+use super::shard::check_format;
+use crate::system::System;
+
+/// `manifest.json` of a folder of shards.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`super::FORMAT`] of the shards.
+    #[serde(default)]
+    pub format: Option<u32>,
+    /// Robot.
+    pub robot: String,
+    /// [`System::robot_sha256`] of what was recorded.
+    #[serde(default)]
+    pub robot_sha256: String,
+    /// [`System::sha256`] of what was recorded.
+    #[serde(default)]
+    pub system_sha256: String,
+    /// Name of the truth.
+    #[serde(default)]
+    pub truth: String,
+    /// Trajectories.
+    pub trajectories: usize,
+    /// Frames of each.
+    pub frames: usize,
+    /// Seed.
+    pub seed: u64,
+    /// Shard files, in order.
+    pub shards: Vec<String>,
+    /// Hash of all shards ([`super::sha256_of`]).
+    pub sha256: String,
+}
+
+impl Manifest {
+    /// Reads that of a folder.
+    ///
+    /// # Errors
+    /// If there is none, or it is not of this form.
+    pub fn read(folder: &Path) -> Result<Self, DatasetError> {
+        let path = folder.join("manifest.json");
+        let text = crate::files::read_text(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
+        let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
+        let manifest: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        check_format(manifest.format).map_err(wrong)?;
+        Ok(manifest)
+    }
+
+    /// Refuses data of another system or truth, and says in what they differ.
+    ///
+    /// # Errors
+    /// If the data are of another system or truth.
+    pub fn check(&self, system: &System, truth: &str) -> Result<(), String> {
+        same_system(system, &self.robot, &self.robot_sha256, &self.system_sha256)?;
+        same_truth(truth, &self.truth)
+    }
+}
+
+/// What a shard's header says of the system and the truth.
+pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
+    [("robot", system.name.clone()), ("robot_sha256", system.robot_sha256()), ("system_sha256", system.sha256()), ("truth", truth.into())]
+        .map(|(key, value)| (key.to_string(), value))
+        .into()
+}
+
+/// Refuses a shard whose header names another system or truth.
+///
+/// # Errors
+/// Which they are.
+pub fn check_header(header: &BTreeMap<String, String>, system: &System, truth: &str) -> Result<(), String> {
+    let of = |key: &str| header.get(key).map_or("unknown", String::as_str);
+    same_system(system, of("robot"), of("robot_sha256"), of("system_sha256"))?;
+    same_truth(truth, of("truth"))
+}
+
+fn same_system(system: &System, name: &str, robot: &str, all: &str) -> Result<(), String> {
+    let (wanted_robot, wanted) = (system.robot_sha256(), system.sha256());
+    if robot != wanted_robot {
+        let what =
+            if name == system.name { "its masses, joints, contact points, frame, gravity or material differ" } else { "another robot" };
+        return Err(format!("holds robot `{name}` ({robot}), not `{}` ({wanted_robot}): {what}; make the data set anew", system.name));
+    }
+    if all != wanted {
+        return Err(format!(
+            "holds data of `{name}` sampled, driven or controlled otherwise, or in other scenes (system {all}, not {wanted}); make the data set anew"
+        ));
+    }
+    Ok(())
+}
+
+fn same_truth(wanted: &str, found: &str) -> Result<(), String> {
+    if found == wanted { Ok(()) } else { Err(format!("holds transitions of truth `{found}`, not `{wanted}`")) }
+}

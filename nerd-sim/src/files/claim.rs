@@ -1,0 +1,73 @@
+//! A folder of results that one process at a time writes.
+
+use std::fs::{File, TryLockError};
+use std::io::{Error, ErrorKind, Result};
+use std::path::{Path, PathBuf};
+
+use super::is_at;
+
+/// A folder claimed by [`claim`], until this is dropped or the process ends, however it does. A folder that was made by the
+/// claim and is still empty then goes with it.
+#[derive(Debug)]
+pub struct Claim {
+    folder: PathBuf,
+    made: bool,
+    _lock: File,
+}
+
+/// Claims a folder of results, which is made if absent.
+///
+/// # Errors
+/// If another process (or another claim of this one) writes there, with the folder's name; or what the file system says.
+pub fn claim(folder: &Path) -> Result<Claim> {
+    let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
+    // A claim that ends may remove the folder just before it is locked here: then it is made again.
+    for _ in 0..100 {
+        let made = !folder.exists();
+        std::fs::create_dir_all(folder).map_err(named)?;
+        let Ok(lock) = handle(folder) else { continue };
+        match lock.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                let text = format!("{} is in use: another process writes there; wait for it, or choose another folder", folder.display());
+                return Err(Error::new(ErrorKind::WouldBlock, text));
+            }
+            // A file system without locks cannot tell.
+            Ok(()) | Err(TryLockError::Error(_)) => {}
+        }
+        if is_at(&lock, &place(folder)) {
+            return Ok(Claim { folder: folder.into(), made, _lock: lock });
+        }
+    }
+    Err(Error::other(format!("{} comes and goes: another process makes and removes it", folder.display())))
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if self.made {
+            // Refused, as it should be, if there is anything in it.
+            let _ = std::fs::remove_dir(&self.folder);
+        }
+    }
+}
+
+/// What is locked: the folder itself.
+#[cfg(unix)]
+fn place(folder: &Path) -> PathBuf {
+    folder.into()
+}
+
+#[cfg(unix)]
+fn handle(folder: &Path) -> Result<File> {
+    File::open(folder)
+}
+
+/// What is locked: a file in it, where folders cannot be opened.
+#[cfg(not(unix))]
+fn place(folder: &Path) -> PathBuf {
+    folder.join(".nerd-claim")
+}
+
+#[cfg(not(unix))]
+fn handle(folder: &Path) -> Result<File> {
+    File::create(place(folder))
+}

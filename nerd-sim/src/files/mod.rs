@@ -1,0 +1,96 @@
+//! Files: output that is there whole or not at all, folders that one process at a time writes, texts.
+
+mod claim;
+mod partial;
+
+use std::fs::{File, OpenOptions};
+use std::io::{Error, Result, Write};
+use std::path::{Path, PathBuf};
+
+pub use claim::{Claim, claim};
+
+/// Replaces the file at `path` (its folder is made if absent) by `bytes`; see [`write_with`].
+///
+/// # Errors
+/// What the file system says.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_with(path, |file| file.write_all(bytes))
+}
+
+/// Replaces the file at `path` by what `fill` writes, under a temporary name first, so whoever reads `path` sees an old or
+/// a new file, never half of one. A symbolic link stays, and what it leads to is replaced; a device or a pipe is written
+/// into. What writers that were killed left in the folder is removed.
+///
+/// # Errors
+/// What `fill` returns or the file system says; then an older file at `path` is untouched.
+///
+/// ```
+/// let path = std::env::temp_dir().join("nerd-files-example.txt");
+/// nerd_sim::files::write(&path, b"whole")?;
+/// let full = |file: &mut dyn std::io::Write| file.write_all(b"ha").and(Err(std::io::Error::other("disk full")));
+/// assert!(nerd_sim::files::write_with(&path, full).is_err());
+/// assert_eq!(std::fs::read(&path)?, b"whole");
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let path = &target(path)?;
+    match std::fs::metadata(path) {
+        Ok(there) if there.is_dir() => return Err(Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file")),
+        Ok(there) if !there.is_file() => {
+            let mut device = OpenOptions::new().write(true).open(path)?;
+            return fill(&mut device).and_then(|()| device.flush());
+        }
+        _ => {}
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    partial::sweep(folder);
+    let mut file = partial::create(folder)?;
+    fill(&mut file)?;
+    // On the disk before the rename is: otherwise a power cut may leave the new name with no content.
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
+}
+
+/// A text file.
+///
+/// # Errors
+/// What the file system says, or where the file is no UTF-8.
+pub fn read_text(path: &Path) -> Result<String> {
+    String::from_utf8(std::fs::read(path)?).map_err(|e| {
+        let at = e.utf8_error().valid_up_to();
+        let line = 1 + e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count();
+        Error::new(std::io::ErrorKind::InvalidData, format!("not UTF-8 at byte {at}, line {line}; save it as UTF-8"))
+    })
+}
+
+/// Where a chain of symbolic links ends, whether there is something or not.
+fn target(path: &Path) -> Result<PathBuf> {
+    let mut path = path.to_path_buf();
+    // As many as Linux follows.
+    for _ in 0..40 {
+        // What the links of /proc/self/fd lead to has no name in the file system, but can be opened.
+        let special = std::fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir());
+        match std::fs::read_link(&path) {
+            Ok(next) if !special => path = path.parent().unwrap_or(Path::new("")).join(next),
+            _ => return Ok(path),
+        }
+    }
+    Err(Error::other("too many symbolic links"))
+}
+
+/// Whether an open file is still the one of that name.
+fn is_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let of = |m: &std::fs::Metadata| (m.dev(), m.ino());
+        matches!((file.metadata(), std::fs::metadata(path)), (Ok(a), Ok(b)) if of(&a) == of(&b))
+    }
+    #[cfg(not(unix))]
+    {
+        file.metadata().is_ok() && path.exists()
+    }
+}

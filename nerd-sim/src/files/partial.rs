@@ -1,0 +1,45 @@
+//! Files not yet whole: how they are named, and how those of killed writers are told from those of living ones.
+//!
+//! A writer holds a lock on its file, which ends with the process. Where a file system knows no locks nothing is removed.
+
+use std::fs::{File, TryLockError};
+use std::io::{Error, Result};
+use std::path::Path;
+
+use tempfile::NamedTempFile;
+
+use super::is_at;
+
+const PREFIX: &str = ".nerd-";
+const SUFFIX: &str = ".tmp";
+
+/// A new file in a folder, locked.
+pub(super) fn create(folder: &Path) -> Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    // A temporary file is private to its owner; a result is for everybody the umask lets in.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    // Another process may sweep the folder between a file's creation and its lock: then it is made again.
+    for _ in 0..100 {
+        let file = builder.prefix(PREFIX).suffix(SUFFIX).tempfile_in(folder)?;
+        let locked = file.as_file().try_lock();
+        if !matches!(locked, Err(TryLockError::WouldBlock)) && is_at(file.as_file(), file.path()) {
+            return Ok(file);
+        }
+    }
+    Err(Error::other("another process removes every file that is begun here"))
+}
+
+/// Removes what killed writers left in a folder, as far as that can be done.
+pub(super) fn sweep(folder: &Path) {
+    let ours = |name: &str| name.starts_with(PREFIX) && name.ends_with(SUFFIX);
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().is_some_and(ours)
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+            && let Ok(file) = File::open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! How stiff a joint's limit is where nobody says: as hard as the reference simulator's substep `dt` bears.
+//!
+//! With the least inertia I that a joint shows to a push, all others free, over a few poses: stiffness `I (a / dt)^2`,
+//! damping `I D / dt`. Symplectic Euler is stable for `2 D + a^2 < 4`; a = 0.2 and D = 0.4, critical damping, leave room
+//! for poses not looked at and for several limits at once. A joint that its own effort would push farther than 4 % of its
+//! range beyond its end is stiffer, up to a = 0.4.
+
+use nalgebra::Vector3;
+use nerd_core::dynamics::{Data, aba, kinematics};
+use nerd_core::robot::{Joint, JointKind, Limit, Robot};
+
+const USUAL: f64 = 0.2;
+const STIFFEST: f64 = 0.4;
+const DAMPING: f64 = 0.4;
+/// Share of its range that a joint may be pushed beyond an end by its effort.
+const GIVE: f64 = 0.04;
+
+/// Gives stiffness and damping to the limits of the joints for which `unsaid`, by joint.
+pub(crate) fn stiffen(robot: &mut Robot, unsaid: &[bool], dt: f64) {
+    if !robot.joints().zip(unsaid).any(|(joint, unsaid)| *unsaid && joint.limit.is_some()) {
+        return;
+    }
+    let inertias = least_inertias(robot);
+    for ((joint, inertia), _) in robot.joints_mut().zip(inertias).zip(unsaid).filter(|(_, unsaid)| **unsaid) {
+        let effort = joint.effort;
+        if let Some(limit) = &mut joint.limit {
+            let of = |a: f64| inertia * (a / dt).powi(2);
+            // Effort that nobody gave asks for nothing.
+            let effort = if effort.is_finite() { effort } else { 0.0 };
+            let holding = effort / (GIVE * (limit.upper - limit.lower));
+            limit.stiffness = holding.clamp(of(USUAL), of(STIFFEST));
+            limit.damping = inertia * DAMPING / dt;
+        }
+    }
+}
+
+/// By joint, the least torque for a unit of acceleration at rest with all other joints free; 0 where nothing resists.
+fn least_inertias(robot: &Robot) -> Vec<f64> {
+    let (joints, dofs) = (robot.joint_count(), robot.root_dofs());
+    // Work grows with the square of the joints: absurd robots are looked at once.
+    let poses = (1_000_000 / (joints * joints)).clamp(1, 16);
+    let mut data = Data::new(robot);
+    let (rest, mut tau) = (vec![0.0; robot.nv()], vec![0.0; robot.nv()]);
+    let mut least = vec![f64::INFINITY; joints];
+    for pose in 0..poses {
+        kinematics(robot, &self::pose(robot, pose), &mut data);
+        for (i, least) in least.iter_mut().enumerate() {
+            tau[dofs + i] = 1.0;
+            let resists = aba(robot, &rest, &tau, &Vector3::zeros(), &mut data);
+            *least = least.min(if resists { data.qdd[dofs + i].recip() } else { 0.0 });
+            tau[dofs + i] = 0.0;
+        }
+    }
+    least.iter().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }).collect()
+}
+
+/// Coordinates of the `k`-th pose: zero or the nearest to it, then places within the ranges that fill them evenly.
+fn pose(robot: &Robot, k: usize) -> Vec<f64> {
+    let mut q = robot.zero_state();
+    q.truncate(robot.nq());
+    let ends = |joint: &Joint| match joint.limit {
+        Some(Limit { lower, upper, .. }) => (lower, upper),
+        None if joint.kind == JointKind::Prismatic => (-1.0, 1.0),
+        None => (-std::f64::consts::PI, std::f64::consts::PI),
+    };
+    for (i, (q, joint)) in q[robot.root_coords()..].iter_mut().zip(robot.joints()).enumerate() {
+        let (lower, upper) = ends(joint);
+        // Fractional parts of multiples of roots.
+        let share = (k as f64 * ((6 * i + 7) as f64).sqrt()).fract();
+        *q = if k == 0 { 0.0f64.clamp(lower, upper) } else { lower + share * (upper - lower) };
+    }
+    q
+}
