@@ -77,11 +77,13 @@ impl Solver for Box<dyn Solver> {
     }
 }
 
-/// Refuses torques of another length than the batch needs, and finds environments whose state or torque is no number.
+/// Refuses a batch or torques of other lengths than the system needs, and finds environments whose state or torque is no
+/// number.
 ///
 /// # Errors
-/// [`StepError::Torques`].
+/// [`StepError::Solver`] or [`StepError::Torques`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
     if torques.len() != batch.len() * joints {
