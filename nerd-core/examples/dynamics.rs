@@ -3,7 +3,8 @@
 use nerd_core::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let robot = Robot::from_urdf(&std::fs::read_to_string("nerd-sim/assets/pendulum.urdf")?, false)?;
+    let urdf = include_str!("../../nerd-sim/assets/pendulum.urdf"); // or std::fs::read_to_string of your own
+    let robot = Robot::from_urdf(urdf, false)?;
     let (q, qd, tau) = ([0.3, -0.2], [0.0, 0.0], [0.0, 0.0]);
     let mut data = Data::new(&robot);
     kinematics(&robot, &q, &mut data);

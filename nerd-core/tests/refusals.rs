@@ -32,6 +32,12 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
         (r#"friction="0""#, r#"friction="nan""#, "`shoulder`", "friction"),
         (r#"damping="0.5""#, r#"damping="-1""#, "`shoulder`", "damping"),
         (r#"damping="0.5""#, r#"damping="inf""#, "`shoulder`", "damping"),
+        (r#"damping="0.5""#, r#"damping="1e300""#, "`shoulder`", "damping is 1e300"),
+        (r#"upper="1""#, r#"upper="1e300""#, "`shoulder`", "limit"),
+        (r#"<origin xyz="0 0 1"/><axis"#, r#"<origin xyz="0 1e300 1"/><axis"#, "`shoulder`", "origin"),
+        (r#"<sphere radius="0.5"/>"#, r#"<sphere radius="1e300"/>"#, "`upper`", "size"),
+        ("</robot>", "", "not a URDF", "ends within"),
+        ("</link>", "</lnk>", "not a URDF", "lnk"),
         (r#"axis xyz="0 1 0""#, r#"axis xyz="0 0 0""#, "`shoulder`", "axis"),
         (r#"axis xyz="0 1 0""#, r#"axis xyz="nan 1 0""#, "`shoulder`", "axis"),
         (r#"axis xyz="0 1 0""#, r#"axis xyz="1e300 1e300 0""#, "`shoulder`", "axis"),
@@ -111,9 +117,17 @@ fn what_things_look_like_is_not_looked_at() {
         r#"<material name="a"/><!-- <material> --><material name="b"><color rgba="1 1 1 1"/></material>"#,
         r#"<link name="l"><visual><geometry><sphere radius="1"/></geometry><material name=""><texture /></material></visual></link>
            <joint name="j" type="fixed"><parent link="tip"/><child link="l"/></joint>"#,
+        // Quotes, comments and CDATA may hold what looks like the end of something.
+        r#"<material name="a>b"/><link name="l"/><joint name="j" type="fixed"><parent link="tip"/><child link="l"/></joint>
+           <material name="</material>"><texture filename='<material>'/></material><!-- "</material> --><material name='"'/>"#,
+        r#"<material name="a"><color/><material name="b"/></material><link name="l"><![CDATA[<material>]]></link>
+           <joint name="j" type="fixed"><parent link="tip"/><child link="l"/></joint>"#,
     ] {
         let robot = Robot::from_urdf(&ARM.replace("</robot>", &format!("{extra}</robot>")), false).expect(extra);
-        assert_eq!(robot.mass(), 2.0);
+        assert_eq!((robot.mass(), robot.links[0].shapes.len()), (2.0, 1), "{extra}");
+        // Before all else, too, where what a reader loses is the robot.
+        let first = ARM.replacen("<link", "<material name=\"a>b\"/><link", 1);
+        assert_eq!(Robot::from_urdf(&first, false).expect("valid").links, robot.links[..1]);
     }
     let open = ARM.replace("</robot>", r#"<material name="a"></robot>"#);
     assert!(Robot::from_urdf(&open, false).is_err(), "an element that does not end");

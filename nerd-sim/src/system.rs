@@ -248,12 +248,16 @@ fn name_columns(robot: &Robot, spec: &mut Spec) {
     let said: HashMap<&str, &String> = spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
     let mut taken: HashSet<String> = pose.iter().chain(&twist).cloned().chain(RESERVED.map(String::from)).collect();
     let mut column = |joint: &Joint| {
-        let mut name = said.get(joint.name.as_str()).copied().unwrap_or(&joint.name).trim().to_string();
-        while !said.contains_key(joint.name.as_str())
-            && (name.starts_with("tau") || taken.contains(&name) || taken.contains(&format!("d_{name}")))
-        {
-            name = format!("q_{name}");
-        }
+        let clashes = |taken: &HashSet<String>, name: &str| {
+            name.is_empty() || name.starts_with("tau") || taken.contains(name) || taken.contains(&format!("d_{name}"))
+        };
+        let name = said.get(joint.name.as_str()).map(|column| column.to_string()).unwrap_or_else(|| {
+            let mut name = joint.name.trim().to_string();
+            while clashes(&taken, &name) {
+                name = format!("q_{name}");
+            }
+            name
+        });
         taken.extend([name.clone(), format!("d_{name}")]);
         name
     };

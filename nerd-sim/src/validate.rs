@@ -72,7 +72,7 @@ pub(crate) fn within(key: &str, x: f64, range: RangeInclusive<f64>, unit: &str) 
         return Ok(());
     }
     let gap = if unit.is_empty() { "" } else { " " };
-    Err(format!("{key} is {x}{gap}{unit}; a number from {} to {} is needed", short(*range.start()), short(*range.end())))
+    Err(format!("{key} is {}{gap}{unit}; a number from {} to {} is needed", short(x), short(*range.start()), short(*range.end())))
 }
 
 fn short(x: f64) -> String {

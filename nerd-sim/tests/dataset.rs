@@ -1,6 +1,6 @@
 //! Shards on disk: whole or not there, the same bytes again after an interruption, never those of other settings.
 
-use std::f32::consts::PI;
+use std::f64::consts::PI;
 use std::path::Path;
 
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, record};
@@ -8,7 +8,7 @@ use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
 
 /// Half widths of the pendulum's sampling box: rad, rad, rad/s, rad/s (nerd-sim/assets/pendulum.toml).
-const BOX: [f32; 4] = [PI, PI, 2.0 * PI, 4.0 * PI];
+const BOX: [f64; 4] = [PI, PI, 2.0 * PI, 4.0 * PI];
 
 fn make(folder: &Path, seed: u64, frames: usize) -> Manifest {
     let system = System::named("pendulum").expect("built in");
@@ -60,7 +60,7 @@ fn shards_of_other_settings_are_replaced_not_mixed_in() {
 fn a_recording_holds_what_the_sampling_laws_say() {
     let folder = tempfile::tempdir().expect("temporary folder");
     make(folder.path(), 3, 20);
-    let (mut touching, mut strongest) = (0, 0.0f32);
+    let (mut touching, mut strongest) = (0, 0.0f64);
     for k in 0..3 {
         let (r, header) = read_shard(&folder.path().join(format!("shard-{k:05}.safetensors"))).expect("read");
         assert_eq!((header["robot"].as_str(), header["truth"].as_str()), ("pendulum", "articulated paper coulomb"));

@@ -140,7 +140,7 @@ fn every_robot_is_recorded() {
         assert!(recording.states.iter().all(|x| x.is_finite()), "{name}");
         let driven = recording.torques.iter().any(|t| *t != 0.0);
         assert_eq!(driven, system.robot.joint_count() > 0, "{name}: torques");
-        let nearest = recording.depths.iter().fold(f32::INFINITY, |a, b| a.min(*b));
+        let nearest = recording.depths.iter().fold(f64::INFINITY, |a, b| a.min(*b));
         assert!(system.spec.data_scene.is_none() || nearest < 0.1, "{name}: nothing comes nearer to the ground than {nearest} m");
     }
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::ValueEnum;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::common::{Device, bar};
 use crate::mujoco::series::{self, Against};
+use crate::numbers::{self, FRAMES, SEEDS, STARTS, SUBSTEPS, count};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
 use crate::solvers::{describe, neural};
@@ -39,16 +40,16 @@ pub struct ChartArgs {
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
     /// Trajectories
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Frames over which the error is the mean [default: 100]
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = count::<usize>(FRAMES))]
     pub horizon: usize,
     /// Largest number of substeps
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = 256, value_parser = count::<usize>(SUBSTEPS))]
     pub substeps: usize,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Python that has MuJoCo, to draw that engine too [default if no value is given: python3]
     #[arg(long, value_name = "PYTHON", num_args = 0..=1, default_missing_value = "python3")]
@@ -103,11 +104,13 @@ struct Measured {
 
 /// Runs the verb.
 pub fn run(args: ChartArgs) -> Result<()> {
-    if args.starts == 0 || args.horizon == 0 || args.substeps == 0 {
-        bail!("--starts, --horizon and --substeps are at least 1");
-    }
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
+    let frames = [("--starts", args.starts), ("--horizon", args.horizon)];
+    // Every state of the reference is kept, and of a model's own truth.
+    numbers::memory(&frames, 16 * system.robot.state_dim())?;
+    // The reference has four times the substeps.
+    numbers::time(&[frames[0], frames[1], ("4 x --substeps", 4 * args.substeps)])?;
     let mut models = args.model.clone();
     if models.is_empty() {
         let shipped = Truth::value_variants().iter().map(|t| t.shipped(&system.name));
@@ -176,6 +179,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).solver(system)?, frames: Vec::new() };
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, config, &mut |_| ())?;
+    numbers::figures(&format!("{reference}: its mean error"), &[&base.error, &base.hold, &base.glide].map(|x| mean(x)))?;
     let mut points = Vec::new();
     for (k, (own, series, solver, setting)) in built.into_iter().enumerate() {
         let substeps = setting.substeps();
@@ -203,6 +207,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
             (runs, total, best) = (runs + 1, total + timed.spent, best.min(timed.spent));
         }
         let Some(report) = report else { continue };
+        numbers::figures(&format!("{series} {substeps:?}: its mean error"), &[mean(&report.error)])?;
         points.push(Point {
             series,
             substeps,

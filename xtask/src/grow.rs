@@ -22,27 +22,33 @@ use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use serde::Serialize;
 
 use crate::chart::{Recorder, Replay, Timed, mean};
+use crate::numbers::{self, FRAMES, SEEDS, STARTS, count, positive};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
 use crate::table::{digits, markdown};
+
+/// Links of an arm: its mass matrix is dense.
+const LINKS: std::ops::RangeInclusive<u64> = 1..=256;
+/// Substeps of the reference.
+const FINEST: usize = 256;
 
 /// Time a frame of arms of more and more links.
 #[derive(clap::Args, Clone, Debug)]
 pub struct GrowArgs {
     /// Numbers of links, comma-separated
-    #[arg(long, value_delimiter = ',', default_value = "4,8,16,32,64")]
+    #[arg(long, value_delimiter = ',', default_value = "4,8,16,32,64", value_parser = count::<usize>(LINKS))]
     pub links: Vec<usize>,
     /// Trajectories
-    #[arg(long, default_value_t = 16)]
+    #[arg(long, default_value_t = 16, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Frames
-    #[arg(long, default_value_t = 30)]
+    #[arg(long, default_value_t = 30, value_parser = count::<usize>(FRAMES))]
     pub horizon: usize,
     /// Errors (mean |dq|, rad) that an analytic solver is asked for, comma-separated
-    #[arg(long, value_delimiter = ',', default_value = "0.03,0.01")]
+    #[arg(long, value_delimiter = ',', default_value = "0.03,0.01", value_parser = positive)]
     pub tolerance: Vec<f64>,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder for grow.svg, .png, .json and .md
     #[arg(long, default_value = "results")]
@@ -64,8 +70,12 @@ struct Point {
 
 /// Runs the verb.
 pub fn run(args: GrowArgs) -> Result<()> {
-    if args.links.is_empty() || args.links.contains(&0) || args.starts == 0 || args.horizon == 0 {
-        bail!("--links, --starts and --horizon are at least 1");
+    let longest = args.links.iter().copied().max().unwrap_or(0);
+    let frames = [("--starts", args.starts), ("--horizon", args.horizon), ("--links", longest)];
+    numbers::memory(&frames, 16)?;
+    numbers::time(&[frames[0], frames[1], frames[2], ("substeps", FINEST)])?;
+    if (1..args.links.len()).any(|k| args.links[..k].contains(&args.links[k])) {
+        bail!("--links: each number once");
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     let bar = crate::common::bar("sizes", args.links.len() as u64);
@@ -108,7 +118,7 @@ fn measure(args: &GrowArgs, links: usize) -> Result<Vec<Point>> {
     let system = arm(links)?;
     let scene = system.scene("ground")?;
     let config = PassiveConfig { starts: args.starts, steps: args.horizon, seed: args.seed, action: Action::Limp };
-    let mut truth = Recorder { solver: Setting::Implicit(256).solver(&system)?, frames: Vec::new() };
+    let mut truth = Recorder { solver: Setting::Implicit(FINEST).solver(&system)?, frames: Vec::new() };
     passive(&system, &scene, &mut truth, &mut Idle, config, &mut |_| ())?;
     let mut points = Vec::new();
     let settings = [1, 2, 4, 8, 16].map(Setting::Implicit).into_iter().chain([4, 8, 16, 32, 64, 128].map(Setting::Euler));
@@ -118,13 +128,9 @@ fn measure(args: &GrowArgs, links: usize) -> Result<Vec<Point>> {
         // What leaves has no error to speak of.
         let Ok(report) = passive(&system, &scene, &mut replay, &mut timed, config, &mut |_| ()) else { continue };
         let microseconds = timed.spent.as_secs_f64() * 1e6 / (args.starts * args.horizon) as f64;
-        points.push(Point {
-            links,
-            solver: format!("{setting:?}"),
-            setting: Some(setting),
-            microseconds,
-            error: Some(mean(&report.error)),
-        });
+        let error = mean(&report.error);
+        numbers::figures(&format!("{setting:?} on {links} links: its mean error"), &[error])?;
+        points.push(Point { links, solver: format!("{setting:?}"), setting: Some(setting), microseconds, error: Some(error) });
     }
     for (embedding, layers, base) in [(64, 2, Base::State), (64, 2, Base::Flight), (192, 6, Base::State), (192, 6, Base::Flight)] {
         let solver = format!("NeRD {}, E {embedding}, {layers} layers", if base.flies() { "on flight" } else { "paper's form" });

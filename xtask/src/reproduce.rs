@@ -11,6 +11,7 @@ use crate::chart::{self, ChartArgs};
 use crate::common::Device;
 use crate::evaluate::{self, EvaluateArgs};
 use crate::horizons::{self, HorizonArgs};
+use crate::numbers::{SEEDS, STARTS, count};
 use crate::policy::reproduce::{PoliciesArgs, run as policies};
 use crate::policy::transfer::{self, TransferArgs};
 use crate::provenance::Provenance;
@@ -44,7 +45,7 @@ pub struct ReproduceArgs {
     #[arg(long)]
     pub train: bool,
     /// Trajectories by scene (the paper: 2048)
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = 256, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Leave the charts out
     #[arg(long)]
@@ -53,7 +54,7 @@ pub struct ReproduceArgs {
     #[arg(long, value_enum, default_value_t = Device::Flex)]
     pub device: Device,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder to write [default: results, with --train out/reproduce]
     #[arg(long)]
@@ -85,9 +86,6 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         Some(Part::Transfer(args)) => return transfer::run(args),
         None => {}
     }
-    if args.starts == 0 {
-        bail!("--starts 0: at least one is needed");
-    }
     let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });
     let mut rows = Vec::new();
     let mut charts: Vec<(&str, Vec<PathBuf>, &[&str])> = Vec::new();
@@ -100,13 +98,19 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
             rows.extend(evaluate::rows(&EvaluateArgs {
                 robot: robot.to_string(),
                 scene: Vec::new(),
-                solver: SolverArgs { solver: SolverName::Neural, model: Some(model.clone()), device: args.device, ..SolverArgs::default() },
+                solver: SolverArgs {
+                    solver: Some(SolverName::Neural),
+                    model: Some(model.clone()),
+                    device: Some(args.device),
+                    ..SolverArgs::default()
+                },
                 starts,
                 steps: None,
                 seed: args.seed,
                 drive: 0.0,
                 limp: false,
                 shake: 0.0,
+                control: false,
                 out: None,
             })?);
         }

@@ -55,8 +55,13 @@ impl Truth {
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
         match self {
             Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
-            Self::Rapier => Box::new(Rapier::new(RapierConfig { steps: STEPS, iterations: ITERATIONS, ..Default::default() })),
+            Self::Rapier => Box::new(Rapier::new(Self::rapier())),
         }
+    }
+
+    /// rapier's settings as a truth.
+    pub fn rapier() -> RapierConfig {
+        RapierConfig { steps: STEPS, iterations: ITERATIONS, ..Default::default() }
     }
 
     /// The flight that is nearest to its own, what the residual form adds to.

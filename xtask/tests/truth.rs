@@ -56,7 +56,8 @@ fn a_model_of_rapier_is_held_against_rapier() {
     let config = json(&folder.path().join("run/model/config.json"));
     assert_eq!((&config["truth"], &config["base"]), (&NAME.into(), &"exact_flight".into()), "{config}");
 
-    let measure = ["evaluate", "--robot", "pendulum", "--scene", "ground1", "--model", &model, "--starts", "2", "--steps", "5"];
+    let learned = ["--solver", "neural", "--model", &model];
+    let measure = [&["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--steps", "5"][..], &learned].concat();
     done(&[&measure[..], &["--out", &table]].concat());
     let row = &json(Path::new(&table))["rows"][0];
     assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");

@@ -9,11 +9,13 @@ use crate::spatial::BodyInertia;
 
 /// Products of a few numbers below this are still finite; no robot comes near it.
 const LARGEST: f64 = 1e60;
+/// Farthest place or angle of a pose (m, rad), end of a limit, and largest damping or dry friction.
+const FAR: f64 = 1e9;
 
 /// Welds a link of the file, at `pose` in moving link `host`, to it.
 pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, robot: &mut Robot) -> Result<(), UrdfError> {
     let wrong = |reason: String| UrdfError::link(&source.name, reason);
-    let origin = isometry(&source.inertial.origin).ok_or_else(|| wrong("inertial origin is not finite".into()))?;
+    let origin = isometry(&source.inertial.origin).ok_or_else(|| wrong("inertial origin is not finite, or too far".into()))?;
     let i = &source.inertial.inertia;
     let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     let mass = source.inertial.mass.value;
@@ -35,10 +37,10 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
         return Err(wrong("mass, inertia or place is too large to reckon with".into()));
     }
     for collision in &source.collision {
-        let pose = pose * isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite".into()))?;
+        let pose = pose * isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far".into()))?;
         match shape(&collision.geometry) {
-            Some(kind) if sizes(&kind).iter().all(|x| x.is_finite() && *x >= 0.0) => target.shapes.push(Shape { pose, kind }),
-            Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite".into())),
+            Some(kind) if sizes(&kind).iter().all(|x| (0.0..=FAR).contains(x)) => target.shapes.push(Shape { pose, kind }),
+            Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite or absurd".into())),
             None => robot.skipped_meshes.push(source.name.clone()),
         }
     }
@@ -63,8 +65,8 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<J
     let mut joint = Joint::new(source.name.clone(), kind, origin, axis);
     if let Some(dynamics) = &source.dynamics {
         for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
-            if !value.is_finite() || value < 0.0 {
-                return Err(wrong(&format!("{what} is negative or not finite")));
+            if !(0.0..=FAR).contains(&value) {
+                return Err(wrong(&format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed")));
             }
         }
         (joint.damping, joint.friction) = (dynamics.damping, dynamics.friction);
@@ -77,10 +79,10 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<J
                 return Err(wrong("<limit> is missing or all zero; an endless joint is continuous"));
             }
             (lower, upper) if lower > upper => return Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
-            (lower, upper) if lower.is_finite() && upper.is_finite() => Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 }),
-            // What URDF 1.2 means by leaving both out.
-            (f64::NEG_INFINITY, f64::INFINITY) => None,
-            _ => return Err(wrong("a limit is not finite; give both ends or neither")),
+            // What URDF 1.2 means by leaving both out, and what others write for it.
+            (lower, upper) if lower <= -FAR && upper >= FAR => None,
+            (lower, upper) if lower >= -FAR && upper <= FAR => Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 }),
+            _ => return Err(wrong("a limit is not finite, or beyond 1e9; give both ends or neither")),
         };
     }
     Ok(joint)
@@ -105,9 +107,9 @@ fn sizes(kind: &ShapeKind) -> [f64; 3] {
     }
 }
 
-/// A URDF pose (roll, pitch, yaw about fixed axes), if finite.
+/// A URDF pose (roll, pitch, yaw about fixed axes), if finite and not absurdly far.
 pub(super) fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
     let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
-    let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.is_finite());
+    let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= FAR);
     finite.then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }

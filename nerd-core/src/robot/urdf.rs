@@ -11,11 +11,9 @@ use nalgebra::Isometry3;
 use urdf_rs::JointType;
 
 use super::lump::{isometry, joint, lump};
+use super::xml::without_materials;
 use super::{Base, Link, Robot};
 use crate::spatial::BodyInertia;
-
-/// Elements of a URDF may stand in each other this deep; urdf-rs recurses and would overflow the stack far beyond it.
-const DEEPEST: usize = 64;
 
 /// Why a URDF cannot be honoured.
 #[derive(Debug, thiserror::Error)]
@@ -57,14 +55,11 @@ impl UrdfError {
 impl Robot {
     /// Reads a robot from the text of a URDF; `floating` frees its root link.
     ///
-    /// Limits come without stiffness (it is not URDF's to say), armature is zero, contact points are those of
+    /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are those of
     /// [`Robot::default_contact_points`].
     pub fn from_urdf(xml: &str, floating: bool) -> Result<Self, UrdfError> {
-        if depth(xml) > DEEPEST {
-            return Err(UrdfError::Parse(format!("elements nested more than {DEEPEST} deep")));
-        }
+        let plain = without_materials(xml).map_err(|e| UrdfError::Parse(one_line(&e)))?;
         // urdf-rs may panic on text that is no URDF at all; user input never does here.
-        let plain = without_materials(xml);
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
         let tree = Tree::new(&file)?;
@@ -148,7 +143,9 @@ impl<'a> Tree<'a> {
             }
             for &(j, child) in self.children[link].iter().rev() {
                 let joint = &self.file.joints[j];
-                let origin = pose * isometry(&joint.origin).ok_or_else(|| UrdfError::joint(&joint.name, "origin is not finite"))?;
+                let origin = pose
+                    * isometry(&joint.origin)
+                        .ok_or_else(|| UrdfError::joint(&joint.name, "origin is not finite, or farther than 1e9 m or rad"))?;
                 stack.push((child, host, origin, (joint.joint_type != JointType::Fixed).then_some(j)));
             }
         }
@@ -162,66 +159,6 @@ impl<'a> Tree<'a> {
 /// A link of the file, nothing lumped in yet.
 fn bare(source: &urdf_rs::Link, parent: Option<usize>, joint: Option<super::Joint>) -> Link {
     Link { name: source.name.clone(), parent, joint, inertia: BodyInertia::default(), shapes: Vec::new() }
-}
-
-/// A text without its <material> elements: nothing here looks at what things look like, and files leave them unfinished,
-/// which urdf-rs minds.
-fn without_materials(xml: &str) -> String {
-    const OPEN: &str = "<material";
-    let (mut rest, mut out) = (xml, String::with_capacity(xml.len()));
-    while let Some(start) = rest.find('<') {
-        let (before, tag) = rest.split_at(start);
-        out += before;
-        let end = |mark: &str| tag.find(mark).map(|at| at + mark.len());
-        let element = tag.strip_prefix(OPEN).is_some_and(|t| t.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'));
-        let (length, kept) = match end(">") {
-            _ if tag.starts_with("<!--") => (end("-->"), true),
-            Some(at) if element && tag[..at].ends_with("/>") => (Some(at), false),
-            _ if element => (end("</material>"), false),
-            at => (at, true),
-        };
-        // What does not end is left for the parser to refuse.
-        let Some(length) = length else {
-            rest = tag;
-            break;
-        };
-        if kept {
-            out += &tag[..length];
-        }
-        rest = &tag[length..];
-    }
-    out + rest
-}
-
-/// How deep the elements of a text stand in each other.
-fn depth(xml: &str) -> usize {
-    let (mut rest, mut depth, mut deepest) = (xml, 0usize, 0);
-    while let Some(start) = rest.find('<') {
-        rest = &rest[start + 1..];
-        let mut quote = None;
-        let end = match rest {
-            _ if rest.starts_with("!--") => rest.find("-->"),
-            _ if rest.starts_with("![CDATA[") => rest.find("]]>"),
-            _ => rest.bytes().position(|c| {
-                match quote {
-                    Some(open) if open == c => quote = None,
-                    None if c == b'"' || c == b'\'' => quote = Some(c),
-                    _ => {}
-                }
-                quote.is_none() && c == b'>'
-            }),
-        };
-        let Some(end) = end else { break };
-        let tag = &rest.as_bytes()[..end];
-        match (tag.first(), tag.last()) {
-            (Some(b'/'), _) => depth = depth.saturating_sub(1),
-            (Some(b'!' | b'?'), _) | (_, Some(b'/')) => {}
-            _ => depth += 1,
-        }
-        deepest = deepest.max(depth);
-        rest = &rest[end..];
-    }
-    deepest
 }
 
 fn one_line(text: &str) -> String {

@@ -150,7 +150,7 @@ impl TransformerConfig {
 
     /// Heads mean something to the Transformer alone.
     fn check_heads(&self, embedding: usize, heads: usize) -> Result<(), String> {
-        if heads == 0 || embedding % heads != 0 {
+        if heads == 0 || !embedding.is_multiple_of(heads) {
             return Err(format!("`heads` is {heads}, it must divide the width of {embedding}"));
         }
         if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {

@@ -1,5 +1,8 @@
 //! A small model of random weights.
 
+// Each test file is a crate of its own and uses a part of this.
+#![allow(dead_code)]
+
 use std::sync::Arc;
 
 use nerd_model::base::Base;

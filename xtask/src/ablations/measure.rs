@@ -57,7 +57,10 @@ fn record(run: &Path) -> Result<(f64, f64)> {
         let part = &train[k * train.len() / 4..(k + 1) * train.len() / 4];
         part.iter().sum::<f64>() / part.len() as f64
     };
-    Ok((validation.unwrap_or(f64::NAN), quarter(2) / quarter(3)))
+    let validation = validation.with_context(|| format!("{}: no validation loss; remove the run and train it anew", path.display()))?;
+    let falling = quarter(2) / quarter(3);
+    crate::numbers::figures(&format!("{}: fall of the training loss", path.display()), &[falling])?;
+    Ok((validation, falling))
 }
 
 /// Rolls the model of the folder of a run out from `starts` starts, and lets policies run in it.

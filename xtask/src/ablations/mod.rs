@@ -28,6 +28,7 @@ use report::Row;
 use runners::Runners;
 
 use crate::common::Device;
+use crate::numbers::{SEEDS, STARTS, TRANSITIONS, UPDATES, count};
 use crate::train::{self, OptimizerName, TrainArgs};
 
 /// Where trained variants are kept.
@@ -45,20 +46,20 @@ pub struct AblationArgs {
     /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
     #[arg(long, value_delimiter = ',')]
     pub only: Vec<String>,
-    /// Optimiser updates of each variant
-    #[arg(long, default_value_t = 1200)]
+    /// Optimiser updates of each variant, at least 80, since a loss is noted every 20 and its fall is told by quarters
+    #[arg(long, default_value_t = 1200, value_parser = count::<u64>(80..=*UPDATES.end()))]
     pub updates: u64,
     /// Transitions of the training data
-    #[arg(long, default_value_t = 200_000)]
+    #[arg(long, default_value_t = 200_000, value_parser = count::<usize>(TRANSITIONS))]
     pub transitions: usize,
     /// Trajectories of the evaluation (the paper: 2048)
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = 256, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Games of each running policy (the paper: 2048)
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = 128, value_parser = count::<usize>(STARTS))]
     pub games: usize,
     /// Seeds of data, weights and windows, comma-separated; bars are means over them
-    #[arg(long, value_delimiter = ',', default_values_t = [0])]
+    #[arg(long, value_delimiter = ',', default_values_t = [0], value_parser = count::<u64>(SEEDS))]
     pub seed: Vec<u64>,
     /// Where Transformers are computed; the other networks are always computed on the CPU
     #[arg(long, value_enum, default_value_t = Device::Flex)]
@@ -70,9 +71,6 @@ pub struct AblationArgs {
 
 /// Runs the part.
 pub fn run(args: AblationArgs) -> Result<()> {
-    if args.starts == 0 || args.games == 0 || args.updates == 0 || args.transitions == 0 || args.seed.is_empty() || args.robot.is_empty() {
-        bail!("--robot and --seed need a value, --updates, --transitions, --starts and --games are at least 1");
-    }
     if let Some(robot) = args.robot.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
         bail!("--robot {robot}: the paper's test cases are of pendulum and ant");
     }

@@ -263,12 +263,12 @@ fn section(robot: &str, all: &[Row], runners: &str) -> String {
         losses.len(),
         kept(&losses),
     ));
-    let one = |a: &Row, b: &Row| first.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map_or(f64::NAN, |p| p.3);
-    let wrong: Vec<_> = rollout.iter().filter(|p| p.3 <= 1.0 || one(p.0, p.1) <= 1.0).collect();
+    let one = |a: &Row, b: &Row| first.iter().find(|p| p.0.name == a.name && p.1.name == b.name).map(|p| p.3);
+    let wrong: Vec<_> = rollout.iter().filter(|p| p.3 <= 1.0 || one(p.0, p.1).is_some_and(|ours| ours <= 1.0)).collect();
     if !wrong.is_empty() {
-        let cells = wrong
-            .iter()
-            .map(|(a, b, theirs, ours)| vec![format!("{} over {}", a.name, b.name), digits(*theirs), digits(*ours), digits(one(a, b))]);
+        let cells = wrong.iter().map(|(a, b, theirs, ours)| {
+            vec![format!("{} over {}", a.name, b.name), digits(*theirs), digits(*ours), one(a, b).map_or_else(|| "-".into(), digits)]
+        });
         text.push_str("Margins of those that do not by both:\n\n");
         text.push_str(&markdown(&["pair", "paper", rolled, "one frame"], &cells.collect::<Vec<_>>()));
     }

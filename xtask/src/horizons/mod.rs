@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
@@ -13,6 +13,7 @@ use serde::Serialize;
 mod figure;
 
 use crate::common::Device;
+use crate::numbers::{self, FRAMES, SEEDS, STARTS, count};
 use crate::provenance::Provenance;
 use crate::solvers::{describe, neural};
 use crate::table::{digits, markdown};
@@ -25,13 +26,13 @@ pub struct HorizonArgs {
     #[arg(long, value_delimiter = ',', default_values_t = ["models/cartpole", "models/pendulum", "models/cube", "models/ant", "models/anymal"].map(String::from))]
     pub model: Vec<String>,
     /// Rollouts
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = 128, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Frames
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = count::<usize>(FRAMES))]
     pub steps: usize,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Where networks are computed
     #[arg(long, value_enum, default_value_t = Device::Flex)]
@@ -77,9 +78,6 @@ const SHOWN: [usize; 3] = [10, 100, 1000];
 
 /// Runs the part.
 pub fn run(args: HorizonArgs) -> Result<()> {
-    if args.starts == 0 || args.steps == 0 {
-        bail!("--starts and --steps are at least 1");
-    }
     let mut all = Vec::new();
     for model in &args.model {
         let horizon = measure(Path::new(model), &args)?;
@@ -105,6 +103,10 @@ fn measure(folder: &Path, args: &HorizonArgs) -> Result<Horizon> {
     let name = scenes.iter().find(|s| !config.base.flies() || **s != "free").copied().unwrap_or("free");
     let (scene, truth) = (system.scene(name)?, Truth::of(folder)?);
     let mut learned = neural(folder, &system, None, args.device, args.starts)?;
+    // Of every frame the errors of every start are kept, and the floor's.
+    let frames = [("--starts", args.starts), ("--steps", args.steps)];
+    numbers::memory(&frames, 64 + 16 * (2 + system.robot.joint_count()))?;
+    numbers::time(&[frames[0], frames[1], ("substeps", system.spec.substeps)])?;
     let protocol = PassiveConfig { starts: args.starts, steps: args.steps, seed: args.seed, action: Action::Zero };
     let bar = crate::common::bar(&format!("frames of {}", folder.display()), args.steps as u64);
     let starts: Vec<_> = (0..args.starts as u64).map(|env| start(&system, Start::Reset, &mut stream(args.seed, env))).collect();
@@ -119,6 +121,7 @@ fn measure(folder: &Path, args: &HorizonArgs) -> Result<Horizon> {
         }
     })?;
     bar.finish();
+    numbers::figures(&format!("{}: error", folder.display()), &report.error)?;
     let frames: Vec<usize> = (0..=60).map(|k| (args.steps as f64).powf(k as f64 / 60.0).round() as usize).collect();
     let frames: Vec<usize> =
         frames.into_iter().chain(SHOWN).filter(|f| *f <= args.steps).collect::<std::collections::BTreeSet<_>>().into_iter().collect();

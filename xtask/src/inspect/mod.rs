@@ -7,10 +7,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_sim::dataset::{Manifest, Recording, read_shard};
+use nerd_sim::dataset::{Manifest, Recording, check_header, read_shard, sha256_of};
 use nerd_sim::prelude::*;
 use nerd_train::prepare::tokens;
 use serde::Serialize;
@@ -20,6 +20,7 @@ mod picture;
 
 use columns::{Block, Column, columns};
 
+use crate::numbers::{self, positive};
 use crate::provenance::Provenance;
 use crate::table::{digits, markdown};
 
@@ -36,7 +37,7 @@ pub struct InspectArgs {
     #[arg(long)]
     pub robot: Option<String>,
     /// Largest number a state may hold; a trajectory beyond it is left out and counted
-    #[arg(long, default_value_t = 1e3)]
+    #[arg(long, default_value_t = 1e3, value_parser = positive)]
     pub bound: f64,
     /// Folder for inspect.json, .svg and .png [default: the data's]
     #[arg(long)]
@@ -65,34 +66,41 @@ struct Counts {
 /// Runs the verb.
 pub fn run(args: InspectArgs) -> Result<()> {
     let folder = args.folder.as_ref().or(args.data.as_ref()).context("no folder to inspect")?;
-    if args.bound.is_nan() || args.bound <= 0.0 {
-        bail!("--bound {}: a positive number is needed", args.bound);
-    }
-    let manifest = manifest(folder)?;
+    let manifest = Manifest::read(folder)
+        .with_context(|| format!("no data set to inspect; make one with `cargo xtask dataset --out {}`", folder.display()))?;
     let robot = args.robot.as_ref().unwrap_or(&manifest.robot);
-    let system =
-        System::named(robot).with_context(|| format!("{} is of robot `{}`; name it with --robot", folder.display(), manifest.robot))?;
-    if system.name != manifest.robot {
-        bail!("{} holds robot `{}`, not `{}`", folder.display(), manifest.robot, system.name);
-    }
-    let (mut all, mut counts) = (columns(&system), Counts::default());
+    let system = System::named(robot)
+        .with_context(|| format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf", folder.display(), manifest.robot))?;
+    let wrong = |reason: String| anyhow!("{}: {reason}", folder.display());
+    manifest.check(&system, &manifest.truth).map_err(wrong)?;
+    let (mut all, mut counts, mut hashes) = (columns(&system), Counts::default(), Vec::new());
     let bar = crate::common::bar("shards, twice", 2 * manifest.shards.len() as u64);
     for pass in 0..2 {
         for (k, name) in manifest.shards.iter().enumerate() {
             let path = folder.join(name);
-            let recording = shard(&system, &path)?;
+            let recording = shard(&system, &manifest, &path)?;
             let kept = kept(&recording, args.bound, if pass == 0 { Some(&mut counts) } else { None });
             if pass == 0 {
                 count(&system, &recording, &kept, &mut counts);
+                hashes.push(recording.sha256());
             }
             each(&system, &recording, &kept, &mut all, if pass == 0 { Column::add } else { Column::bin })?;
             bar.set((pass * manifest.shards.len() + k + 1) as u64);
+        }
+        // What `train --data` would refuse.
+        if pass == 0 && sha256_of(std::mem::take(&mut hashes)) != manifest.sha256 {
+            let manifest = folder.join("manifest.json");
+            bail!("{}: the shards are not those it was written for (SHA-256 differs); make the data set anew", manifest.display());
         }
         if pass == 0 {
             all.iter_mut().for_each(|c| c.close(counts.tokens));
         }
     }
     bar.finish();
+    for c in all.iter().filter(|c| c.count > 0) {
+        let whose = format!("{}: mean or spread of column `{}`, which --bound {} lets through,", folder.display(), c.name, args.bound);
+        numbers::figures(&whose, &[c.mean, c.std, c.std_of_all])?;
+    }
     if counts.tokens == 0 {
         bail!(
             "{}: no trajectory is left to look at ({} not finite, {} beyond {})",
@@ -121,21 +129,11 @@ pub fn run(args: InspectArgs) -> Result<()> {
     picture::draw(&title, &all, counts.tokens, &stem)
 }
 
-fn manifest(folder: &Path) -> Result<Manifest> {
-    let path = folder.join("manifest.json");
-    let text = std::fs::read_to_string(&path).with_context(|| {
-        format!("cannot read {}; make a data set with `cargo xtask dataset --out {}`", path.display(), folder.display())
-    })?;
-    serde_json::from_str(&text).with_context(|| format!("{} is no manifest of a data set", path.display()))
-}
-
-/// A shard, if it is of this system.
-fn shard(system: &System, path: &Path) -> Result<Recording> {
-    let recording = read_shard(path)?.0;
-    match recording.check(&system.robot) {
-        Ok(()) => Ok(recording),
-        Err(reason) => bail!("{}: {reason}", path.display()),
-    }
+/// A shard, if it is of this system and of the manifest's truth.
+fn shard(system: &System, manifest: &Manifest, path: &Path) -> Result<Recording> {
+    let (recording, header) = read_shard(path)?;
+    let checked = check_header(&header, system, &manifest.truth).and_then(|()| recording.check(&system.robot));
+    checked.map(|()| recording).map_err(|reason| anyhow!("{}: {reason}", path.display()))
 }
 
 /// Which trajectories a learner may see.

@@ -17,7 +17,7 @@ use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 
 use super::Line;
-use super::row::{Cell, Verdict};
+use super::row::Cell;
 use crate::common::Device;
 use crate::solvers::neural;
 use crate::truth::Truth;
@@ -62,6 +62,7 @@ type Table = (String, Vec<String>, Vec<Line>);
 
 /// Tables of all models.
 pub fn tables(models: &[PathBuf], words: &[String]) -> Result<Vec<Table>> {
+    super::known(words, &ASKS.map(|a| a.0))?;
     models.iter().map(|folder| table(folder, words)).collect()
 }
 
@@ -82,15 +83,7 @@ fn table(folder: &Path, words: &[String]) -> Result<Table> {
     for (row, figure, source, limit, measure) in asks.iter().map(|a| **a) {
         let mut cells = Vec::new();
         for (_, maker) in &makers {
-            let found = measure(&case, *maker);
-            let lost = found.as_ref().err().map(|e| format!("{e:#}"));
-            let value = found.ok().filter(|x| x.is_finite()).unwrap_or(1e300);
-            let verdict = match value {
-                x if lost.is_none() && x <= limit => Verdict::Pass,
-                x if lost.is_none() && x <= 10.0 * limit => Verdict::Degraded,
-                _ => Verdict::Fail,
-            };
-            cells.push(Cell { figure: value, lost, verdict });
+            cells.push(Cell::new(measure(&case, *maker).map_err(|e| format!("{e:#}")), None, limit));
             bar.set((lines.len() * makers.len() + cells.len()) as u64);
         }
         lines.push(Line { row, figure, source, limit, cells });

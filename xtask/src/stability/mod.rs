@@ -26,6 +26,7 @@ use method::{METHODS, Method};
 use row::{Cell, Row, Verdict, rows};
 use trial::{Fault, Trial};
 
+use crate::flags::unused;
 use crate::provenance::Provenance;
 use crate::table::{digits, markdown};
 
@@ -41,9 +42,9 @@ pub struct StabilityArgs {
     /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER.*
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
-    /// Folder for stability.json, .md, .svg and .png
-    #[arg(long, default_value = "results")]
-    pub out: PathBuf,
+    /// Folder for stability.json, .md, .svg and .png [default: results]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
 
 /// A row as it is written.
@@ -58,18 +59,21 @@ struct Line {
 
 /// Runs the verb.
 pub fn run(args: StabilityArgs) -> Result<()> {
+    if args.fault.is_some() {
+        unused(&[("--out", args.out.is_some())], "beside --fault, under which nothing is written")?;
+        unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
+    }
+    let out = args.out.unwrap_or_else(|| "results".into());
     if !args.model.is_empty() {
         for (folder, (title, columns, lines)) in args.model.iter().zip(learned::tables(&args.model, &args.rows)?) {
             let name = folder.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
             println!("{title}\n");
-            write(&args.out.join(format!("stability-{name}")), &format!("Where it holds: {title}"), &columns, &lines)?;
+            write(&out.join(format!("stability-{name}")), &format!("Where it holds: {title}"), &columns, &lines)?;
         }
         return Ok(());
     }
+    known(&args.rows, &rows().map(|r| r.name).collect::<Vec<_>>())?;
     let chosen: Vec<&Row> = rows().filter(|r| args.rows.is_empty() || args.rows.iter().any(|w| r.name.contains(w.as_str()))).collect();
-    if chosen.is_empty() {
-        bail!("--rows {}: no row is called so; known are {}", args.rows.join(","), rows().map(|r| r.name).collect::<Vec<_>>().join(", "));
-    }
     let bar = crate::common::bar("cells", (chosen.len() * METHODS.len()) as u64);
     let done = std::sync::atomic::AtomicUsize::new(0);
     let measure = |row: &Row, method: &Method| {
@@ -95,7 +99,15 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         println!("rows that {fault:?} must turn red: {}", named.join(", "));
         return Ok(());
     }
-    write(&args.out.join("stability"), "Where methods fail: figure of each row, coloured by figure / limit", &names, &lines)
+    write(&out.join("stability"), "Where methods fail: figure of each row, coloured by figure / limit", &names, &lines)
+}
+
+/// Refuses a word of --rows that no row has in its name.
+fn known(words: &[String], names: &[&str]) -> Result<()> {
+    match words.iter().find(|w| !names.iter().any(|name| name.contains(w.as_str()))) {
+        Some(word) => bail!("--rows {word}: no row is called so; known are {}", names.join(", ")),
+        None => Ok(()),
+    }
 }
 
 /// Prints the table and writes `stem.json`, `.md`, `.svg` and `.png`.

@@ -40,21 +40,29 @@ pub struct Cell {
     pub verdict: Verdict,
 }
 
-impl Row {
-    /// Measures this row.
-    pub fn cell(&self, trial: &Trial) -> Cell {
+impl Cell {
+    /// What was measured, and what the solver said if it gave up before, against a limit.
+    pub fn new(measured: Result<f64, String>, lost: Option<String>, limit: f64) -> Self {
         // Beyond all limits, and still a number.
         const HUGE: f64 = 1e300;
-        let measured = (self.measure)(trial);
-        let lost = measured.as_ref().err().cloned().or_else(|| trial.lost.take());
+        let lost = measured.as_ref().err().cloned().or(lost);
+        let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is no number".into()));
         let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
         let verdict = match figure {
             _ if lost.is_some() => Verdict::Fail,
-            x if x <= self.limit => Verdict::Pass,
-            x if x <= 10.0 * self.limit => Verdict::Degraded,
+            x if x <= limit => Verdict::Pass,
+            x if x <= 10.0 * limit => Verdict::Degraded,
             _ => Verdict::Fail,
         };
-        Cell { figure, lost, verdict }
+        Self { figure, lost, verdict }
+    }
+}
+
+impl Row {
+    /// Measures this row.
+    pub fn cell(&self, trial: &Trial) -> Cell {
+        let measured = (self.measure)(trial);
+        Cell::new(measured, trial.lost.take(), self.limit)
     }
 }
 

@@ -19,6 +19,7 @@ use entries::{BASE, Entry, Set, base};
 
 use crate::chart::microseconds;
 use crate::common::Device;
+use crate::numbers::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES, count};
 use crate::solvers::neural;
 use crate::train::{TrainArgs, train};
 use crate::truth::Truth;
@@ -41,28 +42,28 @@ pub struct SweepArgs {
     #[arg(long, value_delimiter = ',')]
     pub only: Vec<String>,
     /// Seeds of data, weights and windows, comma-separated
-    #[arg(long, value_delimiter = ',', default_values_t = [0, 1, 2])]
+    #[arg(long, value_delimiter = ',', default_values_t = [0, 1, 2], value_parser = count::<u64>(SEEDS))]
     pub seed: Vec<u64>,
     /// Updates of each run
-    #[arg(long, default_value_t = 1500)]
+    #[arg(long, default_value_t = 1500, value_parser = count::<u64>(UPDATES))]
     pub updates: u64,
     /// Sequences of 32 tokens in an update
-    #[arg(long, default_value_t = 32)]
+    #[arg(long, default_value_t = 32, value_parser = count::<usize>(BATCH))]
     pub batch: usize,
     /// Width of the base's network
-    #[arg(long, default_value_t = 48)]
+    #[arg(long, default_value_t = 48, value_parser = count::<usize>(EMBEDDING))]
     pub embedding: usize,
     /// Its layers
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2, value_parser = count::<usize>(LAYERS))]
     pub layers: usize,
     /// Transitions that a run starts with
-    #[arg(long, default_value_t = 100_000)]
+    #[arg(long, default_value_t = 100_000, value_parser = count::<usize>(TRANSITIONS))]
     pub transitions: usize,
     /// Transitions recorded while it goes on
-    #[arg(long, default_value_t = 200_000)]
+    #[arg(long, default_value_t = 200_000, value_parser = count::<usize>(0..=*TRANSITIONS.end()))]
     pub fresh: usize,
     /// Trajectories of the evaluation
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = 128, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Where networks are trained and evaluated; a frame is timed on the CPU
     #[arg(long, value_enum, default_value_t = Device::Flex)]
@@ -90,9 +91,6 @@ pub struct Measured {
 
 /// Runs the part.
 pub fn run(args: SweepArgs) -> Result<()> {
-    if args.starts == 0 || args.updates == 0 || args.seed.is_empty() {
-        bail!("--starts, --updates and --seed: at least one is needed");
-    }
     let entries = args.set.entries();
     if let Some(name) = args.only.iter().find(|name| entries.iter().all(|e| e.name != **name)) {
         bail!("--only {name}: known are {}", entries.iter().map(|e| e.name).collect::<Vec<_>>().join(", "));

@@ -31,7 +31,12 @@ pub fn write(args: &SweepArgs, all: &[Measured]) -> Result<()> {
         let mut row = vec![name.to_string(), runs[0].parameters.to_string()];
         row.extend((0..AT.len()).map(|k| {
             let ([mean, spread], [whole, _]) = (at(&runs, k), at(&base, k));
-            format!("{} +- {} ({:.2})", digits(mean), digits(spread), mean / whole)
+            // A run that left has no error to take the mean of.
+            if mean.is_finite() && whole.is_finite() {
+                format!("{} +- {} ({:.2})", digits(mean), digits(spread), mean / whole)
+            } else {
+                if mean.is_finite() { digits(mean) } else { "left".into() }
+            }
         }));
         let quantities = runs[0].error.len();
         let error: Vec<f64> = (0..quantities).map(|q| moments(&runs.iter().map(|m| m.error[q]).collect::<Vec<_>>())[0]).collect();

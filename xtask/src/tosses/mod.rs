@@ -26,6 +26,7 @@ use method::{Method, Setting};
 use protocol::{METRIC, Motion, Score, Trial, against, flight, lifted, microseconds, roll, still, whole, windows};
 use sources::{Effect, Line, Noise};
 
+use crate::numbers::{FRAMES, SEEDS, count};
 use crate::provenance::Provenance;
 
 /// Predict real tosses of a cube.
@@ -35,10 +36,10 @@ pub struct TossesArgs {
     #[arg(long)]
     pub data: PathBuf,
     /// A window begins at every so many samples of a toss
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = 4, value_parser = count::<usize>(FRAMES))]
     pub every: usize,
     /// Seed of the noise that is put on velocities
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder for tosses.json, .md, .svg and .png
     #[arg(long, default_value = "results")]
@@ -77,9 +78,6 @@ const DEAR: f64 = 150.0;
 
 /// Runs the verb.
 pub fn run(args: TossesArgs) -> Result<()> {
-    if args.every == 0 {
-        bail!("--every 0: at least 1 is needed");
-    }
     let tosses = data::read(&args.data)?;
     let trials = Trials::new(&tosses, args.every);
     if trials.raw.is_empty() {

@@ -1,0 +1,44 @@
+//! What is done to a URDF's text before urdf-rs reads it.
+
+use quick_xml::Reader;
+use quick_xml::events::Event;
+
+/// Elements of a URDF may stand in each other this deep; urdf-rs recurses and would overflow the stack far beyond it.
+const DEEPEST: usize = 64;
+
+/// The text without its <material> elements: nothing here looks at what things look like, and files leave them unfinished,
+/// which urdf-rs minds. Refuses a text that is not well-formed, or nested too deep.
+pub(super) fn without_materials(text: &str) -> Result<String, String> {
+    let mut reader = Reader::from_str(text);
+    let (mut out, mut depth) = (String::with_capacity(text.len()), 0usize);
+    // How deep the <material> stands that is being left out.
+    let mut left_out = None;
+    loop {
+        let start = reader.buffer_position() as usize;
+        let event = reader.read_event().map_err(|e| format!("{e} (byte {})", reader.error_position()))?;
+        let end = reader.buffer_position() as usize;
+        let mut kept = left_out.is_none();
+        match event {
+            Event::Eof if depth > 0 => return Err("the text ends within an element".into()),
+            Event::Eof => return Ok(out),
+            Event::Start(tag) => {
+                depth += 1;
+                if depth > DEEPEST {
+                    return Err(format!("elements nested more than {DEEPEST} deep"));
+                }
+                if kept && tag.name().as_ref() == b"material" {
+                    (left_out, kept) = (Some(depth), false);
+                }
+            }
+            Event::Empty(tag) => kept &= tag.name().as_ref() != b"material",
+            Event::End(_) => {
+                left_out = left_out.filter(|at| *at != depth);
+                depth -= 1;
+            }
+            _ => {}
+        }
+        if kept {
+            out += text.get(start..end).unwrap_or_default();
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Limits of a URDF act, whether or not a TOML says how stiff they are.
+
+use std::sync::Arc;
+
+use nerd_sim::prelude::*;
+
+/// A grip of 0.2 kg hanging down, 0 to 0.08 m, 20 N.
+fn grip() -> String {
+    r#"<robot name="grip"><link name="hand"/><link name="finger"><inertial><mass value="0.2"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link>
+<joint name="grip" type="prismatic"><parent link="hand"/><child link="finger"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.08" effort="20" velocity="1"/></joint></robot>"#.into()
+}
+
+/// An arm of links of 0.3 m, each on a hinge of half a turn about another axis.
+fn arm(links: usize, floating: bool) -> String {
+    let mut urdf = String::from(
+        r#"<robot name="arm"><link name="l0"><inertial><mass value="3"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>"#,
+    );
+    for n in 1..=links {
+        let axis = ["0 1 0", "0 0 1", "1 0 0"][n % 3];
+        urdf += &format!(
+            r#"<link name="l{n}"><inertial><origin xyz="0.15 0 0.02"/><mass value="{m}"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="9e-3" iyz="0" izz="9e-3"/></inertial></link><joint name="j{n}" type="revolute"><parent link="l{}"/><child link="l{n}"/><origin xyz="{x} 0 0"/><axis xyz="{axis}"/><limit lower="-1.6" upper="1.5" effort="5" velocity="5"/></joint>"#,
+            n - 1,
+            m = 1.0 / n as f64,
+            x = if n == 1 { 0.0 } else { 0.3 },
+        );
+    }
+    assert!(!floating || links > 0);
+    urdf + "</robot>"
+}
+
+fn solvers(system: &System) -> [(&'static str, Articulated); 3] {
+    let coulomb = Friction::Coulomb;
+    [
+        ("paper", ArticulatedConfig::paper(system, coulomb)),
+        ("implicit", ArticulatedConfig::implicit(4, coulomb)),
+        ("converged", ArticulatedConfig::converged(coulomb)),
+    ]
+    .map(|(name, config)| (name, Articulated::new(config)))
+}
+
+/// Largest excess over a limit's ends, as a share of its range, over two seconds under constant torques.
+fn excess(system: &Arc<System>, solver: &mut Articulated, start: &[f64], tau: &[f64]) -> f64 {
+    let mut batch = Batch::new(system, &system.scene("free").expect("empty"), 1);
+    batch.reset(0, start);
+    let mut worst = 0.0f64;
+    for _ in 0..120 {
+        solver.step(&mut batch, tau).expect("finite");
+        let q = &batch.state(0)[system.robot.root_coords()..];
+        for (q, limit) in q.iter().zip(system.robot.joints().map(|j| j.limit.expect("limited"))) {
+            worst = worst.max((q - limit.upper).max(limit.lower - q) / (limit.upper - limit.lower));
+        }
+    }
+    worst
+}
+
+#[test]
+fn a_grip_stays_within_its_range() {
+    let system = Arc::new(System::bare("grip", &grip(), false).expect("valid"));
+    for (name, mut solver) in solvers(&system) {
+        // Dropped through its range; pushed at its end by all its effort, and back.
+        for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
+            let found = excess(&system, &mut solver, &start, &[tau]);
+            assert!(found < 0.05, "{name}, {what}: {:.1} % of the range beyond its end", 100.0 * found);
+            assert!(tau == 0.0 || found > 1e-3, "{name}, {what}: {found}, a limit is a spring");
+        }
+    }
+}
+
+#[test]
+fn arms_fall_into_their_limits_and_stay() {
+    for (links, floating) in [(1, false), (3, false), (7, false), (5, true)] {
+        let mut system = System::bare("arm", &arm(links, floating), floating).expect("valid");
+        if floating {
+            system.spec.gravity = [0.0; 3];
+        }
+        let system = Arc::new(system);
+        for (name, mut solver) in solvers(&system) {
+            let mut start = system.default_state();
+            let rates = system.robot.nq() + system.robot.root_dofs();
+            // Thrown against the stops.
+            start[rates..].iter_mut().enumerate().for_each(|(i, v)| *v = if i % 2 == 0 { 3.0 } else { -3.0 });
+            let found = excess(&system, &mut solver, &start, &vec![0.0; links]);
+            assert!(found < 0.1, "{name}, {links} links: {:.1} % of the range beyond an end", 100.0 * found);
+        }
+    }
+}
+
+/// A TOML that says nothing of a limit leaves it acting; zeros switch it off; the built-in robots say all of theirs.
+#[test]
+fn what_is_said_counts() {
+    let toml = |limit: &str| {
+        format!(
+            "floating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\n[[joint]]\nname = \"grip\"\n{limit}sample = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\nreset = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\n"
+        )
+    };
+    let limit = |text: &str| {
+        let system = System::from_text("grip", &grip(), Some(&toml(text))).expect("valid");
+        system.robot.joints().next().and_then(|j| j.limit).map(|l| (l.stiffness, l.damping)).expect("limited")
+    };
+    // 0.2 kg at 1/960 s: 0.2 (0.2 960)^2 N/m would hold 20 N at 3.4 % of the range, 0.4 0.2 960 N s/m.
+    let (stiffness, damping) = limit("");
+    assert!((stiffness / 7372.8 - 1.0).abs() < 1e-9 && (damping / 76.8 - 1.0).abs() < 1e-9, "{stiffness} N/m, {damping} N s/m");
+    assert_eq!(limit("limit = { stiffness = 0.0, damping = 0.0 }\n"), (0.0, 0.0));
+    assert_eq!(limit("limit = { stiffness = 5.0, damping = 1.0 }\n"), (5.0, 1.0));
+    for name in System::built_in() {
+        let system = System::named(name).expect("built in");
+        let silent: Vec<_> =
+            system.robot.joints().zip(system.joint_specs()).filter(|(j, s)| j.limit.is_some() != s.limit.is_some()).collect();
+        assert!(silent.is_empty(), "{name}: {silent:?}");
+    }
+}
+
+/// A chain that nobody builds is still read in no time.
+#[test]
+fn a_long_chain_is_read() {
+    assert_eq!(System::bare("arm", &arm(400, false), false).expect("valid").robot.joint_count(), 400);
+}

@@ -1,0 +1,110 @@
+//! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated --preset paper --friction coulomb
+//! --states FILE.csv --steps 100 --out OUT.csv`: how anyone checks us. What the files hold stands in [`TABLES`].
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use nerd_sim::prelude::*;
+
+mod states;
+
+use states::{States, read};
+
+use crate::flags::unused;
+use crate::numbers::{self, FRAMES, count};
+use crate::solvers::{SolverArgs, SolverName};
+
+/// What `--help` says of the files.
+const TABLES: &str = "\
+FILE of --states has a header and one row for each trajectory and step:
+  traj, step    whole numbers; the row of step 0 is the trajectory's start
+  the state     the robot's coordinates, then its velocities (rad, m, rad/s, m/s), read at step 0 alone: a floating root's
+                px py pz qx qy qz qw (unit quaternion), the joints by name, the root's twist wx wy wz vx_s vy_s vz_s about the
+                world's origin, the joints' rates d_JOINT; of cartpole x theta xdot thetadot, of pendulum q1 q2 qd1 qd2
+  torques       all of tau_JOINT (N m or N) or none, held from their row's step to the next; of cartpole tau_cart tau_pole, of
+                pendulum tau1 tau2; without them no torque acts
+Columns go by these names (a TOML may give others; JOINT is q_NAME where a joint's name is taken, as `step` or `tau1` is), in
+any order; others are passed over.
+OUT has traj, step and the state, in f64 with as many digits as it takes.";
+
+/// Roll a solver out from the states of a file.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = TABLES)]
+pub struct RolloutArgs {
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
+    #[arg(long, default_value = "free")]
+    pub scene: String,
+    #[command(flatten)]
+    pub solver: SolverArgs,
+    /// CSV with starts and torques, see below
+    #[arg(long, value_name = "FILE")]
+    pub states: PathBuf,
+    /// Frames to roll out [default: as many as the file has]
+    #[arg(long, value_parser = count::<usize>(FRAMES))]
+    pub steps: Option<usize>,
+    /// CSV to write
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: RolloutArgs) -> Result<()> {
+    let system = System::named(&args.robot)?;
+    let scene = system.scene(&args.scene)?;
+    let choice = args.solver.choose(&system)?.in_scene(&system, &scene.name)?;
+    if args.solver.solver != Some(SolverName::Neural) {
+        unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
+    }
+    let bytes = choice.bytes()?.saturating_add(1024 * system.robot.state_dim());
+    let file = read(&args.states, &system)?;
+    let steps = steps(&args, &file)?;
+    let (n, joints) = (file.trajectories.len(), system.robot.joint_count());
+    // The table is written whole, so it is kept until then: some 20 characters a number.
+    numbers::memory(&[("trajectories", n), ("--steps", steps)], 24 * (system.robot.state_dim() + 2))?;
+    numbers::memory(&[("trajectories", n)], bytes)?;
+    numbers::time(&[("trajectories", n), ("--steps", steps), ("substeps", choice.substeps())])?;
+    let mut batch = Batch::new(&system, &scene, n);
+    file.trajectories.values().enumerate().for_each(|(env, t)| batch.reset(env, &t.start));
+    let mut solver = choice.build(&system, &scene.name, n)?;
+    let ids: Vec<&u64> = file.trajectories.keys().collect();
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)))?;
+    write_rows(&mut out, &ids, 0, &batch)?;
+    let mut torques = vec![0.0; n * joints];
+    let bar = crate::common::bar("frames", steps as u64);
+    for step in 0..steps {
+        for (t, torques) in file.trajectories.values().zip(torques.chunks_exact_mut(joints.max(1))) {
+            if let Some(given) = t.torques(step) {
+                torques.copy_from_slice(given);
+            }
+        }
+        solver.step(&mut batch, &torques)?;
+        write_rows(&mut out, &ids, step + 1, &batch)?;
+        bar.set(step as u64 + 1);
+    }
+    bar.finish();
+    let bytes = out.into_inner().context("cannot finish the table")?;
+    crate::files::write(&args.out, &bytes)
+}
+
+/// Frames to roll out, for all of which the file has torques if it has any.
+fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
+    let name = args.states.display();
+    let steps = args.steps.unwrap_or_else(|| file.frames());
+    if steps == 0 {
+        bail!("{name}: there are starts alone, no row after step 0; say with --steps how many frames are wanted");
+    }
+    file.check(steps).with_context(|| name.to_string())?;
+    Ok(steps)
+}
+
+fn write_rows(out: &mut csv::Writer<Vec<u8>>, ids: &[&u64], step: usize, batch: &Batch) -> Result<()> {
+    for (env, id) in ids.iter().enumerate() {
+        let state = batch.state(env).iter().map(|x| x.to_string());
+        out.write_record([id.to_string(), step.to_string()].into_iter().chain(state))?;
+    }
+    Ok(())
+}
