@@ -160,6 +160,17 @@ impl CudaLearner {
         Ok((squares * self.step().mean(), g))
     }
 
+    /// Puts other weights in the place of the present ones. For checks.
+    ///
+    /// # Errors
+    /// [`LearnError::Mismatch`] if there are more or fewer of them, [`LearnError::Device`] if the device fails.
+    pub fn set_weights(&mut self, flat: &[f32]) -> Result<(), LearnError> {
+        if flat.len() != self.weights.len {
+            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", flat.len(), self.weights.len)));
+        }
+        self.network.device.write(&self.weights, flat)
+    }
+
     /// Makes the next update kernel by kernel, without the graph. For profilers.
     ///
     /// # Errors
