@@ -103,6 +103,9 @@ pub enum PickError {
     /// The solver is a model that cannot be loaded.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// No solver is within what is no error.
+    #[error("a tolerance of {0}: a number above 0 is needed (rad or m)")]
+    Tolerance(f64),
     /// Nothing measured is accurate enough.
     #[error("no solver measured on {robot}, {scene} comes within {tolerance}; the best is {best:.2e} away")]
     TooFine {
@@ -121,8 +124,11 @@ pub enum PickError {
 /// rollout left. `results` is the folder of the charts.
 ///
 /// # Errors
-/// [`PickError`] if there is no chart or nothing on it is accurate enough.
+/// [`PickError`] if the tolerance is no number above 0, there is no chart, or nothing on it is accurate enough.
 pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<Picked, PickError> {
+    if tolerance.is_nan() || tolerance <= 0.0 {
+        return Err(PickError::Tolerance(tolerance));
+    }
     let path = results.join(format!("chart-{robot}-{scene}.json"));
     let wrong = |reason: String| PickError::Chart { path: path.clone(), robot: robot.into(), scene: scene.into(), reason };
     #[derive(Deserialize)]
@@ -139,7 +145,8 @@ pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<
     }
     let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
     let chart: Chart = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let ours = chart.points.into_iter().filter(|p| p.diverged == 0 && p.error.is_finite());
+    let sound = |p: &Point| p.diverged == 0 && p.error >= 0.0 && p.error.is_finite() && p.microseconds > 0.0;
+    let ours = chart.points.into_iter().filter(sound);
     let ours = ours.filter_map(|p| {
         p.setting.filter(Setting::present).map(|setting| Picked {
             setting,

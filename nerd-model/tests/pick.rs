@@ -21,6 +21,10 @@ fn the_cheapest_that_is_accurate_enough_is_taken() {
     assert_eq!(settings, [Setting::Neural("models/pendulum".into()), Setting::Implicit(2), Setting::Implicit(4)]);
     let too_fine = of(1e-3).unwrap_err().to_string();
     assert!(too_fine.contains("3.00e-3"), "{too_fine}");
+    for tolerance in [f64::NAN, -1.0, 0.0] {
+        let said = of(tolerance).unwrap_err().to_string();
+        assert!(said.contains(&tolerance.to_string()), "{said}");
+    }
     let absent = pick(folder.path(), "ant", "ground", 0.1).unwrap_err().to_string();
     assert!(absent.contains("chart-ant-ground.json") && absent.contains("cargo xtask chart"), "{absent}");
     let system = System::named("pendulum").expect("built in");

@@ -15,12 +15,14 @@
 
 pub mod articulated;
 pub mod batch;
+mod collider;
 pub mod control;
 pub mod dataset;
 pub mod files;
 mod identity;
 pub mod law;
 mod limits;
+mod material;
 mod parallel;
 #[cfg(feature = "rapier")]
 pub mod rapier;

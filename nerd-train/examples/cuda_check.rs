@@ -6,16 +6,19 @@
 //! cargo run --release -p nerd-train --features cuda --example cuda_check -- step BATCH  one update for a profiler
 //! ```
 //!
-//! Checks: gradient against central differences along random directions, bitwise resume, a falling loss, inference against
-//! a rolled window, and the stream against the CPU's. `dump` writes what a comparison with another framework needs.
+//! Checks: every entry of the gradient against the CPU's, every tensor's against central differences along directions that do
+//! not depend on it, validation against the CPU's, bitwise resume, a falling loss, inference against a rolled window, the stream
+//! against the CPU's, numbers that are none, and what must be refused. The first that fails ends the program with an error.
+//! `dump` writes what a comparison with another framework needs.
 
 use std::error::Error;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
-use nerd_model::transformer::{PackedStream, Positions, Stream, TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, PackedStream, Positions, Stream, TransformerConfig, Weights};
 use nerd_train::learner::cuda::{CudaForward, CudaLearner, CudaStream, Precision};
-use nerd_train::learner::{Learner, LearnerConfig, LearnerState};
+use nerd_train::learner::{CpuLearner, LearnError, Learner, LearnerConfig, LearnerState};
 use nerd_train::windows::{Windows, draw};
 
 type Outcome = Result<(), Box<dyn Error>>;
@@ -27,6 +30,8 @@ fn main() -> Outcome {
         ["step", batch] => learner(batch.parse()?, Precision::Tf32, 1.0)?.update_eagerly(1e-4).map_err(Into::into),
         _ => {
             gradient()?;
+            validation()?;
+            refusals()?;
             resume()?;
             learning()?;
             inference()?;
@@ -39,6 +44,11 @@ fn main() -> Outcome {
 /// Uniform in +-1, a hash of `i`.
 fn noise(stream: u64, i: usize) -> f32 {
     (draw(stream, 0, i as u64, 1 << 24) as f32 / (1 << 23) as f32) - 1.0
+}
+
+/// Largest difference; none of a number if there is one that is none.
+fn largest(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
 /// Random inputs; the targets mix the present and the previous token, so that attention has something to find.
@@ -73,35 +83,133 @@ fn learner_of(config: TransformerConfig, batch: usize, precision: Precision, sca
     Ok(CudaLearner::new(configuration(batch), precision, state, &windows(2, config, 200, 100), &windows(3, config, 20, 100))?)
 }
 
-/// Along the gradient with its entries scaled at random the loss changes most, so f32 rounding matters least.
-fn gradient() -> Outcome {
+/// Shapes with a table and without, wide heads and narrow ones, a band narrower than the sequence, more outputs than lanes.
+fn shapes() -> [TransformerConfig; 5] {
     let paper = TransformerConfig::paper;
     let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };
     let small = TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) };
-    let shapes =
-        [paper(37, 4, 192), paper(6, 14, 384), small, rotary(paper(37, 4, 192), 32), rotary(TransformerConfig { heads: 3, ..small }, 20)];
-    for config in shapes.map(|c| TransformerConfig { layers: c.layers.min(3), ..c }) {
-        let data = windows(2, config, 20, 50);
-        let at = |w: Weights| CudaLearner::new(configuration(64), Precision::F32, LearnerState::new(w), &data, &data)?.gradient();
-        let centre = weights(config, 0.05);
-        let (_, g) = at(centre.clone())?;
-        let norm = g.iter().map(|g| g * g).sum::<f32>().sqrt();
-        for direction in 0..2 {
-            let d: Vec<f32> = g.iter().enumerate().map(|(i, g)| g / norm * (1.0 + noise(100 + direction, i))).collect();
-            let slope: f64 = d.iter().zip(&g).map(|(d, g)| *d as f64 * *g as f64).sum();
-            let length = 2e-3;
-            let moved = |h: f32| Weights { config, flat: centre.flat.iter().zip(&d).map(|(w, d)| w + h * d).collect() };
-            let (above, below) = (at(moved(length))?.0, at(moved(-length))?.0);
-            let error = ((above - below) as f64 / (2.0 * length as f64) / slope - 1.0).abs();
-            println!(
-                "E {} of {} inputs, {} outputs, {:?}: slope {slope:.6}, off the central difference by {error:.1e}",
-                config.embedding, config.inputs, config.outputs, config.positions
-            );
-            if error > 2e-3 {
-                return Err("the gradient does not fit the loss".into());
+    let all = [paper(37, 4, 192), paper(6, 14, 384), small, rotary(paper(37, 4, 192), 32), rotary(TransformerConfig { heads: 3, ..small }, 20)];
+    all.map(|c| TransformerConfig { layers: c.layers.min(3), ..c })
+}
+
+/// Every entry within this share of the root mean square of its tensor's: an entry that is missing is off by all of itself.
+const ENTRY: f64 = 2e-3;
+/// Central differences along a tensor's random signs, within this share of the norm of its gradient.
+const SLOPE: f64 = 0.05;
+
+fn gradient() -> Outcome {
+    for config in shapes() {
+        let (data, centre) = (Arc::new(windows(2, config, 20, 50)), weights(config, 0.05));
+        for huber in [None, Some(0.1)] {
+            let settings = LearnerConfig { huber, ..configuration(64) };
+            let state = LearnerState::new(centre.clone());
+            let mut cuda = CudaLearner::new(settings, Precision::F32, state.clone(), &data, &data)?;
+            let cpu = CpuLearner::new(settings, state, data.clone(), data.clone())?;
+            // Those that the device draws for the first update.
+            let rows: Vec<u64> = (0..settings.batch as u64).map(|row| draw(settings.seed, 0, row, data.len() as u64)).collect();
+            let ((loss, found), (of_cpu, expected)) = (cuda.gradient()?, cpu.gradient(&rows)?);
+            let off = f64::from(loss / of_cpu - 1.0).abs();
+            println!("E {}, {:?}, huber {huber:?}: loss {loss:.5}, off the CPU's by {off:.1e}", config.embedding, config.positions);
+            if off.is_nan() || off > 1e-4 {
+                return Err("another loss than the CPU's".into());
             }
+            let (mut first, mut worst) = (0, (0.0, String::new()));
+            for tensor in config.tensors() {
+                let range = first..first + tensor.len();
+                first = range.end;
+                let (a, b) = (&found[range.clone()], &expected[range.clone()]);
+                let norm = b.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
+                let scale = norm / (b.len() as f64).sqrt();
+                let off = a.iter().zip(b).map(|(a, b)| f64::from(a - b).abs() / scale).fold(0.0, f64::max);
+                if a.iter().any(|g| !g.is_finite()) || off.is_nan() || off > ENTRY {
+                    return Err(format!("{}: an entry of its gradient is off by {off:.1e} of their root mean square", tensor.name).into());
+                }
+                if off > worst.0 {
+                    worst = (off, tensor.name.clone());
+                }
+                // The loss is squares where it is not bent, and what is reported are squares.
+                if huber.is_none() {
+                    slope(&mut cuda, &centre.flat, range, a, (f64::from(loss), norm)).map_err(|e| format!("{}: {e}", tensor.name))?;
+                }
+            }
+            println!("    largest error of an entry {:.1e} of its tensor's root mean square, in {}", worst.0, worst.1);
         }
     }
+    Ok(())
+}
+
+/// The loss moves along random signs of one tensor as its gradient says, by steps that f32 can see.
+fn slope(cuda: &mut CudaLearner, centre: &[f32], tensor: std::ops::Range<usize>, g: &[f32], (loss, norm): (f64, f64)) -> Outcome {
+    let step = (1e-4 * loss / norm).min(5e-3);
+    for direction in 0..2 {
+        let sign = |i: usize| f64::from(noise(100 + direction, i)).signum();
+        let mut at = |h: f64| -> Result<f64, Box<dyn Error>> {
+            let mut flat = centre.to_vec();
+            flat[tensor.clone()].iter_mut().enumerate().for_each(|(i, w)| *w += (h * sign(i)) as f32);
+            cuda.set_weights(&flat)?;
+            Ok(f64::from(cuda.gradient()?.0))
+        };
+        let (difference, expected) = ((at(step)? - at(-step)?) / (2.0 * step), g.iter().enumerate().map(|(i, g)| f64::from(*g) * sign(i)).sum::<f64>());
+        cuda.set_weights(centre)?;
+        let off = (difference - expected).abs() / norm;
+        if off.is_nan() || off > SLOPE {
+            return Err(format!("slope {expected:.3e} along random signs, the loss says {difference:.3e}: off by {off:.1e} of the norm").into());
+        }
+    }
+    Ok(())
+}
+
+/// The same windows as on the CPU, whatever part of them is asked for.
+fn validation() -> Outcome {
+    let config = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
+    let (data, state) = (Arc::new(windows(2, config, 20, 50)), LearnerState::new(weights(config, 0.05)));
+    let mut cuda = CudaLearner::new(configuration(64), Precision::F32, state.clone(), &data, &data)?;
+    let mut cpu = CpuLearner::new(configuration(64), state, data.clone(), data.clone())?;
+    for wanted in [1, 63, 500, 10_000] {
+        let (a, b) = (cuda.validate(wanted)?, cpu.validate(wanted)?);
+        println!("validation over {wanted} of {} windows: {a:.6}, on the CPU {b:.6}", data.len());
+        if (a / b - 1.0).is_nan() || (a / b - 1.0).abs() > 1e-4 {
+            return Err("another validation than the CPU's".into());
+        }
+    }
+    Ok(())
+}
+
+/// What has no memory on the device is refused, what is no number stays none.
+fn refusals() -> Outcome {
+    let rotary = TransformerConfig { positions: Positions::Rotary, layers: 2, ..TransformerConfig::paper(37, 4, 192) };
+    let mut stream = CudaStream::new(&weights(rotary, 0.05), Precision::F32, 40)?;
+    let mut out = Vec::new();
+    for rows in [0, 41, usize::MAX] {
+        if !matches!(stream.evaluate(rows), Err(LearnError::Mismatch(_))) {
+            return Err(format!("{rows} rows in a stream for 40").into());
+        }
+    }
+    for asked in [&[1, 0][..], &[2, 2], &[40]] {
+        if stream.push(&windows(3, rotary, 40, 1).x, asked, &mut out).is_ok() {
+            return Err(format!("environments {asked:?} of 40").into());
+        }
+    }
+    for architecture in [Architecture::Mlp, Architecture::Gru, Architecture::Lstm] {
+        let other = Weights::init(TransformerConfig { architecture, ..rotary }, 0);
+        let made = CudaStream::new(&other, Precision::F32, 4).err().map(|e| e.to_string());
+        if made.is_none_or(|e| !e.contains("Transformers")) {
+            return Err(format!("{architecture:?} on the Transformer's engine").into());
+        }
+    }
+    let table = TransformerConfig { positions: Positions::Table, ..rotary };
+    let mut first = 0;
+    for tensor in table.tensors() {
+        let mut none = weights(table, 0.05);
+        // An entry that all windows meet: of the position table the first row.
+        none.flat[first] = f32::NAN;
+        first += tensor.len();
+        let y = CudaForward::new(&none, Precision::F32, 8)?.forward(&windows(3, table, 8, 10).x, 10, &[9; 8])?;
+        if y.iter().all(|y| y.is_finite()) {
+            return Err(format!("NaN in {} is swallowed", tensor.name).into());
+        }
+    }
+    println!("rows without memory, unordered environments, other networks are refused; NaN in any tensor comes out");
     Ok(())
 }
 
@@ -133,6 +241,7 @@ fn resume() -> Outcome {
 fn learning() -> Outcome {
     for precision in [Precision::F32, Precision::Tf32] {
         let mut learner = learner(512, precision, 0.0)?;
+        let before = learner.validate(1000)?;
         for k in 0..=5 {
             println!("{precision:?} update {:>4}: validation {:.5}", 100 * k, learner.validate(1000)?);
             for _ in 0..100 {
@@ -140,6 +249,10 @@ fn learning() -> Outcome {
             }
             let p = learner.progress()?;
             println!("{precision:?} training loss {:.5}, gradient norm {:.4}", p.loss, p.gradient_norm);
+        }
+        let after = learner.validate(1000)?;
+        if after.is_nan() || after > 0.5 * before {
+            return Err(format!("the loss does not fall: {before:.5} to {after:.5}").into());
         }
     }
     Ok(())
@@ -153,8 +266,11 @@ fn inference() -> Outcome {
     let whole = forward.forward(&data.x, 10, &[6; 300])?;
     let part: Vec<f32> = data.x.chunks_exact(370).flat_map(|w| w[..7 * 37].to_vec()).collect();
     let part = forward.forward(&part, 7, &[6; 300])?;
-    let worst = whole.iter().zip(&part).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let worst = largest(&whole, &part);
     println!("causality: largest difference {worst:e}");
+    if worst.is_nan() || worst > 1e-4 {
+        return Err("a token sees younger ones".into());
+    }
     let inputs = windows(2, config, 2048, config.history).x;
     for precision in [Precision::F32, Precision::Tf32] {
         let mut forward = CudaForward::new(&weights(config, 0.05), precision, 2048)?;
@@ -183,13 +299,14 @@ fn streaming() -> Outcome {
         }
         cuda.push(&tokens, &asked, &mut a)?;
         cpu.push(&tokens, &asked, &mut b)?;
-        worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(worst, f32::max);
+        let off = largest(&a, &b);
+        worst = if off > worst || off.is_nan() { off } else { worst };
     }
     println!(
         "stream on the device and on the CPU: largest difference {worst:e} at outputs up to {:.2}",
         b.iter().fold(0.0f32, |m, x| m.max(x.abs()))
     );
-    if worst > 1e-3 {
+    if worst.is_nan() || worst > 1e-3 {
         return Err("the streams differ".into());
     }
     for (name, config) in
@@ -200,7 +317,7 @@ fn streaming() -> Outcome {
             let (tokens, asked): (_, Vec<usize>) = (windows(3, config, envs, 1).x, (0..envs).collect());
             (0..12).try_for_each(|_| stream.push(&tokens, &asked, &mut a))?;
             let start = Instant::now();
-            (0..200).try_for_each(|_| stream.evaluate(envs))?;
+            (0..200).try_for_each(|_| stream.evaluate())?;
             stream.wait()?;
             let device = start.elapsed().as_secs_f64() * 5.0;
             let start = Instant::now();

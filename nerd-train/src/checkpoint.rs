@@ -32,6 +32,14 @@ pub enum CheckpointError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The file is one of a run, but not as it was written.
+    #[error("{path} is damaged: {reason}; move it away and the run makes it anew from its last checkpoint on")]
+    Damaged {
+        /// File concerned.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The file belongs to another network.
     #[error("{path} holds the network {found}, this run asks for {expected}")]
     Network {
@@ -80,7 +88,11 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
         if view.dtype() != Dtype::F32 || view.shape() != [network.parameters()] {
             return Err(format(format!("`{name}` is {:?} {:?}, expected f32 [{}]", view.dtype(), view.shape(), network.parameters())));
         }
-        Ok(view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<f32>>())
+        let numbers: Vec<f32> = view.data().as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(entry) => Err(format(format!("`{name}`: entry {entry} is {}", numbers[entry]))),
+            None => Ok(numbers),
+        }
     };
     let weights = Weights { config: found, flat: vector("weights")? };
     let state = LearnerState { step, weights, average: vector("average")?, m: vector("m")?, v: vector("v")? };

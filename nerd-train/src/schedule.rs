@@ -6,6 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::ranges::{OutOfRange, positive, within};
+
 /// Linear decay with optional warm-up and tail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -29,6 +31,15 @@ impl Default for Schedule {
 }
 
 impl Schedule {
+    /// Refuses rates that teach nothing or blow up.
+    ///
+    /// # Errors
+    /// Names the first that is out of its range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        within("rate", self.start, positive(10.0))?;
+        within("last_rate", self.end, 0.0..=10.0)
+    }
+
     /// Learning rate of update `step`, counted from 0, in a run of `updates`.
     pub fn rate(&self, step: u64, updates: u64) -> f64 {
         let decay = updates.saturating_sub(self.tail);

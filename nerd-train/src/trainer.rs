@@ -5,17 +5,17 @@
 //! The criterion is the hook's value where it gives one, or else the validation loss. Resuming is: load
 //! `last.safetensors`, make a learner of it, run the same [`TrainerConfig`] again.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use nerd_model::transformer::{Storage, Weights, WeightsError};
-use safetensors::tensor::SafeTensors;
+use nerd_model::transformer::Weights;
 use serde::{Deserialize, Serialize};
 
+use crate::best::Best;
 use crate::checkpoint::{self, CheckpointError};
 use crate::learner::{LearnError, Learner, LearnerState};
 use crate::metrics::{Line, Metrics};
+use crate::ranges::{OutOfRange, within};
 use crate::report::Report;
 use crate::schedule::Schedule;
 use crate::supply::{Supply, SupplyError};
@@ -38,6 +38,18 @@ pub struct TrainerConfig {
     pub log_every: u64,
 }
 
+impl TrainerConfig {
+    /// Refuses what no run can be made of.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of its range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        within("updates", self.updates, 1..=1_000_000_000_000)?;
+        within("validation_windows", self.validation_windows, 1..=1 << 30)?;
+        self.schedule.check()
+    }
+}
+
 impl Default for TrainerConfig {
     /// The paper's run.
     fn default() -> Self {
@@ -55,6 +67,9 @@ impl Default for TrainerConfig {
 /// A run that could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
+    /// A setting out of its range.
+    #[error(transparent)]
+    Range(#[from] OutOfRange),
     /// An update or a validation failed.
     #[error(transparent)]
     Learn(#[from] LearnError),
@@ -64,9 +79,6 @@ pub enum TrainError {
     /// Fresh data could not be recorded.
     #[error(transparent)]
     Supply(#[from] SupplyError),
-    /// The best weights could not be encoded or decoded.
-    #[error("best.safetensors: {0}")]
-    Weights(#[from] WeightsError),
     /// The validation hook failed.
     #[error("validation hook at step {step}: {source}")]
     Hook {
@@ -123,10 +135,11 @@ impl Trainer {
     /// [`TrainError`]; the files of the last checkpoint stay as they are.
     pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome, TrainError> {
         let (c, started) = (&self.config, Instant::now());
+        c.check()?;
         let first = learner.state()?.step;
         let mut metrics = Metrics::open(&self.folder.join("metrics.jsonl"), first)?;
         // A fresh run in an old folder starts its own comparison.
-        let mut best = if first == 0 { None } else { self.best() };
+        let mut best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
         let mut report = Report::new(first, c.updates);
         let (mut step, mut logged, mut since) = (first, first, Instant::now());
         while step < c.updates {
@@ -171,21 +184,16 @@ impl Trainer {
 
     /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.
     fn save_best(&self, state: LearnerState, criterion: f64) -> Result<(), TrainError> {
-        let network = serde_json::to_string(&state.weights.config).unwrap_or_default();
-        let metadata =
-            [("step", state.step.to_string()), ("criterion", criterion.to_string()), ("network", network), ("config", self.run.clone())];
-        let metadata: HashMap<_, _> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-        let bytes = Weights { config: state.weights.config, flat: state.average }.to_bytes(metadata, Storage::F32)?;
-        let path = self.folder.join("best.safetensors");
-        Ok(nerd_sim::files::write(&path, &bytes).map_err(|source| CheckpointError::Io { path, source })?)
+        let weights = Weights { config: state.weights.config, flat: state.average };
+        Ok(Best { step: state.step, criterion, weights }.save(&self.folder, &self.run)?)
     }
 
-    /// Step and criterion of the best weights so far, if there are any of this very run.
-    pub fn best(&self) -> Option<(u64, f64)> {
-        let bytes = std::fs::read(self.folder.join("best.safetensors")).ok()?;
-        let (_, header) = SafeTensors::read_metadata(&bytes).ok()?;
-        let metadata = header.metadata().as_ref().filter(|m| m.get("config") == Some(&self.run))?;
-        Some((metadata.get("step")?.parse().ok()?, metadata.get("criterion")?.parse().ok()?))
+    /// The best weights so far, if there are any of this very run.
+    ///
+    /// # Errors
+    /// If there is a file that cannot be read: it may be what a long run came to.
+    pub fn best(&self) -> Result<Option<Best>, CheckpointError> {
+        Best::load(&self.folder, &self.run)
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use common::{LEARNER, NETWORK, windows};
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
-use nerd_train::learner::{BurnLearner, CpuLearner, LearnError, Learner, LearnerConfig, LearnerState};
+use nerd_train::learner::{BurnLearner, CpuLearner, LearnError, Learner, LearnerConfig, LearnerState, validation_rows};
 use nerd_train::windows::Windows;
 
 /// Shapes with and without a table, a band narrower than the sequence, heads of widths that are no whole vector.
@@ -61,6 +61,38 @@ fn an_update_leaves_nothing_to_the_next() {
     for rows in [(0..60).collect::<Vec<u64>>(), vec![5], (3..40).collect()] {
         let found = used.gradient(&rows).expect("finite");
         assert!(found == fresh().gradient(&rows).expect("finite"), "{} windows: not what a new learner finds", rows.len());
+    }
+}
+
+/// Of 273 windows, whatever computes them: from the first trajectory to the last, not the first ones.
+#[test]
+fn a_validation_looks_at_the_same_windows_on_every_engine() {
+    for (windows, wanted) in [(270, 20), (270, 199), (270, 270), (270, 10_000), (3, 2), (1, 0)] {
+        let rows = validation_rows(windows, wanted);
+        assert_eq!(rows.len(), wanted.clamp(1, windows), "{wanted} of {windows}");
+        assert!(rows.is_sorted_by(|a, b| a < b) && rows.iter().all(|row| *row < windows as u64), "{wanted} of {windows}: {rows:?}");
+        let left = windows as u64 - rows.last().expect("one at least");
+        assert!(left <= windows.div_ceil(rows.len()) as u64, "{wanted} of {windows}: the last {left} are never looked at");
+    }
+    let (state, windows) = case(NETWORK);
+    let mut cpu = CpuLearner::new(LEARNER, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
+    for wanted in [20, 199] {
+        // The squared error of the chosen windows alone, each by the gradient's own loss.
+        let expected = cpu.gradient(&validation_rows(windows.len(), wanted)).expect("finite").0;
+        let found = cpu.validate(wanted).expect("finite");
+        assert!((found / expected - 1.0).abs() < 1e-6, "{wanted} windows: {found}, the chosen ones have {expected}");
+    }
+}
+
+#[test]
+fn what_is_no_number_ends_the_run() {
+    for tensor in NETWORK.tensors() {
+        let (mut state, windows) = case(NETWORK);
+        let first: usize = NETWORK.tensors().iter().take_while(|t| t.name != tensor.name).map(|t| t.len()).sum();
+        state.weights.flat[first] = f32::NAN;
+        let mut cpu = CpuLearner::new(LEARNER, state, windows.clone(), windows).expect("windows fit");
+        let error = cpu.update(1e-3).expect_err(&format!("NaN in {} is swallowed", tensor.name));
+        assert!(matches!(error, LearnError::NotFinite { step: 0, .. }), "{}: {error}", tensor.name);
     }
 }
 

@@ -8,6 +8,7 @@ use common::{NETWORK, fresh};
 use nerd_model::transformer::{Storage, TransformerConfig};
 use nerd_sim::files::write_with;
 use nerd_train::checkpoint::{load, save};
+use nerd_train::learner::LearnerConfig;
 use nerd_train::metrics::{Line, Metrics};
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::TrainerConfig;
@@ -72,6 +73,43 @@ fn schedule_values() {
     close(both.rate(900, 1000), 1e-4);
     close(both.rate(999, 1000), 1e-6);
     close(both.rate(2000, 1000), 0.0);
+}
+
+#[test]
+fn settings_out_of_their_ranges_are_refused_by_name() {
+    let trainer = TrainerConfig::default();
+    let schedule = |start: f64, end: f64| TrainerConfig { schedule: Schedule { start, end, ..trainer.schedule }, ..trainer };
+    trainer.check().expect("the paper's");
+    schedule(1e-3, 0.0).check().expect("a rate that falls to 0");
+    let cases = [
+        (TrainerConfig { updates: 0, ..trainer }, "`updates` is 0"),
+        (TrainerConfig { updates: u64::MAX, ..trainer }, "`updates`"),
+        (TrainerConfig { validation_windows: 0, ..trainer }, "`validation_windows`"),
+        (schedule(-1.0, 0.0), "`rate` is -1"),
+        (schedule(0.0, 0.0), "`rate` is 0, it must be above 0"),
+        (schedule(f64::NAN, 0.0), "`rate` is NaN"),
+        (schedule(f64::INFINITY, 0.0), "`rate` is inf"),
+        (schedule(1e-3, -1e-9), "`last_rate`"),
+    ];
+    for (config, words) in cases {
+        let said = config.check().expect_err(words).to_string();
+        assert!(said.contains(words), "{said} does not say {words}");
+    }
+    let learner = common::LEARNER;
+    learner.check().expect("usual");
+    let cases = [
+        (LearnerConfig { batch: 0, ..learner }, "`batch` is 0"),
+        (LearnerConfig { batch: usize::MAX, ..learner }, "`batch`"),
+        (LearnerConfig { average: 1.0, ..learner }, "`average` is 1, it must be at least 0 and below 1"),
+        (LearnerConfig { average: f64::NAN, ..learner }, "`average`"),
+        (LearnerConfig { clip: 0.0, ..learner }, "`clip`"),
+        (LearnerConfig { huber: Some(f32::NAN), ..learner }, "`huber`"),
+        (LearnerConfig { huber: Some(0.0), ..learner }, "`huber`"),
+    ];
+    for (config, words) in cases {
+        let said = config.check().expect_err(words).to_string();
+        assert!(said.contains(words), "{said} does not say {words}");
+    }
 }
 
 #[test]

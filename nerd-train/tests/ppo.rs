@@ -4,8 +4,8 @@
 use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
 use nerd_train::ppo::gae::{Steps, advantages};
-use nerd_train::ppo::rollout::Rollout;
-use nerd_train::ppo::update::{Data, gradient};
+use nerd_train::ppo::rollout::{Rollout, Running, rollout};
+use nerd_train::ppo::update::{Adam, Data, gradient, update};
 use nerd_train::ppo::{Activation, Environments, Moments, Policy, PpoConfig, Shape, Stack, Trainer, folder, play};
 
 fn config(text: &str) -> PpoConfig {
@@ -215,6 +215,31 @@ fn a_point_learns_to_go_home() {
     assert!((-3.1..-2.84).contains(&mean), "mean return {mean}, best possible -2.85, standing still -30");
 }
 
+/// The policy that learns from a rollout is the one that acted in it, so the first ratio is 1 and nothing parts them yet.
+#[test]
+fn the_first_ratio_of_an_update_is_one() {
+    // One minibatch in one pass, and bounds that nothing but rounding keeps.
+    let config = PpoConfig { environments: 32, minibatch: 512, epochs: 1, clip: 1e-4, ..config("") };
+    let shape = Shape { observation: 1, stack: 1, action: 1, hidden: vec![16], activation: Activation::Tanh, spread_by_state: false };
+    let mut policy = Policy::new(shape, &mut nerd_sim::sampling::stream(1, 0));
+    // Far from what a fresh policy has seen, so that moments taken in too early would change every answer.
+    let mut environments = Point::new(32, 30, |x| -x * x);
+    environments.x.iter_mut().for_each(|x| *x = 3.0 * *x + 1.0);
+    let mut adam = Adam::new(policy.flat.len(), 1e-3);
+    let mut running = Running::new(&environments, 1);
+    for iteration in 0..3 {
+        let steps = rollout(&mut environments, &mut running, &policy, (16, 0.99, 0.95), (7, iteration * 16)).expect("steps");
+        let before = policy.seen.clone();
+        let updated = update(&mut policy, &mut adam, &steps, &config, (8, iteration));
+        println!("iteration {iteration}: KL {:.1e}, clipped {}, actor loss {:.1e}", updated.kl, updated.clipped, updated.actor_loss);
+        assert!(updated.kl.abs() < 1e-6, "iteration {iteration}: KL {:.1e} before anything was learned", updated.kl);
+        assert_eq!(updated.clipped, 0.0, "iteration {iteration}: ratios beyond 1 +- 1e-4");
+        // Minus the mean of the normalised advantages, which is 0, if every ratio is 1.
+        assert!(updated.actor_loss.abs() < 1e-5, "iteration {iteration}: actor loss {:.1e}", updated.actor_loss);
+        assert!(policy.seen != before, "the rollout's observations are in no moments");
+    }
+}
+
 #[test]
 fn what_time_cuts_off_keeps_its_value() {
     // Reward 1 for ever is worth 1 / (1 - gamma) = 10, however soon episodes are cut off; without bootstrapping it would be
@@ -324,7 +349,25 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         let solver = "articulated paper coulomb".into();
         let config = folder::PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
         folder::save(folder_.path(), &config, &policy, "# A card\n").expect("written");
-        assert_eq!(folder::load(folder_.path()).expect("read"), (config, policy), "{name}");
+        assert_eq!(folder::load(folder_.path()).expect("read"), (config.clone(), policy.clone()), "{name}");
+        let refusal = |config: &folder::PolicyConfig, policy: &Policy| {
+            folder::save(folder_.path(), config, policy, "# A card\n").expect("written");
+            folder::load(folder_.path()).expect_err("cannot be").to_string()
+        };
+        let mut wide = config.clone();
+        wide.shape.hidden = vec![usize::MAX, usize::MAX];
+        let said = {
+            let json = serde_json::to_string(&wide).expect("JSON");
+            std::fs::write(folder_.path().join("config.json"), json).expect("written");
+            folder::load(folder_.path()).expect_err("cannot be").to_string()
+        };
+        assert!(said.contains("`hidden` is 18446744073709551615"), "{name}: {said}");
+        let mut none = policy.clone();
+        none.flat[1] = f32::NAN;
+        assert!(refusal(&config, &none).contains("no finite number"), "{name}");
+        let mut none = policy;
+        none.seen.variance[0] = -1.0;
+        assert!(refusal(&config, &none).contains("below 0"), "{name}");
     }
     assert!(PpoConfig::small("cartpole-swingup").is_some() && PpoConfig::small("cartpole-juggle").is_none());
     let wrong = |text: &str| PpoConfig::from_text(text).err().map(|e| e.to_string()).unwrap_or_default();

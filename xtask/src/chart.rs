@@ -179,6 +179,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
     let bar = bar("solvers", built.len() as u64 + 1);
     let mut truth = Recorder { solver: exact(finest).solver(system)?, frames: Vec::new() };
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, config, &mut |_| ())?;
+    numbers::figures(&format!("{reference}: its mean error"), &[&base.error, &base.hold, &base.glide].map(|x| mean(x)))?;
     let mut points = Vec::new();
     for (k, (own, series, solver, setting)) in built.into_iter().enumerate() {
         let substeps = setting.substeps();
@@ -206,7 +207,7 @@ fn measure(args: &ChartArgs, system: &Arc<System>, scene: &Arc<Scene>, models: V
             (runs, total, best) = (runs + 1, total + timed.spent, best.min(timed.spent));
         }
         let Some(report) = report else { continue };
-        numbers::figures(&format!("{series} {substeps:?}: error"), &report.error)?;
+        numbers::figures(&format!("{series} {substeps:?}: its mean error"), &[mean(&report.error)])?;
         points.push(Point {
             series,
             substeps,

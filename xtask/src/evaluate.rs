@@ -133,9 +133,9 @@ pub fn rows(args: &EvaluateArgs) -> Result<Vec<Row>> {
         }
         let mut tell = |step| bar.set((k * steps + step) as u64);
         let report = passive(&system, scene, &mut *truth.solver(&system), &mut *solver, protocol, &mut tell)?;
-        for (what, figures) in [("error", &report.error), ("hold-last error", &report.hold), ("constant-velocity error", &report.glide)] {
-            numbers::figures(&format!("{method}: {what} on {} in {}", system.name, scene.name), figures)?;
-        }
+        let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
+        numbers::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
+        numbers::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
         rows.push(Row {
             robot: system.name.clone(),
             method: method.clone(),

@@ -128,13 +128,9 @@ fn measure(args: &GrowArgs, links: usize) -> Result<Vec<Point>> {
         // What leaves has no error to speak of.
         let Ok(report) = passive(&system, &scene, &mut replay, &mut timed, config, &mut |_| ()) else { continue };
         let microseconds = timed.spent.as_secs_f64() * 1e6 / (args.starts * args.horizon) as f64;
-        points.push(Point {
-            links,
-            solver: format!("{setting:?}"),
-            setting: Some(setting),
-            microseconds,
-            error: Some(mean(&report.error)),
-        });
+        let error = mean(&report.error);
+        numbers::figures(&format!("{setting:?} on {links} links: its mean error"), &[error])?;
+        points.push(Point { links, solver: format!("{setting:?}"), setting: Some(setting), microseconds, error: Some(error) });
     }
     for (embedding, layers, base) in [(64, 2, Base::State), (64, 2, Base::Flight), (192, 6, Base::State), (192, 6, Base::Flight)] {
         let solver = format!("NeRD {}, E {embedding}, {layers} layers", if base.flies() { "on flight" } else { "paper's form" });
@@ -166,6 +162,8 @@ fn untrained(system: &Arc<System>, scene: &Arc<Scene>, embedding: usize, layers:
     let unit = |n: usize| Moments { mean: vec![0.0; n], variance: vec![1.0; n] };
     let config = ModelConfig {
         robot: system.name.clone(),
+        robot_sha256: system.robot_sha256(),
+        model_sha256: String::new(),
         truth: "none".into(),
         base,
         view: Default::default(),

@@ -6,6 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
 
 mod ablations;
+mod campaign;
 mod chart;
 mod check;
 mod common;
@@ -24,9 +25,11 @@ mod policy;
 mod provenance;
 mod reproduce;
 mod rollout;
+mod sessions;
 mod shake;
 mod solvers;
 mod stability;
+mod stamp;
 mod sweep;
 mod table;
 mod tosses;
@@ -60,8 +63,12 @@ enum Verb {
     Stability(stability::StabilityArgs),
     /// Predict real tosses of a cube, open loop
     Tosses(tosses::TossesArgs),
+    /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
+    Stamp(stamp::StampArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
+    /// Try hostile input: files and command lines changed at random, runs killed
+    Campaign(campaign::CampaignArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -107,7 +114,9 @@ fn main() -> ExitCode {
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
+        Verb::Stamp(args) => stamp::run(args),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

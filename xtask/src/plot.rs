@@ -153,7 +153,8 @@ impl Picture for Figure {
 /// The range of positive values with a little room.
 fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.filter(|v| *v > 0.0).fold((f64::MAX, f64::MIN_POSITIVE), |(a, b), v| (a.min(v), b.max(v)));
-    (low / 2.0, high * 4.0)
+    // Nothing above zero has no range of its own.
+    if low > high { (0.1, 10.0) } else { (low / 2.0, high * 4.0) }
 }
 
 fn power(v: f64) -> String {

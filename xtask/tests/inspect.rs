@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{refused, xtask};
-use nerd_sim::dataset::{read_shard, sha256_of, write_shard};
+use nerd_sim::dataset::{Recording, read_shard, sha256_of, write_shard};
 
 fn data(robot: &str, folder: &Path) {
     let out = folder.to_str().expect("utf-8");
@@ -53,17 +53,23 @@ fn a_trajectory_that_is_no_number_or_beyond_the_bound_is_left_out_and_counted() 
     let folder = tempfile::tempdir().expect("temporary folder");
     data("pendulum", folder.path());
     let path = folder.path().join("shard-00000.safetensors");
+    let place = folder.path().to_str().expect("utf-8");
     let (mut recording, header) = read_shard(&path).expect("a shard");
     let row = recording.states.len() / recording.trajectories;
+    let manifest = folder.path().join("manifest.json");
+    let allow = |recording: &Recording| {
+        let mut said: serde_json::Value = serde_json::from_slice(&std::fs::read(&manifest).expect("manifest")).expect("JSON");
+        said["sha256"] = sha256_of([recording.sha256()]).into();
+        std::fs::write(&manifest, said.to_string()).expect("written");
+    };
     recording.states[2 * row + 5] = f64::NAN;
-    recording.states[7 * row + 3] = 1e6;
+    recording.states[7 * row + 3] = 1e300;
     write_shard(&path, &recording, &header).expect("written");
     // As `train --data` does, it refuses shards that its manifest was not written for.
-    refused(&["inspect", folder.path().to_str().expect("utf-8")], "SHA-256");
-    let manifest = folder.path().join("manifest.json");
-    let mut said: serde_json::Value = serde_json::from_slice(&std::fs::read(&manifest).expect("manifest")).expect("JSON");
-    said["sha256"] = sha256_of([recording.sha256()]).into();
-    std::fs::write(&manifest, said.to_string()).expect("written");
+    refused(&["inspect", place], "SHA-256");
+    allow(&recording);
+    // Numbers whose mean is none are no figures.
+    refused(&["inspect", place, "--bound", "1e305"], "--bound 1");
     let json = inspect(folder.path());
     let counts = &json["counts"];
     assert_eq!((&counts["not_finite"], &counts["beyond"], &counts["tokens"]), (&1.into(), &1.into(), &240.into()), "{counts}");

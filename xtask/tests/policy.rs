@@ -31,7 +31,8 @@ fn a_policy_is_trained_continued_played_and_shown() {
     // Asked for again, a finished run stays as it is.
     train(&whole, "30", &[]);
     assert!(card == String::from_utf8_lossy(&read(format!("{whole}/policy/README.md"))), "a finished run's card has changed");
-    refused(&["policy", "train", "cartpole-swingup", "--solver", "rapier", "--out", &whole], "another --out");
+    let other = ["policy", "train", "cartpole-swingup", "--solver", "rapier", "--out", &whole];
+    ["another --out", "articulated paper coulomb", "rapier 16 steps"].iter().for_each(|word| refused(&other, word));
 
     let (policy, table, page) = (format!("{whole}/policy"), path("table.json"), path("page.html"));
     let run = xtask(&["policy", "evaluate", "cartpole-swingup", "--policy", &policy, "--games", "3", "--truth-only", "--out", &table]);
@@ -44,6 +45,10 @@ fn a_policy_is_trained_continued_played_and_shown() {
     assert!(html.contains("\"poses\":[[[") && !html.contains("http") && !html.contains("src="), "a page that loads nothing");
     refused(&["policy", "evaluate", "ant-run", "--policy", &policy], "cartpole-swingup");
     refused(&["policy", "show", "ant-run", "--policy", &policy, "--out", &path("no.html")], "cartpole-swingup");
+    // The weights of the policy under another task's name.
+    let config = std::fs::read_to_string(format!("{whole}/policy/config.json")).expect("text");
+    std::fs::write(format!("{whole}/policy/config.json"), config.replace("cartpole-swingup", "ant-run")).expect("written");
+    refused(&["policy", "evaluate", "ant-run", "--policy", &policy], "ant-run` needs");
     refused(&["reproduce", "policies", "--policies", folder.path().to_str().expect("utf-8")], "no policy");
 }
 
@@ -58,6 +63,14 @@ fn what_cannot_be_trained_is_refused_in_one_line() {
         (["policy", "train", "juggle"].as_slice(), "juggle"),
         (&["policy", "train", "ant-run", "--envs", "0"], "environments"),
         (&["policy", "train", "ant-run", "--iterations", "0"], "--iterations"),
+        (&["policy", "train", "ant-run", "--horizon", "1000000000000"], "horizon"),
+        (&["policy", "train", "ant-run", "--envs", "18446744073709551615"], "environments"),
+        (&["policy", "train", "ant-run", "--envs", "1000000", "--horizon", "2000"], "memory"),
+        (&["policy", "train", "ant-run", "--minibatch", "0"], "minibatch"),
+        (&["policy", "train", "ant-run", "--until", "nan"], "--until"),
+        (&["policy", "train", "ant-run", "--minutes=-1"], "--minutes"),
+        (&["policy", "train", "ant-run", "--model", "models/ant"], "--model"),
+        (&["policy", "train", "ant-run", "--device", "cuda"], "--device"),
         (&["policy", "train", "ant-run", "--solver", "magic"], "magic"),
         (&["policy", "train", "ant-run", "--solver", "neural", "--model", "nowhere"], "nowhere"),
         (&["policy", "train", "ant-run", "--config", settings], "hurry"),

@@ -77,6 +77,9 @@ pub enum Positions {
 /// the 10 000 of language models, whose contexts are thousands of tokens long.
 const ROTARY_BASE: f64 = 100.0;
 
+/// Most parameters of a network (4 GiB of weights).
+pub const MOST_PARAMETERS: usize = 1 << 30;
+
 impl TransformerConfig {
     /// The paper's network for a robot with `inputs` features and `outputs` state coordinates.
     pub fn paper(inputs: usize, outputs: usize, embedding: usize) -> Self {
@@ -92,6 +95,15 @@ impl TransformerConfig {
         }
     }
 
+    /// Frames that a prediction depends on, its own included: the window, or where positions are rotary `history - 1` more
+    /// for every layer, since what a layer keeps of a token holds what the layer below saw from there.
+    pub fn reach(&self) -> usize {
+        match (self.positions, self.architecture) {
+            (Positions::Rotary, Architecture::Transformer) => self.layers * (self.history - 1) + 1,
+            _ => self.history,
+        }
+    }
+
     /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, `[d / 2]`: columns m and
     /// m + d/2 are turned together.
     pub fn frequencies(&self) -> impl Iterator<Item = f64> {
@@ -104,22 +116,48 @@ impl TransformerConfig {
         self.frequencies().map(|f| (place as f64 * f).sin_cos()).map(|(sin, cos)| (cos as f32, sin as f32)).collect()
     }
 
-    /// Says what of the shape cannot be, if anything.
+    /// Says what of the shape cannot be, if anything. What passes has at most [`MOST_PARAMETERS`], so that no count of it
+    /// overflows and its memory is known before any is taken.
+    ///
+    /// # Errors
+    /// One line that names the key and what it may be.
     pub fn check(&self) -> Result<(), String> {
-        let Self { embedding, layers, heads, block, history, .. } = *self;
-        if embedding == 0 || layers == 0 || heads == 0 || embedding % heads != 0 {
-            return Err(format!(
-                "a width of {embedding} in {heads} heads and {layers} layers: all at least 1, the width a multiple of heads"
-            ));
+        let Self { inputs, outputs, embedding, layers, heads, block, history, head, .. } = *self;
+        let counts = [
+            ("inputs", inputs, 1 << 16),
+            ("outputs", outputs, 1 << 16),
+            ("embedding", embedding, 4096),
+            ("layers", layers, 64),
+            ("head", head, 1 << 14),
+            ("history", history, 1024),
+            ("block", block, 8192),
+        ];
+        if let Some((name, found, most)) = counts.into_iter().find(|(_, found, most)| !(1..=*most).contains(found)) {
+            return Err(format!("`{name}` is {found}, it must be 1 to {most}"));
         }
-        if history == 0 || history > block {
-            return Err(format!("a window of {history} tokens: 1 to {block}"));
+        if history > block {
+            return Err(format!("`history` is {history}, it must be 1 to {block}, the `block`"));
+        }
+        if self.architecture == Architecture::Transformer {
+            self.check_heads(embedding, heads)?;
+        }
+        // Below the bounds no product of these overflows.
+        match self.parameters() {
+            n if n > MOST_PARAMETERS => Err(format!("{n} parameters: at most {MOST_PARAMETERS} can be held")),
+            _ => Ok(()),
+        }
+    }
+
+    /// Heads mean something to the Transformer alone.
+    fn check_heads(&self, embedding: usize, heads: usize) -> Result<(), String> {
+        if heads == 0 || !embedding.is_multiple_of(heads) {
+            return Err(format!("`heads` is {heads}, it must divide the width of {embedding}"));
         }
         if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {
-            return Err(format!("rotary positions in heads of {} columns: they are turned in pairs", embedding / heads));
+            return Err(format!("`heads` is {heads}: rotary positions turn the {} columns of a head in pairs", embedding / heads));
         }
         if self.positions == Positions::Rotary && heads > 64 {
-            return Err(format!("{heads} heads of rotary positions: at most 64"));
+            return Err(format!("`heads` is {heads}, with rotary positions at most 64"));
         }
         Ok(())
     }

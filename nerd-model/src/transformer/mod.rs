@@ -14,7 +14,7 @@ mod weights;
 
 pub use attention::Attention;
 pub use block::Block;
-pub use config::{Architecture, Init, Positions, TensorSpec, TransformerConfig};
+pub use config::{Architecture, Init, MOST_PARAMETERS, Positions, TensorSpec, TransformerConfig};
 pub use forward::{Forward, ForwardError};
 pub(crate) use network::Reader;
 pub use network::Transformer;

@@ -29,6 +29,39 @@ pub enum WeightsError {
         /// What the file holds.
         found: String,
     },
+    /// The configuration is of no network that can be.
+    #[error("{0}")]
+    Shape(String),
+    /// The file is shorter or longer than the configuration's tensors can be.
+    #[error("{found} bytes for {parameters} parameters: at least {} are needed, and no more than {}", least(*parameters), most(*parameters))]
+    Size {
+        /// Of the configuration.
+        parameters: usize,
+        /// Of the file.
+        found: u64,
+    },
+    /// A tensor that the configuration does not have.
+    #[error("tensor `{0}` is none of the configuration's: the file is another network's")]
+    Unknown(String),
+    /// An entry that is no number.
+    #[error("tensor `{name}`: entry {entry} is {value}")]
+    NotFinite {
+        /// Dotted name.
+        name: String,
+        /// Row-major, from 0.
+        entry: usize,
+        /// What it is.
+        value: f32,
+    },
+}
+
+/// Bytes that so many parameters take at least, as f16, and at most, as f32 with all that stands in the header.
+fn least(parameters: usize) -> u64 {
+    2 * parameters as u64
+}
+
+fn most(parameters: usize) -> u64 {
+    4 * parameters as u64 + (1 << 24)
 }
 
 /// How parameters stand in a file.
@@ -92,18 +125,43 @@ impl Weights {
         Ok(safetensors::serialize(views, Some(metadata))?)
     }
 
-    /// Reads the parameters of `config` from the bytes of a safetensors file.
+    /// Refuses a configuration that cannot be, or a file of so many bytes that cannot be its: what is left to read takes no more
+    /// memory than the file.
+    ///
+    /// # Errors
+    /// [`WeightsError::Shape`], [`WeightsError::Size`].
+    pub fn check_size(config: &TransformerConfig, found: u64) -> Result<(), WeightsError> {
+        config.check().map_err(WeightsError::Shape)?;
+        let parameters = config.parameters();
+        match (least(parameters)..=most(parameters)).contains(&found) {
+            true => Ok(()),
+            false => Err(WeightsError::Size { parameters, found }),
+        }
+    }
+
+    /// Reads the parameters of `config` from the bytes of a safetensors file: exactly its tensors, all of them finite.
+    ///
+    /// # Errors
+    /// What does not fit.
     pub fn from_bytes(config: TransformerConfig, bytes: &[u8]) -> Result<Self, WeightsError> {
-        let file = SafeTensors::deserialize(bytes)?;
+        Self::check_size(&config, bytes.len() as u64)?;
+        let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());
+        if let Some(name) = file.names().into_iter().find(|name| tensors.iter().all(|t| t.name != **name)) {
+            return Err(WeightsError::Unknown(name.to_string()));
+        }
         let mut flat = Vec::with_capacity(config.parameters());
-        for t in config.tensors() {
+        for t in tensors {
             let wrong = |found: String| WeightsError::Tensor { name: t.name.clone(), expected: t.shape.clone(), found };
             let view = file.tensor(&t.name).map_err(|_| wrong("nothing".into()))?;
             match view.dtype() {
                 _ if view.shape() != t.shape => return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape()))),
-                Dtype::F32 => flat.extend(view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
-                Dtype::F16 => flat.extend(view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32())),
+                Dtype::F32 => flat.extend(view.data().as_chunks().0.iter().map(|b| f32::from_le_bytes(*b))),
+                Dtype::F16 => flat.extend(view.data().as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32())),
                 other => return Err(wrong(format!("{other:?} {:?}", view.shape()))),
+            }
+            let entries = &flat[flat.len() - t.len()..];
+            if let Some(entry) = entries.iter().position(|w| !w.is_finite()) {
+                return Err(WeightsError::NotFinite { value: entries[entry], name: t.name, entry });
             }
         }
         Ok(Self { config, flat })

@@ -1,5 +1,8 @@
 //! A small model of random weights.
 
+// Each test file is a crate of its own and uses a part of this.
+#![allow(dead_code)]
+
 use std::sync::Arc;
 
 use nerd_model::base::Base;
@@ -26,6 +29,8 @@ pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
     let config = ModelConfig {
         robot,
+        robot_sha256: system.robot_sha256(),
+        model_sha256: String::new(),
         truth,
         base,
         view: Default::default(),

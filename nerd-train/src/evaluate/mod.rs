@@ -16,6 +16,8 @@ use nerd_sim::solver::{Solver, StepError};
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
+use crate::ranges::{OutOfRange, within};
+
 mod gaps;
 
 use gaps::Gaps;
@@ -33,6 +35,21 @@ pub struct PassiveConfig {
     /// What drives the joints.
     #[serde(default)]
     pub action: Action,
+}
+
+impl PassiveConfig {
+    /// Refuses what no mean can be taken over.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of its range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        within("starts", self.starts, 1..=1 << 30)?;
+        within("steps", self.steps, 1..=1 << 30)?;
+        match self.action {
+            Action::Random(factor) => within("drive", factor, -1e6..=1e6),
+            Action::Zero | Action::Limp => Ok(()),
+        }
+    }
 }
 
 /// What drives the joints of a rollout.
@@ -82,7 +99,7 @@ pub fn passive(
 /// The same for `[truth, solver]`; `watch` sees both batches after each step.
 ///
 /// # Errors
-/// If either cannot step.
+/// If a setting is out of its range, or either cannot step.
 pub fn watched(
     system: &Arc<System>,
     scene: &Arc<Scene>,
@@ -90,6 +107,7 @@ pub fn watched(
     config: PassiveConfig,
     watch: &mut dyn FnMut(usize, &Batch, &Batch),
 ) -> Result<PassiveReport, StepError> {
+    config.check().map_err(|e| StepError::Solver(e.to_string()))?;
     let robot = &system.robot;
     let (n, joints) = (config.starts, robot.joint_count());
     let mut real = Batch::new(system, scene, n);
@@ -106,7 +124,7 @@ pub fn watched(
     let gaps = Gaps::new(system);
     let width = quantities(system).len();
     let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
-    let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed + 1, env)).collect();
+    let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
     // Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold, of glide.
     let mut sums = [vec![0.0; n * width], vec![0.0; n * width], vec![0.0; n * width]];
@@ -134,7 +152,9 @@ pub fn watched(
             }
         }
         truth.step(&mut real, &torques[0])?;
-        solver.step(&mut learned, &torques[1])?;
+        if let Err(error) = solver.step(&mut learned, &torques[1]) {
+            error.faults()?.iter().for_each(|fault| gone[fault.env] = gone[fault.env].or(Some(step)));
+        }
         let time = step as f64 * system.frame_time;
         let mut total = 0.0;
         for env in 0..n {

@@ -18,6 +18,7 @@ pub mod cuda;
 
 use nerd_model::transformer::Weights;
 
+use crate::ranges::{OutOfRange, positive, within};
 use crate::windows::Windows;
 
 /// Share of their distance by which the averaged weights follow the weights after update `step`, counted from 0: the
@@ -51,6 +52,19 @@ pub struct LearnerConfig {
     /// What updates the hidden matrices (paper: Adam).
     #[serde(default)]
     pub optimizer: Optimizer,
+}
+
+impl LearnerConfig {
+    /// Refuses what no update can be made with.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of its range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        within("batch", self.batch, 1..=1 << 20)?;
+        within("clip", self.clip, positive(1e9))?;
+        within("average", self.average, 0.0..1.0)?;
+        self.huber.map_or(Ok(()), |d| within("huber", d, positive(1e9)))
+    }
 }
 
 /// What updates the hidden matrices; everything else is always Adam's.
@@ -123,8 +137,38 @@ pub trait Learner {
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError>;
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
     fn progress(&mut self) -> Result<Progress, LearnError>;
-    /// Normalised MSE of the averaged weights over the first `windows` validation windows.
+    /// Normalised MSE of the averaged weights over `windows` validation windows, those of [`validation_rows`].
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError>;
     /// A copy of everything a continued run needs; waits for the device.
     fn state(&mut self) -> Result<LearnerState, LearnError>;
+}
+
+/// The windows of a set of `windows` that a validation of `wanted` looks at, on every device the same: at even distances over the
+/// whole set, which trajectories' order does not sort by anything.
+pub fn validation_rows(windows: usize, wanted: usize) -> Vec<u64> {
+    let count = wanted.clamp(1, windows.max(1)) as u64;
+    (0..count).map(|k| (u128::from(k) * windows as u128 / u128::from(count)) as u64).collect()
+}
+
+/// Refuses settings, a state or windows that do not fit the network or each other.
+fn check(config: &LearnerConfig, state: &LearnerState, sets: [(&str, &Windows); 2]) -> Result<(), LearnError> {
+    let (network, mismatch) = (state.weights.config, LearnError::Mismatch);
+    config.check().map_err(|e| mismatch(e.to_string()))?;
+    network.check().map_err(mismatch)?;
+    let n = network.parameters();
+    if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) {
+        return Err(mismatch(format!("a state of {n} parameters is needed")));
+    }
+    for (name, set) in sets {
+        let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
+        if found != expected {
+            return Err(mismatch(format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}")));
+        }
+        let tokens = set.trajectories() * set.frames;
+        if set.is_empty() || set.x.len() != tokens * set.inputs || set.y.len() != tokens * set.outputs {
+            let (x, y) = (set.x.len(), set.y.len());
+            return Err(mismatch(format!("{name} windows: {x} inputs and {y} targets make no window")));
+        }
+    }
+    Ok(())
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nerd_model::transformer::Weights;
 use rayon::prelude::*;
 
-use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
+use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam, validation_rows};
 use crate::windows::{Windows, draw};
 
 /// Windows in a shard.
@@ -77,24 +77,7 @@ impl<P: Pass> Sharded<P> {
         train: Arc<Windows>,
         validation: Arc<Windows>,
     ) -> Result<Self, LearnError> {
-        let (network, n) = (state.weights.config, state.weights.config.parameters());
-        for (name, set) in [("training", &train), ("validation", &validation)] {
-            let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
-            if found != expected {
-                let message = format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
-                return Err(LearnError::Mismatch(message));
-            }
-            if set.is_empty() || set.y.len() * set.inputs != set.x.len() * set.outputs {
-                return Err(LearnError::Mismatch(format!(
-                    "{name} windows: {} inputs and {} targets make no window",
-                    set.x.len(),
-                    set.y.len()
-                )));
-            }
-        }
-        if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) || config.batch == 0 {
-            return Err(LearnError::Mismatch(format!("a state of {n} parameters and a batch above 0 are needed")));
-        }
+        super::check(&config, &state, [("training", &train), ("validation", &validation)])?;
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
         Ok(Self { pass, config, state, train, validation, shard: SHARD, threads, sums: (0.0, 0.0, 0) })
     }
@@ -196,7 +179,7 @@ impl<P: Pass> Learner for Sharded<P> {
     }
 
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
-        let rows: Vec<u64> = (0..windows.clamp(1, self.validation.len()) as u64).collect();
+        let rows = validation_rows(self.validation.len(), windows);
         let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.squares(worker, shard(&self.validation, rows));
         let parts = self.sharded(&weights, false, &rows, work)?;

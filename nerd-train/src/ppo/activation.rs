@@ -1,4 +1,5 @@
-//! Activations in f32, written so that the compiler makes vectors of them at the width `pulp` finds at run time.
+//! Activations in f32, written so that the compiler makes vectors of them at the width `pulp` finds at run time. What is no
+//! number stays none.
 
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
@@ -21,8 +22,8 @@ impl Activation {
     pub fn apply(self, x: &mut [f32]) {
         Arch::new().dispatch(|| match self {
             Self::Tanh => x.iter_mut().for_each(|x| *x = tanh(*x)),
-            Self::Relu => x.iter_mut().for_each(|x| *x = x.max(0.0)),
-            Self::Elu => x.iter_mut().for_each(|x| *x = x.max(0.0) + (exp(x.min(0.0)) - 1.0)),
+            Self::Relu => x.iter_mut().for_each(|x| *x = above(*x)),
+            Self::Elu => x.iter_mut().for_each(|x| *x = above(*x) + (exp(x.min(0.0)) - 1.0)),
         });
     }
 
@@ -37,6 +38,12 @@ impl Activation {
     }
 }
 
+/// `max(x, 0)`; `f32::max` takes 0 before what is no number.
+#[inline(always)]
+fn above(x: f32) -> f32 {
+    if x < 0.0 { 0.0 } else { x }
+}
+
 /// `(1 - e) / (1 + e)` with the sign of x, `e = exp(-2 |x|)`.
 #[inline(always)]
 fn tanh(x: f32) -> f32 {
@@ -47,7 +54,7 @@ fn tanh(x: f32) -> f32 {
 /// `e^x` for x <= 0: `2^k e^r` with |r| <= ln 2 / 2 and Taylor's series to r^6.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
-    let x = x.max(-87.0);
+    let x = if x < -87.0 { -87.0 } else { x };
     // Adding and taking away 1.5 x 2^23 rounds to a whole number, which then stands in the low bits.
     let shift = 12_582_912.0f32;
     let shifted = x * std::f32::consts::LOG2_E + shift;
@@ -78,6 +85,9 @@ mod tests {
             let (mut ys, mut slopes) = (xs.clone(), vec![1.0; xs.len()]);
             which.apply(&mut ys);
             which.chain(&ys, &mut slopes);
+            let mut none = [f32::NAN];
+            which.apply(&mut none);
+            assert!(none[0].is_nan(), "{which:?}(NaN) = {}", none[0]);
             for ((x, y), slope) in xs.iter().zip(&ys).zip(&slopes) {
                 let x = f64::from(*x);
                 let (value, h) = (library(which, x), 1e-6);

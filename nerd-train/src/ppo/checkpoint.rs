@@ -14,6 +14,7 @@ use super::policy::Policy;
 use super::tensors::{Reader, Writer};
 use super::trainer::{PpoError, Trainer};
 use crate::checkpoint::CheckpointError;
+use crate::difference::between;
 
 impl<E: Environments> Trainer<E> {
     /// Writes where the run stands; `run` is whatever else the caller wants to find again.
@@ -54,11 +55,13 @@ impl<E: Environments> Trainer<E> {
         let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io { path: path.into(), source })?;
         let file = Reader::new(path, &bytes)?;
         let counts = file.u64("counts", Some(3))?;
-        let config = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e.to_string()))?;
+        let config: super::config::PpoConfig = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e.to_string()))?;
         // A run may be made longer.
-        let same = super::config::PpoConfig { iterations: self.config.iterations, ..config } == self.config;
-        if !same || file.word("run")? != run || counts[2] != self.seed {
-            return Err(file.wrong("it is that of another run: other settings, solver, model or seed").into());
+        let config = super::config::PpoConfig { iterations: self.config.iterations, ..config };
+        let whole = |config, run: &str, seed| serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string();
+        let (found, asked) = (whole(&config, file.word("run")?, counts[2]), whole(&self.config, run, self.seed));
+        if found != asked {
+            return Err(file.wrong(format!("it is that of another run: {}", between(&found, &asked))).into());
         }
         let mut state = self.state.clone();
         state.policy = get(&file, "policy", &state.policy)?;

@@ -4,6 +4,7 @@ use nerd_tasks::TaskError;
 use serde::{Deserialize, Serialize};
 
 use super::activation::Activation;
+use crate::ranges::{OutOfRange, positive, within};
 
 /// Settings of a run; the defaults are those that all tasks of the paper share.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -101,6 +102,9 @@ pub enum ConfigError {
     /// Not what the file should hold.
     #[error("PPO settings: {0}")]
     Format(String),
+    /// A setting out of its range.
+    #[error("PPO settings: {0}")]
+    Range(#[from] OutOfRange),
 }
 
 const FILES: [(&str, &str); 4] = [
@@ -145,29 +149,37 @@ impl PpoConfig {
         self.environments * self.horizon
     }
 
-    /// Refuses what no run can be made of.
+    /// Refuses what no run can be made of, or none that memory bears.
     ///
     /// # Errors
     /// Names the first setting that is wrong.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let positive = [
-            ("environments", self.environments),
-            ("horizon", self.horizon),
-            ("minibatch", self.minibatch),
-            ("epochs", self.epochs),
-            ("stack", self.stack),
-        ];
-        if let Some((name, _)) = positive.into_iter().chain(self.hidden.iter().map(|w| ("hidden", *w))).find(|p| p.1 == 0) {
-            return Err(ConfigError::Format(format!("`{name}` is 0, at least 1 is needed")));
+        for (name, value, most) in [
+            ("environments", self.environments, 1 << 20),
+            ("horizon", self.horizon, 1 << 16),
+            ("minibatch", self.minibatch, 1 << 31),
+            ("epochs", self.epochs, 1000),
+            ("stack", self.stack, 64),
+        ] {
+            within(name, value, 1..=most)?;
         }
-        for (name, value) in [("gamma", self.gamma), ("lambda", self.lambda)] {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(ConfigError::Format(format!("`{name}` is {value}, not within 0 and 1")));
-            }
-        }
-        let weights = [self.clip, self.value_clip, self.critic, self.bounds, self.gradient_norm].map(f64::from);
-        if let Some(value) = weights.into_iter().chain([self.rate, self.kl]).find(|x| !x.is_finite() || *x < 0.0) {
-            return Err(ConfigError::Format(format!("{value} is negative or no number")));
+        self.hidden.iter().try_for_each(|width| within("hidden", *width, 1..=4096))?;
+        within("layers of `hidden`", self.hidden.len(), 0..=16)?;
+        within("environments` x `horizon", self.steps(), 1..=1 << 31)?;
+        within("iterations", self.iterations, 1..=1_000_000_000)?;
+        within("gamma", self.gamma, 0.0..=1.0)?;
+        within("lambda", self.lambda, 0.0..=1.0)?;
+        within("rate", self.rate, positive(1.0))?;
+        within("kl", self.kl, 0.0..=1e3)?;
+        within("gradient_norm", self.gradient_norm, positive(1e9))?;
+        for (name, value) in [
+            ("clip", self.clip),
+            ("value_clip", self.value_clip),
+            ("critic", self.critic),
+            ("entropy", self.entropy),
+            ("bounds", self.bounds),
+        ] {
+            within(name, value, 0.0..=1e6)?;
         }
         Ok(())
     }

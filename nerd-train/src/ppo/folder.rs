@@ -62,9 +62,10 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
     };
     let path = folder.join("config.json");
     let json = serde_json::to_string_pretty(config).map_err(|e| CheckpointError::Format { path, reason: e.to_string() })?;
-    write("config.json", json + "\n")?;
     write("README.md", card.into())?;
-    file.save(&folder.join("policy.safetensors"), HashMap::from([("task".into(), config.task.clone())]))
+    file.save(&folder.join("policy.safetensors"), HashMap::from([("task".into(), config.task.clone())]))?;
+    // Last: a folder that has it is whole.
+    write("config.json", json + "\n")
 }
 
 /// Reads a folder.
@@ -74,7 +75,9 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
     let path = folder.join("config.json");
     let text = std::fs::read_to_string(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
-    let config: PolicyConfig = serde_json::from_str(&text).map_err(|e| CheckpointError::Format { path, reason: e.to_string() })?;
+    let wrong = |reason: String| CheckpointError::Format { path: path.clone(), reason };
+    let config: PolicyConfig = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    check(&config).map_err(wrong)?;
     let path = folder.join("policy.safetensors");
     let bytes = std::fs::read(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
     let file = Reader::new(&path, &bytes)?;
@@ -90,5 +93,22 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
     };
     let seen = moments("observation", shape.observation * shape.stack)?;
     let returns = moments("return", 1)?;
+    let of = |m: &Moments| m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0);
+    if !flat.iter().all(|w| w.is_finite()) || !of(&seen) || !of(&returns) {
+        return Err(file.wrong("a weight or a moment is no finite number, or a variance is below 0"));
+    }
     Ok((config, Policy { shape, flat, seen, returns }))
+}
+
+/// Says what of a policy does not fit its task.
+fn check(config: &PolicyConfig) -> Result<(), String> {
+    let Shape { observation, action, .. } = config.shape;
+    config.shape.check().map_err(|e| format!("shape: {e}"))?;
+    config.ppo.check().map_err(|e| e.to_string())?;
+    let task = nerd_tasks::named(&config.task).map_err(|e| e.to_string())?;
+    let wanted = (task.observation_dim(), task.action_dim());
+    if (observation, action) != wanted {
+        return Err(format!("maps {observation} to {action} numbers; task `{}` needs {} to {}", config.task, wanted.0, wanted.1));
+    }
+    Ok(())
 }

@@ -33,10 +33,10 @@ impl Policies {
     }
 }
 
+/// Data that policies acted in is known by what these were.
 impl fmt::Debug for Policies {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let sum = |p: &Policy| p.flat.iter().map(|w| f64::from(*w)).sum::<f64>();
-        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{task} {:e}", sum(p)))).finish()
+        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{task} {}", p.sha256()))).finish()
     }
 }
 

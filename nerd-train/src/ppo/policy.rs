@@ -6,10 +6,12 @@
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use super::activation::Activation;
 use super::mlp::{Mlp, Tape};
 use super::normalizer::Moments;
+use crate::ranges::{OutOfRange, within};
 
 /// Rows that one thread takes at a time; a gradient is summed over these in order, so that threads change no bit.
 pub(super) const ROWS: usize = 512;
@@ -33,6 +35,18 @@ pub struct Shape {
 }
 
 impl Shape {
+    /// Refuses what no policy can have, before any memory is taken for it.
+    ///
+    /// # Errors
+    /// Names the first number that is out of its range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        within("observation", self.observation, 1..=1 << 16)?;
+        within("stack", self.stack, 1..=64)?;
+        within("action", self.action, 1..=4096)?;
+        within("layers of `hidden`", self.hidden.len(), 0..=16)?;
+        self.hidden.iter().try_for_each(|width| within("hidden", *width, 1..=4096))
+    }
+
     /// The network.
     pub fn network(&self) -> Mlp {
         let outputs = self.action + 1 + if self.spread_by_state { self.action } else { 0 };
@@ -101,6 +115,13 @@ impl Policy {
             answer.spread.extend_from_slice(if self.shape.spread_by_state { &row[a + 1..] } else { self.spread() });
         }
         answer
+    }
+
+    /// SHA-256 of weights and moments, as lower-case hex.
+    pub fn sha256(&self) -> String {
+        let moments = [&self.seen, &self.returns].into_iter().flat_map(|m| m.mean.iter().chain(&m.variance));
+        let bytes: Vec<u8> = self.flat.iter().flat_map(|w| w.to_le_bytes()).chain(moments.flat_map(|x| x.to_le_bytes())).collect();
+        Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect()
     }
 
     /// Values in units of reward.

@@ -79,9 +79,9 @@ pub struct State {
     pub adam: Adam,
     /// Episodes under way.
     pub running: Running,
-    /// Return and length of the last episodes that ended.
+    /// Return and length of the last episodes that ended, of as many iterations as it takes.
     pub recent: VecDeque<(f64, f64)>,
-    /// The policy with the largest mean return so far, and that return.
+    /// The policy that acted when the mean return of the last episodes was at its largest so far, and that mean.
     pub best: Option<(f64, Policy)>,
 }
 
@@ -142,7 +142,8 @@ impl<E: Environments> Trainer<E> {
             (!state.recent.is_empty()).then(|| state.recent.iter().map(f).sum::<f64>() / state.recent.len() as f64)
         };
         let (reward, length) = (mean(|e| e.0), mean(|e| e.1));
-        // The returns are those of the policy before this update.
+        // Episodes last longer than an iteration, so policies before this one have a part in the mean. What is kept is the one
+        // that acted last in it, not the one that this update makes.
         if let Some(reward) = reward.filter(|r| state.recent.len() == most && state.best.as_ref().is_none_or(|b| *r > b.0)) {
             state.best = Some((reward, state.policy.clone()));
         }
@@ -166,7 +167,7 @@ impl<E: Environments> Trainer<E> {
         })
     }
 
-    /// The policy with the largest mean return, or the present one before there is one.
+    /// The policy of the largest mean return ([`State::best`]), or the present one before there is one.
     pub fn best(&self) -> (&Policy, Option<f64>) {
         self.state.best.as_ref().map_or((&self.state.policy, None), |(reward, policy)| (policy, Some(*reward)))
     }

@@ -1,7 +1,8 @@
 //! Passes over one rollout: minibatches, gradients, Adam, and the learning rate that follows the divergence.
 //!
-//! Observations and returns are taken into their moments first. After every minibatch its steps are compared with the policy
-//! just computed, as in the reference, so that the divergence is that of one pass, not of all.
+//! Returns are taken into their moments first, observations last: a ratio is one of two answers to the same inputs, so the
+//! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
+//! so that the divergence is that of one pass, not of all.
 
 use nerd_sim::sampling::stream;
 use rand::RngExt;
@@ -78,7 +79,6 @@ pub struct Updated {
 pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, (seed, iteration): (u64, u64)) -> Updated {
     let n = rollout.values.len();
     let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-    policy.seen.update(&rollout.observations);
     // As the network said them: in moments that have moved on, a value would be held to what was never said.
     let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
     policy.returns.update(&returns);
@@ -101,6 +101,7 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
             }
         }
     }
+    policy.seen.update(&rollout.observations);
     let Terms { actor, critic, bounds, entropy, kl, clipped } = sums.over(batches);
     let gradient_norm = norms / batches;
     Updated { actor_loss: actor, critic_loss: critic, bounds_loss: bounds, entropy, kl, clipped, gradient_norm }

@@ -20,7 +20,7 @@ mod picture;
 
 use columns::{Block, Column, columns};
 
-use crate::numbers::positive;
+use crate::numbers::{self, positive};
 use crate::provenance::Provenance;
 use crate::table::{digits, markdown};
 
@@ -97,6 +97,10 @@ pub fn run(args: InspectArgs) -> Result<()> {
         }
     }
     bar.finish();
+    for c in all.iter().filter(|c| c.count > 0) {
+        let whose = format!("{}: mean or spread of column `{}`, which --bound {} lets through,", folder.display(), c.name, args.bound);
+        numbers::figures(&whose, &[c.mean, c.std, c.std_of_all])?;
+    }
     if counts.tokens == 0 {
         bail!(
             "{}: no trajectory is left to look at ({} not finite, {} beyond {})",

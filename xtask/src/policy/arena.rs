@@ -11,6 +11,7 @@ use nerd_tasks::{Episodes, named};
 
 use super::clock::{Clock, Timed};
 use crate::common::Device;
+use crate::flags::unused;
 use crate::solvers::SolverName;
 use crate::truth::Truth;
 
@@ -44,6 +45,28 @@ impl Arena {
                 format!("neural {} of {}", folder.display(), ModelConfig::read(&folder)?.truth)
             }
         })
+    }
+
+    /// Refuses options of the learned solver for another one.
+    pub fn check(&self) -> Result<()> {
+        if self.solver == SolverName::Neural {
+            return Ok(());
+        }
+        let given = [("--model", self.model.is_some()), ("--device", self.device != Device::Flex)];
+        unused(&given, "without --solver neural")
+    }
+
+    /// What the solver computes, by content: robot, truth or model, whatever their folder is called.
+    pub fn identity(&self, system: &System) -> Result<String> {
+        let solver = match self.solver {
+            SolverName::Articulated => Truth::Articulated.name(),
+            SolverName::Rapier => Truth::Rapier.name(),
+            SolverName::Neural => {
+                let ModelConfig { truth, model_sha256, .. } = ModelConfig::read(&self.folder(&system.name))?;
+                format!("model {} of {truth}", model_sha256.get(..16).unwrap_or("without a hash"))
+            }
+        };
+        Ok(format!("{solver}, robot {} {}", system.name, &system.sha256()[..16]))
     }
 
     /// Its name in a folder's.
@@ -82,8 +105,7 @@ fn solver(arena: &Arena, folder: &Path, system: &Arc<System>, n: usize, clock: &
             let model = Model::load(folder, system, None)?;
             let network = Timed(crate::train::network(&model.weights, arena.device, n)?, clock.network.clone());
             let shape = model.config.network;
-            // Kept keys and values of a layer depend on as many tokens more as the layer below sees.
-            (Box::new(Neural::new(model, system, Box::new(network))), shape.history * shape.layers.max(1))
+            (Box::new(Neural::new(model, system, Box::new(network))), shape.reach())
         }
     })
 }

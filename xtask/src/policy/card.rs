@@ -3,37 +3,27 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use nerd_tasks::Episodes;
 use nerd_train::ppo::Trainer;
 use nerd_train::ppo::folder::{PolicyConfig, save};
 
 use crate::provenance::Provenance;
-
-/// One line a session: which iterations took how long where, and on what.
-pub fn log_time(out: &Path, first: u64, last: u64, seconds: f64, spent: &str) -> Result<()> {
-    use std::io::Write;
-    let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine(), "spent": spent });
-    let path = out.join("sessions.jsonl");
-    let file = std::fs::OpenOptions::new().create(true).append(true).open(&path);
-    let mut file = file.with_context(|| format!("cannot write {}", path.display()))?;
-    Ok(writeln!(file, "{line}")?)
-}
+use crate::sessions;
 
 /// Writes `<out>/policy`.
-pub fn export(out: &Path, task: &str, solver: &str, trainer: &Trainer<Episodes>) -> Result<()> {
-    let text = std::fs::read_to_string(out.join("sessions.jsonl")).context("the run's sessions.jsonl cannot be read")?;
-    let sessions = text.lines().map(serde_json::from_str).collect::<Result<Vec<serde_json::Value>, _>>()?;
-    let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
-    let machine = sessions.last().and_then(|s| s["machine"].as_str()).unwrap_or_default().to_string();
+pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer<Episodes>) -> Result<()> {
+    let sessions = sessions::read(out)?;
+    let (minutes, machine) = sessions::sum(&sessions);
     let stamp = Provenance::now(trainer.seed);
     let rows = [
         ("commit", stamp.commit),
         ("command", stamp.command),
         ("seed", stamp.seed.to_string()),
         ("machine", machine),
-        ("spent", sessions.last().and_then(|s| s["spent"].as_str()).unwrap_or_default().to_string()),
-        ("minutes", format!("{:.1}", seconds / 60.0)),
+        ("spent", sessions.last().map(|s| s.spent.clone()).unwrap_or_default()),
+        ("minutes", minutes),
+        ("learned in", identity.to_string()),
         ("date", stamp.date),
     ];
     let (policy, reward) = trainer.best();

@@ -18,7 +18,8 @@ struct Curve {
 /// Lines of a run's `metrics.jsonl`.
 fn lines(out: &Path) -> Result<Vec<Iteration>> {
     let text = std::fs::read_to_string(out.join("metrics.jsonl")).context("the run's metrics.jsonl cannot be read")?;
-    Ok(text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?)
+    let line = |(k, line)| serde_json::from_str(line).with_context(|| format!("{}, line {}", out.join("metrics.jsonl").display(), k + 1));
+    text.lines().enumerate().map(line).collect()
 }
 
 /// Draws `curve.svg` and `curve.png` from `metrics.jsonl` of a run's folder, once an episode has ended.

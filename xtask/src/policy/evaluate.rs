@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::arena::Arena;
 use crate::common::Device;
+use crate::numbers::{SEEDS, STARTS, count};
 use crate::paper::policy_reward;
 use crate::provenance::Provenance;
 use crate::solvers::SolverName;
@@ -31,10 +32,10 @@ pub struct EvaluateArgs {
     #[arg(long)]
     pub truth_only: bool,
     /// Games (the paper: 2048)
-    #[arg(long, default_value_t = 2048)]
+    #[arg(long, default_value_t = 2048, value_parser = count::<usize>(STARTS))]
     pub games: usize,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Where the learned simulator is computed
     #[arg(long, value_enum, default_value_t = Device::Flex)]

@@ -20,7 +20,7 @@ pub struct ShowArgs {
     #[command(flatten)]
     pub arena: Arena,
     /// Seed of the start
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = crate::numbers::count::<u64>(crate::numbers::SEEDS))]
     pub seed: u64,
     /// HTML file to write
     #[arg(long)]
@@ -29,6 +29,7 @@ pub struct ShowArgs {
 
 /// Runs the verb.
 pub fn run(args: ShowArgs) -> Result<()> {
+    args.arena.check()?;
     let (config, policy) = folder::load(&args.policy)?;
     if config.task != args.task {
         bail!("{} is a policy of `{}`, not of `{}`", args.policy.display(), config.task, args.task);

@@ -7,7 +7,9 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use nerd_tasks::named;
+use nerd_sim::files::claim;
+use nerd_sim::prelude::*;
+use nerd_tasks::{Task, named};
 use nerd_train::metrics::Metrics;
 use nerd_train::ppo::{PpoConfig, Trainer};
 
@@ -15,6 +17,8 @@ use super::arena::Arena;
 use super::clock::{Clock, Split};
 use super::{card, curve};
 use crate::common::Device;
+use crate::numbers::{self, SEEDS, count, finite, positive};
+use crate::sessions;
 use crate::solvers::SolverName;
 
 /// Train a policy.
@@ -38,19 +42,19 @@ pub struct TrainArgs {
     #[arg(long)]
     pub horizon: Option<usize>,
     /// Iterations in the whole run, in place of the settings'
-    #[arg(long)]
+    #[arg(long, value_parser = count::<u64>(1..=1_000_000_000))]
     pub iterations: Option<u64>,
     /// Steps in a minibatch, in place of the settings'
     #[arg(long)]
     pub minibatch: Option<usize>,
     /// Stop once the mean reward of the last episodes has reached this
-    #[arg(long)]
+    #[arg(long, value_parser = finite)]
     pub until: Option<f64>,
     /// Stop, with a checkpoint, after so many minutes; the same command continues
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub minutes: Option<f64>,
     /// Seed of weights, noise and starts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder of the run [default: out/policies/TASK-SOLVER-SEED]
     #[arg(long)]
@@ -71,20 +75,24 @@ const SAVE_SECONDS: u64 = 60;
 
 /// Runs the verb.
 pub fn run(args: TrainArgs) -> Result<()> {
+    args.arena.check()?;
     let (task, config) = (named(&args.task)?, settings(&args)?);
-    let solver = args.arena.title(task.robot())?;
+    memory(&*task, &config)?;
+    let (system, solver) = (System::named(task.robot())?, args.arena.title(task.robot())?);
     let out = args.out.clone().unwrap_or_else(|| format!("out/policies/{}-{}-{}", args.task, args.arena.word(), args.seed).into());
     let run = format!("{} on {solver}", args.task);
+    // What a checkpoint is known by: a model is its weights, wherever they are.
+    let identity = format!("{} on {}", args.task, args.arena.identity(&system)?);
     let started = Instant::now();
     let (clock, mut split) = (Clock::default(), Split::default());
     let episodes = args.arena.timed(&args.task, config.environments, args.seed, &clock)?;
     let mut trainer = Trainer::new(episodes, config, args.seed)?;
+    let _claim = claim(&out)?;
     let checkpoint = out.join("last.safetensors");
     if checkpoint.exists() {
-        trainer.resume(&checkpoint, &run).with_context(|| format!("{} holds another run; choose another --out", out.display()))?;
+        trainer.resume(&checkpoint, &identity).with_context(|| format!("{} holds another run; choose another --out", out.display()))?;
         eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
     }
-    std::fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
     let first = trainer.state.iteration;
     let mut metrics = Metrics::open(&out.join("metrics.jsonl"), first)?;
     let (steps, total) = (trainer.config.steps() as u64, trainer.config.iterations);
@@ -103,7 +111,7 @@ pub fn run(args: TrainArgs) -> Result<()> {
         reached = line.reward.filter(|_| enough);
         let late = args.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m);
         if late || saved.elapsed() > Duration::from_secs(SAVE_SECONDS) {
-            trainer.save(&checkpoint, &run)?;
+            trainer.save(&checkpoint, &identity)?;
             saved = Instant::now();
         }
         if late {
@@ -111,13 +119,13 @@ pub fn run(args: TrainArgs) -> Result<()> {
         }
     }
     bar.finish();
-    trainer.save(&checkpoint, &run)?;
+    trainer.save(&checkpoint, &identity)?;
     // Asked again, a finished run keeps its times.
-    if trainer.state.iteration > first || !out.join("sessions.jsonl").exists() {
-        card::log_time(&out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &split.words(&clock))?;
+    if trainer.state.iteration > first || !sessions::any(&out) {
+        sessions::log(&out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &split.words(&clock))?;
     }
     curve::draw(&out, &run)?;
-    card::export(&out, &args.task, &solver, &trainer)?;
+    card::export(&out, &args.task, (&solver, &identity), &trainer)?;
     let (_, best) = trainer.best();
     let reward = best.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
     let seconds = started.elapsed().as_secs_f64();
@@ -151,8 +159,13 @@ fn settings(args: &TrainArgs) -> Result<PpoConfig> {
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
     config.check()?;
-    if config.iterations == 0 {
-        bail!("--iterations 0: at least one is needed");
-    }
     Ok(config)
+}
+
+/// Refuses a run whose steps of one iteration do not fit in memory.
+fn memory(task: &dyn Task, config: &PpoConfig) -> Result<()> {
+    let seen = task.observation_dim() * config.stack;
+    // Observations, and as inputs; actions, means and spreads, twice; rewards, values, advantages and the like.
+    let a_step = 12 * seen + 24 * task.action_dim() + 100;
+    numbers::memory(&[("`environments`", config.environments), ("`horizon`", config.horizon)], a_step)
 }

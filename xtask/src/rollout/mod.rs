@@ -58,12 +58,13 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     if args.solver.solver != Some(SolverName::Neural) {
         unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
     }
+    let bytes = choice.bytes()?.saturating_add(1024 * system.robot.state_dim());
     let file = read(&args.states, &system)?;
     let steps = steps(&args, &file)?;
     let (n, joints) = (file.trajectories.len(), system.robot.joint_count());
     // The table is written whole, so it is kept until then: some 20 characters a number.
     numbers::memory(&[("trajectories", n), ("--steps", steps)], 24 * (system.robot.state_dim() + 2))?;
-    numbers::memory(&[("trajectories", n)], choice.bytes()?.saturating_add(1024 * system.robot.state_dim()))?;
+    numbers::memory(&[("trajectories", n)], bytes)?;
     numbers::time(&[("trajectories", n), ("--steps", steps), ("substeps", choice.substeps())])?;
     let mut batch = Batch::new(&system, &scene, n);
     file.trajectories.values().enumerate().for_each(|(env, t)| batch.reset(env, &t.start));
@@ -76,7 +77,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let bar = crate::common::bar("frames", steps as u64);
     for step in 0..steps {
         for (t, torques) in file.trajectories.values().zip(torques.chunks_exact_mut(joints.max(1))) {
-            if let Some(given) = t.torques.get(&step) {
+            if let Some(given) = t.torques(step) {
                 torques.copy_from_slice(given);
             }
         }

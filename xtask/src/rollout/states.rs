@@ -21,25 +21,31 @@ pub struct States {
 }
 
 /// One trajectory: its start, and its torques by step.
+#[derive(Default)]
 pub struct Trajectory {
     /// State of step 0.
     pub start: Vec<f64>,
-    /// Joint torques of a step, held to the next; the last row of a trajectory needs none.
-    pub torques: BTreeMap<usize, Vec<f64>>,
-    /// Its last step.
-    pub last: usize,
+    /// By step the line it stands on, and joint torques; the last row of a trajectory needs none.
+    steps: BTreeMap<usize, (u64, Option<Vec<f64>>)>,
+}
+
+impl Trajectory {
+    /// Torques held from a step to the next.
+    pub fn torques(&self, step: usize) -> Option<&[f64]> {
+        self.steps.get(&step)?.1.as_deref()
+    }
 }
 
 impl States {
     /// Frames that the file has.
     pub fn frames(&self) -> usize {
-        self.trajectories.values().map(|t| t.last).max().unwrap_or(0)
+        self.trajectories.values().filter_map(|t| t.steps.last_key_value()).map(|(step, _)| *step).max().unwrap_or(0)
     }
 
     /// Says which torques are missing of `steps` frames, if any are.
     pub fn check(&self, steps: usize) -> Result<()> {
         for (id, t) in self.trajectories.iter().filter(|_| self.driven) {
-            if let Some(step) = (0..steps).find(|step| !t.torques.contains_key(step)) {
+            if let Some(step) = (0..steps).find(|step| t.torques(*step).is_none()) {
                 bail!("trajectory {id} has no torques at step {step}, {steps} steps were asked for");
             }
         }
@@ -57,40 +63,32 @@ fn table(path: &Path, system: &System) -> Result<States> {
     let mut reader = csv::Reader::from_path(path).context("cannot read it")?;
     let header = reader.headers()?.clone();
     let columns = Columns::find(&header, system)?;
-    // Rows by trajectory and step, with their lines.
-    let mut lines: BTreeMap<(u64, usize), u64> = BTreeMap::new();
-    let (mut starts, mut torques): (BTreeMap<u64, Vec<f64>>, BTreeMap<u64, BTreeMap<usize, Vec<f64>>>) = Default::default();
+    let mut trajectories: BTreeMap<u64, Trajectory> = BTreeMap::new();
     for record in reader.records() {
         let record = record?;
         let row = Row { line: record.position().map_or(0, |p| p.line()), header: &header, record: &record };
         let (id, step) = (row.whole(columns.traj, u64::MAX)?, row.whole(columns.step, *FRAMES.end())? as usize);
-        if let Some(first) = lines.insert((id, step), row.line) {
+        let trajectory = trajectories.entry(id).or_default();
+        if let Some((first, _)) = trajectory.steps.get(&step) {
             bail!("line {}: trajectory {id} has step {step} already on line {first}", row.line);
         }
         if step == 0 {
-            let start = row.numbers(&columns.states)?;
+            trajectory.start = row.numbers(&columns.states)?;
             if system.robot.floating() {
-                row.unit(&columns.states[3..7], &start[3..7])?;
+                row.unit(&columns.states[3..7], &trajectory.start[3..7])?;
             }
-            starts.insert(id, start);
         }
-        if columns.torques.iter().any(|&c| !row.cell(c).is_empty()) {
-            torques.entry(id).or_default().insert(step, row.numbers(&columns.torques)?);
-        }
+        let given = columns.torques.iter().any(|&c| !row.cell(c).is_empty());
+        let torques = given.then(|| row.numbers(&columns.torques)).transpose()?;
+        trajectory.steps.insert(step, (row.line, torques));
     }
-    let mut last: BTreeMap<u64, usize> = BTreeMap::new();
-    lines.keys().for_each(|(id, step)| {
-        // Ascending, so the last one seen is the largest.
-        last.insert(*id, *step);
-    });
-    if last.is_empty() {
+    if trajectories.is_empty() {
         bail!("no rows under the header");
     }
-    let trajectory = |(id, last): (u64, usize)| {
-        let start = starts.remove(&id).with_context(|| format!("trajectory {id} has no row of step 0, its start"))?;
-        Ok((id, Trajectory { start, torques: torques.remove(&id).unwrap_or_default(), last }))
-    };
-    Ok(States { trajectories: last.into_iter().map(trajectory).collect::<Result<_>>()?, driven: !columns.torques.is_empty() })
+    if let Some((id, _)) = trajectories.iter().find(|(_, t)| !t.steps.contains_key(&0)) {
+        bail!("trajectory {id} has no row of step 0, its start");
+    }
+    Ok(States { trajectories, driven: !columns.torques.is_empty() })
 }
 
 /// Where the columns stand.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::variant::Variant;
 use crate::common::Device;
+use crate::numbers::{BATCH, EMBEDDING, FRAMES, LAYERS, SEEDS, TRANSITIONS, UPDATES, count, positive, share, within};
 use crate::truth::Truth;
 
 /// Train a NeRD model.
@@ -20,19 +21,19 @@ pub struct TrainArgs {
     #[arg(long, default_value = "paper")]
     pub preset: Preset,
     /// Tokens of a window, in place of the preset's
-    #[arg(long)]
+    #[arg(long, value_parser = count::<usize>(1..=1024))]
     pub history: Option<usize>,
     /// Rotary positions: rollouts evaluate one token a frame in place of a window
     #[arg(long)]
     pub stream: bool,
     /// Tokens of a training sequence with --stream
-    #[arg(long, default_value_t = 32)]
+    #[arg(long, default_value_t = 32, value_parser = count::<usize>(1..=8192))]
     pub sequence: usize,
     /// Width of the network, in place of the preset's
-    #[arg(long)]
+    #[arg(long, value_parser = count::<usize>(EMBEDDING))]
     pub embedding: Option<usize>,
     /// Layers of the network, in place of the preset's
-    #[arg(long)]
+    #[arg(long, value_parser = count::<usize>(LAYERS))]
     pub layers: Option<usize>,
     /// What is learned: articulated (the reference simulator's method) or rapier
     #[arg(long, value_enum, default_value_t = Truth::Articulated)]
@@ -50,47 +51,47 @@ pub struct TrainArgs {
     #[arg(long)]
     pub from: Option<PathBuf>,
     /// Transitions to record
-    #[arg(long)]
+    #[arg(long, value_parser = count::<usize>(TRANSITIONS))]
     pub transitions: Option<usize>,
     /// Frames of a trajectory (paper: 100)
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = count::<usize>(FRAMES))]
     pub frames: usize,
     /// Transitions recorded while the run goes on, which take the places of the oldest
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = count::<usize>(0..=*TRANSITIONS.end()))]
     pub fresh: usize,
     /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
     /// trajectories are passive); the paper's data has 1
-    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true, value_parser = within(-10.0..=1.0))]
     pub torque_scale: f64,
     /// Most frames for which a random action is held, their number drawn once a trajectory; the paper's data has 1
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = count::<usize>(FRAMES))]
     pub hold: usize,
     /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data; the paper's data has 0
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, value_parser = share)]
     pub resets: f64,
     /// Folders of policies, comma-separated, that act in part of the data, each in its task
     #[arg(long, value_delimiter = ',')]
     pub policy: Vec<PathBuf>,
     /// Share of the trajectories that policies act in
-    #[arg(long, default_value_t = 0.5)]
+    #[arg(long, default_value_t = 0.5, value_parser = share)]
     pub policy_share: f64,
     /// Optimiser updates in the whole run
-    #[arg(long)]
+    #[arg(long, value_parser = count::<u64>(UPDATES))]
     pub updates: Option<u64>,
     /// Windows in an update
-    #[arg(long)]
+    #[arg(long, value_parser = count::<usize>(BATCH))]
     pub batch: Option<usize>,
     /// Learning rate of the first update
-    #[arg(long, default_value_t = 1e-3)]
+    #[arg(long, default_value_t = 1e-3, value_parser = positive)]
     pub rate: f64,
     /// Learning rate the linear decay ends at
-    #[arg(long, default_value_t = 1e-4)]
+    #[arg(long, default_value_t = 1e-4, value_parser = within(0.0..=10.0))]
     pub last_rate: f64,
     /// Share of the run, at its end, over which the rate falls on to zero (paper: 0)
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, value_parser = share)]
     pub tail: f64,
     /// Updates over which the rate rises from zero (paper: 0)
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(0..=*UPDATES.end()))]
     pub warmup: u64,
     /// What updates the hidden matrices: adam (the paper) or muon
     #[arg(long, value_enum, default_value_t = OptimizerName::Adam)]
@@ -99,16 +100,16 @@ pub struct TrainArgs {
     #[arg(long)]
     pub huber: Option<f32>,
     /// Decay of the moving average of the weights, per update
-    #[arg(long, default_value_t = 0.9995)]
+    #[arg(long, default_value_t = 0.9995, value_parser = share)]
     pub average: f64,
     /// Updates between validations (default: a fiftieth of the run)
-    #[arg(long)]
+    #[arg(long, value_parser = count::<u64>(0..=*UPDATES.end()))]
     pub validate_every: Option<u64>,
     /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, value_parser = count::<usize>(0..=1_000_000))]
     pub rollouts: usize,
     /// Stop, with a checkpoint, after so many minutes; the same command continues
-    #[arg(long)]
+    #[arg(long, value_parser = positive)]
     pub minutes: Option<f64>,
     /// Train no further: make a model of the best weights that the run has had so far
     #[arg(long)]
@@ -120,7 +121,7 @@ pub struct TrainArgs {
     #[arg(long, value_enum, default_value_t = Device::Flex)]
     pub device: Device,
     /// Seed of data, weights and windows
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
 }
 

@@ -1,6 +1,6 @@
 //! What a run is, and what its model folder says of it.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -8,6 +8,7 @@ use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
+use nerd_train::difference::between;
 use nerd_train::learner::{LearnerConfig, LearnerState};
 use nerd_train::trainer::TrainerConfig;
 use serde::{Deserialize, Serialize};
@@ -15,11 +16,15 @@ use serde::{Deserialize, Serialize};
 use super::TrainArgs;
 use super::variant::Variant;
 use crate::provenance::Provenance;
+use crate::sessions;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     pub robot: String,
+    /// Of the robot alone, and of how it is started, driven and controlled too.
+    pub robot_sha256: String,
+    pub system_sha256: String,
     pub truth: String,
     pub base: Base,
     #[serde(default, skip_serializing_if = "Variant::usual")]
@@ -27,9 +32,15 @@ pub struct Run {
     pub network: TransformerConfig,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
+    /// Engine and precision.
+    pub arithmetic: String,
+    /// Starts of the rollouts that choose the weights.
+    pub rollouts: usize,
+    pub frames: usize,
     pub torque_scale: f64,
     pub hold: usize,
     pub resets: f64,
+    /// Who acts in part of the data, by content, and in what part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policies: Option<String>,
     pub data_sha256: String,
@@ -37,32 +48,38 @@ pub struct Run {
     /// Transitions recorded during the run.
     #[serde(default)]
     pub fresh: usize,
-    /// What the weights it started from had been through.
+    /// What the weights it started from had been through, and what they were.
     pub from: Option<String>,
+    pub from_sha256: Option<String>,
 }
 
-/// The state to go on from, if the folder holds one of this very run.
-pub fn resume(out: &Path, network: &TransformerConfig, run: &str) -> Result<Option<LearnerState>> {
+/// The state to go on from, if the folder holds one of this very run. Before its data is there, that is not looked at.
+pub fn resume(out: &Path, run: &Run) -> Result<Option<LearnerState>> {
     let path = out.join("last.safetensors");
     if !path.exists() {
         return Ok(None);
     }
-    let (state, found) = nerd_train::checkpoint::load(&path, network)?;
-    if found != run {
-        bail!(
-            "{}: belongs to a run with other settings; use another --out, or the settings in {}",
-            path.display(),
-            out.join("run.json").display()
-        );
+    let (state, found) = nerd_train::checkpoint::load(&path, &run.network)?;
+    let mut found: serde_json::Value = serde_json::from_str(&found).with_context(|| format!("{}: `config`", path.display()))?;
+    let asked = serde_json::to_value(run)?;
+    if run.data_sha256.is_empty() {
+        ["data_sha256", "transitions"].iter().for_each(|key| found[key] = asked[key].clone());
+    }
+    let said = between(&found.to_string(), &asked.to_string());
+    if !said.is_empty() {
+        bail!("{} belongs to a run with other settings: {said}; use another --out, or its settings", path.display());
     }
     Ok(Some(state))
 }
 
 /// What `config.json` will hold.
-pub fn model_config(run: &Run, provenance: &HashMap<String, String>) -> ModelConfig {
+pub fn model_config(run: &Run, provenance: &BTreeMap<String, String>) -> ModelConfig {
     let form = run.variant.form(run.base);
     ModelConfig {
         robot: run.robot.clone(),
+        robot_sha256: run.robot_sha256.clone(),
+        // Saving makes it.
+        model_sha256: String::new(),
         truth: run.truth.clone(),
         base: form.base,
         view: form.view,
@@ -89,14 +106,6 @@ pub fn history(config: &ModelConfig) -> String {
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
 
-/// One line a validation: which updates took how long where. A run that is killed has those up to its best weights.
-pub fn log_time(out: &Path, first: u64, last: u64, seconds: f64) -> Result<()> {
-    use std::io::Write;
-    let line = serde_json::json!({ "first": first, "last": last, "seconds": seconds, "machine": Provenance::machine() });
-    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(out.join("sessions.jsonl"))?;
-    Ok(writeln!(file, "{line}")?)
-}
-
 /// Writes the model folder with a card made of what the run recorded.
 pub fn export(
     folder: &Path,
@@ -107,12 +116,8 @@ pub fn export(
     chosen: String,
     args: &TrainArgs,
 ) -> Result<()> {
-    let sessions = std::fs::read_to_string(out.join("sessions.jsonl")).context("sessions.jsonl, the times of the run")?;
-    let sessions: Vec<serde_json::Value> = sessions.lines().map(serde_json::from_str).collect::<Result<_, _>>()?;
-    let seconds: f64 = sessions.iter().filter_map(|s| s["seconds"].as_f64()).sum();
-    let machine = sessions.last().map_or_else(String::new, |s| s["machine"].as_str().unwrap_or_default().to_string());
+    let (minutes, machine) = sessions::sum(&sessions::read(out)?);
     let stamp = Provenance::now(args.seed);
-    let minutes = format!("{:.1}", seconds / 60.0);
     let rows = [
         ("commit", stamp.commit.clone()),
         ("command", stamp.command.clone()),
@@ -121,6 +126,7 @@ pub fn export(
         ("minutes", minutes),
         ("date", stamp.date.clone()),
         ("weights", chosen),
+        ("arithmetic", run.arithmetic.clone()),
         ("optimizer", format!("{:?}", run.learner.optimizer)),
         ("schedule", format!("{:?}", run.trainer.schedule)),
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),

@@ -27,8 +27,8 @@ pub fn pilot(args: &TrainArgs, system: &System) -> Result<Option<(Arc<dyn Pilot>
     if args.policy.is_empty() {
         return Ok(None);
     }
-    if !(0.0..=1.0).contains(&args.policy_share) || args.data.is_some() {
-        bail!("--policy records by itself: leave out --data; --policy-share is within 0 and 1");
+    if args.data.is_some() {
+        bail!("--policy records by itself: leave out --data");
     }
     let mut policies = Vec::new();
     for folder in &args.policy {

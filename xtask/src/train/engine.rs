@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use nerd_model::BurnDevice;
-use nerd_model::transformer::{Architecture, Stream, Weights};
+use nerd_model::transformer::{Architecture, Stream, TransformerConfig, Weights};
 use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
 use nerd_train::prepare::Prepared;
 
@@ -32,10 +32,24 @@ fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
 
 /// The fused engine is one network's.
 #[cfg(feature = "cuda")]
-fn transformer_only(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
+fn transformer_only(network: &TransformerConfig) -> Result<()> {
     match network.architecture {
         Architecture::Transformer => Ok(()),
         other => bail!("--device cuda computes Transformers, no {other:?}; leave it out"),
+    }
+}
+
+/// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
+pub fn arithmetic(args: &TrainArgs, network: &TransformerConfig) -> Result<String> {
+    match args.device {
+        Device::Flex => Ok("f32 on the CPU".into()),
+        #[cfg(feature = "cuda")]
+        Device::Cuda => {
+            transformer_only(network)?;
+            Ok(if args.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into())
+        }
+        #[cfg(not(feature = "cuda"))]
+        Device::Cuda => bail!("--device cuda needs a build with `--features cuda`, of {} as of any network", network.embedding),
     }
 }
 

@@ -11,6 +11,7 @@ use nerd_train::schedule::Schedule;
 use nerd_train::trainer::TrainerConfig;
 
 use super::args::{BaseName, OptimizerName, Preset, TrainArgs};
+use super::memory;
 
 /// What options come to.
 pub struct Settings {
@@ -34,7 +35,6 @@ impl Settings {
     /// # Errors
     /// If one of them makes no sense; its message names the option.
     pub fn new(args: &TrainArgs, system: &System) -> Result<Self> {
-        check(args)?;
         let small = args.preset == Preset::Small;
         let base = match args.base {
             BaseName::State => Base::State,
@@ -62,7 +62,7 @@ impl Settings {
             huber: args.huber,
             optimizer,
         };
-        let tail = (args.tail.clamp(0.0, 1.0) * updates as f64) as u64;
+        let tail = (args.tail * updates as f64) as u64;
         let every = args.validate_every.unwrap_or(updates.div_ceil(50));
         let trainer = TrainerConfig {
             updates,
@@ -73,24 +73,24 @@ impl Settings {
             log_every: if small { 20 } else { 500 },
         };
         let transitions = args.transitions.unwrap_or(if small { 400_000 } else { 10_000_000 });
+        learner.check()?;
+        trainer.check()?;
+        // More than the run looks at would be recorded for nobody, at whatever price.
+        let looked_at = u128::from(updates) * (learner.batch * network.sequence()) as u128;
+        if args.fresh as u128 > looked_at {
+            bail!(
+                "--fresh {}: {updates} updates of {} sequences of {} look at {looked_at} tokens",
+                args.fresh,
+                learner.batch,
+                network.sequence()
+            );
+        }
+        if args.fresh > 0 && args.data.is_some() {
+            bail!("--fresh records by itself: leave out --data");
+        }
+        memory::check(args, &network, learner.batch, transitions)?;
         Ok(Self { base, form, network, learner, trainer, transitions })
     }
-}
-
-fn check(args: &TrainArgs) -> Result<()> {
-    if !(-10.0..=1.0).contains(&args.torque_scale) {
-        bail!("--torque-scale {} is outside [-10, 1]", args.torque_scale);
-    }
-    if args.hold == 0 || !(0.0..=1.0).contains(&args.resets) {
-        bail!("--hold is at least 1, --resets within 0 and 1");
-    }
-    if args.huber.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
-        bail!("--huber {}: an error above 0; leave it out for squares alone", args.huber.unwrap_or_default());
-    }
-    if args.frames == 0 {
-        bail!("--frames 0: at least one is needed");
-    }
-    Ok(())
 }
 
 fn network(args: &TrainArgs, system: &System, form: Form) -> Result<TransformerConfig> {
@@ -105,10 +105,13 @@ fn network(args: &TrainArgs, system: &System, form: Form) -> Result<TransformerC
         network = TransformerConfig { positions: Positions::Rotary, block: args.sequence.max(network.history), ..network };
     }
     network.layers = args.layers.unwrap_or(network.layers);
+    // Before the width of a rival is looked for by counting its parameters.
+    network.check().map_err(anyhow::Error::msg)?;
     if let Some(embedding) = args.embedding {
         // Heads keep their width.
         let heads = (embedding * network.heads).div_euclid(network.embedding).max(1);
         network = TransformerConfig { embedding, heads, ..network };
+        network.check().map_err(|e| anyhow::anyhow!("--embedding {embedding}: {e}"))?;
     }
     let network = args.variant.network(network);
     network.check().map_err(anyhow::Error::msg)?;

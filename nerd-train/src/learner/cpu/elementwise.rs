@@ -58,9 +58,10 @@ pub fn gelu(x: &mut [f32], active: &mut Vec<f32>) {
     });
 }
 
-/// `x = max(x + bias, 0)` for every row.
+/// `x = max(x + bias, 0)` for every row; what is no number stays none.
 pub fn relu(x: &mut [f32], bias: &[f32]) {
-    x.chunks_exact_mut(bias.len()).for_each(|row| row.iter_mut().zip(bias).for_each(|(x, b)| *x = (*x + b).max(0.0)));
+    let of = |x: f32| if x < 0.0 { 0.0 } else { x };
+    x.chunks_exact_mut(bias.len()).for_each(|row| row.iter_mut().zip(bias).for_each(|(x, b)| *x = of(*x + b)));
 }
 
 /// The gradient in front of [`relu`].

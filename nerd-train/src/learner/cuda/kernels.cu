@@ -12,7 +12,7 @@ constexpr int GS = GW + 4;               // shared row of an output gradient
 constexpr int PAIRS = (E / 2 + 31) / 32; // float2 of one token per lane
 constexpr int HPL = (HID + 31) / 32;     // hidden units of the head per lane
 
-// Mirror of `Scalars` in learner.rs.
+// Mirror of `Scalars` in trainer.rs.
 struct Scalars {
     u64 step, bad_step, count;
     double loss_sum, norm_sum;
@@ -34,18 +34,12 @@ __device__ u64 mix(u64 x) {
     return x ^ (x >> 31);
 }
 
-// One block per row of the batch. Draws the window (`stride` 0) or takes number (first + row) * stride, and copies
-// its tokens to u [rows][T][LDX] (zero padded) and y [rows][T][OUT]. Rows past the last window repeat the last.
+// One block per row of the batch. Takes window numbers[row], or draws it where there are no numbers, and copies its tokens to
+// u [rows][T][LDX] (zero padded) and y [rows][T][OUT].
 extern "C" __global__ void gather(const float* x, const float* y, float* u, float* target, const Scalars* s, u64 seed,
-                                  u64 windows, u64 per, u64 frames, u64 first, u64 stride) {
+                                  u64 windows, u64 per, u64 frames, const u64* numbers) {
     const u64 row = blockIdx.x;
-    u64 w;
-    if (stride) {
-        w = (first + row) * stride;
-        if (w >= windows) w = windows - 1;
-    } else {
-        w = mix(mix(mix(seed) ^ s->step) ^ row) % windows;
-    }
+    const u64 w = numbers ? numbers[row] : mix(mix(mix(seed) ^ s->step) ^ row) % windows;
     const u64 token = w / per * frames + w % per;
     for (int i = threadIdx.x; i < T * LDX; i += blockDim.x) {
         int k = i / LDX, c = i % LDX;
@@ -361,12 +355,11 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     }
 }
 
-// One new token of many environments against the last B keys and values of each. Row r of qkv belongs to environment
-// envs[r], which has taken[r] tokens behind it; its key and value go to slot taken % B of ring [env][B][2 E]. Turning a query
-// by the distance to a key is turning both by their places, so keys are kept unturned. One warp a row and head, D <= 32;
-// turns [B][D / 2].
-extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* envs, const unsigned* taken, float* out,
-                                            const float2* turns, int rows) {
+// One new token of every environment against the last B keys and values of each. Environment r has taken[r] tokens behind it; its
+// key and value go to slot taken % B of ring [env][B][2 E]. Turning a query by the distance to a key is turning both by their
+// places, so keys are kept unturned. One warp a row and head, D <= 32; turns [B][D / 2].
+extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* taken, float* out, const float2* turns,
+                                            int rows) {
     const int warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
     const int row = warp / H, head = warp % H;
     if (row >= rows) return;
@@ -374,7 +367,7 @@ extern "C" __global__ void attention_stream(const float* qkv, float* ring, const
     const int c = in ? lane : 0, pair = c % (D / 2);
     const unsigned now = taken[row];
     const float* token = qkv + (u64)row * (3 * E) + head * D + c;
-    float* past = ring + (u64)envs[row] * (B * 2 * E) + head * D + c;
+    float* past = ring + (u64)row * (B * 2 * E) + head * D + c;
     const float q = in ? token[0] : 0.0f;
     const float partner = __shfl_sync(0xffffffffu, q, c < D / 2 ? c + D / 2 : c - D / 2);
     if (in) {
@@ -424,13 +417,16 @@ extern "C" __global__ void gelu_backward(const float4* a, float4* g, u64 quads) 
 
 // ---------------------------------------------------------------- head
 
+// max(x, 0), of what is no number that: fmaxf would take 0.
+__device__ __forceinline__ float relu(float x) { return x < 0.0f ? 0.0f : x; }
+
 // Prediction of one token by one warp: h = relu(z + b1) (kept per lane), d[o] = h W2 + b2.
 __device__ __forceinline__ void head_token(const float* z, const float* b1, const float (*w)[OUT], const float* b2, float* h,
                                            float* d, int lane) {
 #pragma unroll
     for (int a = 0; a < HPL; a++) {
         int j = lane + 32 * a;
-        h[a] = j < HID ? fmaxf(z[j] + b1[j], 0.0f) : 0.0f;
+        h[a] = j < HID ? relu(z[j] + b1[j]) : 0.0f;
     }
 #pragma unroll
     for (int o = 0; o < OUT; o++) {
@@ -493,7 +489,7 @@ extern "C" __global__ void head_loss(float* z, const float* b1, const float* w2,
                 g += d[o] * w[a][o];
                 gw[a][o] += h[a] * d[o];
             }
-            g = h[a] > 0.0f ? g : 0.0f;
+            g = h[a] <= 0.0f ? 0.0f : g;
             gb1[a] += g;
             if (lane + 32 * a < HID) z[(u64)t * HID + lane + 32 * a] = g;
         }

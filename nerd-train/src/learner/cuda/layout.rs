@@ -4,7 +4,7 @@
 //! the plain normalised activations, and both gradients follow from the one of `W'`: `dW = diag(w) dW'` and
 //! `dw_i = sum_j dW'_ij W_ij`.
 
-use nerd_model::transformer::{Positions, TransformerConfig};
+use nerd_model::transformer::{Architecture, Positions, TransformerConfig};
 
 use crate::learner::LearnError;
 
@@ -70,17 +70,13 @@ impl Layout {
     }
 
     fn of(config: TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
-        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, block, history, head, positions, .. } = config;
-        if heads == 0
-            || !e.is_multiple_of(4 * heads)
-            || history == 0
-            || history > block
-            || tokens > 32
-            || history > 32
-            || outputs == 0
-            || inputs == 0
-            || layers == 0
-        {
+        let TransformerConfig { inputs, outputs, embedding: e, layers, heads, history, head, positions, architecture, .. } = config;
+        if architecture != Architecture::Transformer {
+            return Err(LearnError::Mismatch(format!("the CUDA engine computes Transformers, no {architecture:?}")));
+        }
+        config.check().map_err(LearnError::Mismatch)?;
+        // Kernels count entries of the flat vector in 31 bits.
+        if !e.is_multiple_of(4 * heads) || tokens > 32 || history > 32 || config.parameters() > i32::MAX as usize / 4 {
             return Err(LearnError::Mismatch(format!(
                 "the CUDA engine wants 1..=32 tokens in a sequence and a head width that is a multiple of 4: {config:?}"
             )));

@@ -94,8 +94,13 @@ pub(super) struct Network {
 impl Network {
     /// Memory for `rows` windows; `train` adds what the backward pass needs.
     pub fn new(layout: Layout, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
-        let device = Device::open(&layout.source(), &KERNELS, precision)?;
         let c = layout.config;
+        // Kernels and products count rows, and launches their blocks, in 31 bits.
+        let most = i32::MAX as usize / (layout.tokens * c.heads * 32);
+        if !(1..=most).contains(&rows) {
+            return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
+        }
+        let device = Device::open(&layout.source(), &KERNELS, precision)?;
         let (n, e) = (rows * layout.tokens, c.embedding);
         let zeros = |len| device.zeros::<f32>(len);
         let kept = |_| -> Result<Kept, LearnError> {

@@ -14,7 +14,7 @@ use super::layout::Layout;
 use super::muon::{Muon, Vectors};
 use super::network::Network;
 use crate::learner::muon::hidden;
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress};
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
 use crate::windows::Windows;
 
 /// Blocks of the gradient norm's first stage.
@@ -83,30 +83,12 @@ impl CudaLearner {
         let shape = state.weights.config;
         let layout = Layout::new(shape)?;
         let p = layout.parameters;
-        if [state.weights.flat.len(), state.average.len(), state.m.len(), state.v.len()] != [p; 4] {
-            return Err(LearnError::Mismatch(format!("the state does not have the network's {p} parameters")));
-        }
-        if config.batch == 0 || train.x.is_empty() || train.is_empty() {
-            return Err(LearnError::Mismatch("no windows to train on, or an empty batch".into()));
-        }
-        for w in [train, validation] {
-            if !w.x.is_empty() && (w.inputs, w.outputs, w.history) != (shape.inputs, shape.outputs, shape.sequence()) {
-                let (i, o, h) = (w.inputs, w.outputs, w.history);
-                return Err(LearnError::Mismatch(format!("windows of {h} tokens, {i} inputs, {o} outputs for {shape:?}")));
-            }
-        }
+        crate::learner::check(&config, &state, [("training", train), ("validation", validation)])?;
         let columns = layout.head_columns();
         let network = Network::new(layout, config.batch, precision, true)?;
         let d = &network.device;
         let data = |w: &Windows| -> Result<Data, LearnError> {
-            let windows = if w.x.is_empty() { 0 } else { w.len() };
-            Ok(Data {
-                x: d.upload(&w.x)?,
-                y: d.upload(&w.y)?,
-                windows,
-                per: if windows > 0 { w.per_trajectory() } else { 1 },
-                frames: w.frames,
-            })
+            Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, windows: w.len(), per: w.per_trajectory(), frames: w.frames })
         };
         let scalars = Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() };
         let (train, validation) = (data(train)?, data(validation)?);
@@ -178,6 +160,17 @@ impl CudaLearner {
         Ok((squares * self.step().mean(), g))
     }
 
+    /// Puts other weights in the place of the present ones. For checks.
+    ///
+    /// # Errors
+    /// [`LearnError::Mismatch`] if there are more or fewer of them, [`LearnError::Device`] if the device fails.
+    pub fn set_weights(&mut self, flat: &[f32]) -> Result<(), LearnError> {
+        if flat.len() != self.weights.len {
+            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", flat.len(), self.weights.len)));
+        }
+        self.network.device.write(&self.weights, flat)
+    }
+
     /// Makes the next update kernel by kernel, without the graph. For profilers.
     ///
     /// # Errors
@@ -242,21 +235,17 @@ impl Learner for CudaLearner {
         Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
     }
 
-    /// Takes the windows at even distances over the whole set.
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
         let (net, w) = (&self.network, self.average.ptr);
         let c = net.layout.config;
-        let count = windows.min(self.validation.windows);
-        if count == 0 {
-            return Err(LearnError::Mismatch("no validation windows".into()));
-        }
-        let stride = self.validation.windows / count;
+        let chosen = validation_rows(self.validation.windows, windows);
+        let (count, numbers) = (chosen.len(), net.device.upload(&chosen)?);
         let error = self.head_sums.at(net.layout.head_columns() - 1);
         net.device.write(&self.total, &[0.0])?;
         net.fold(w)?;
         for first in (0..count).step_by(net.rows) {
             let rows = net.rows.min(count - first);
-            gather(net, &self.validation, rows, 0, 0, (first, stride))?;
+            gather(net, &self.validation, rows, Choice::These(numbers.at(first)))?;
             net.windows(w, rows)?;
             net.top(w, net.x.ptr, rows * net.layout.tokens)?;
             net.loss(w, rows * net.layout.tokens, None, self.head_sums.ptr)?;
@@ -303,7 +292,7 @@ impl Step<'_> {
 
     fn gradient(&self) -> Result<(), LearnError> {
         let (net, w) = (self.network, self.weights.ptr);
-        gather(net, self.train, self.config.batch, self.scalars.ptr, self.config.seed, (0, 0))?;
+        gather(net, self.train, self.config.batch, Choice::Drawn { scalars: self.scalars.ptr, seed: self.config.seed })?;
         net.fold(w)?;
         net.windows(w, self.config.batch)?;
         net.top(w, net.x.ptr, self.config.batch * net.layout.tokens)?;
@@ -347,22 +336,21 @@ impl Step<'_> {
     }
 }
 
-/// Fills the network's inputs and targets: the windows drawn for the update counted in `scalars`, or with
-/// `(first, stride)`, stride above 0, every stride-th window from number `first stride`.
-fn gather(net: &Network, data: &Data, rows: usize, scalars: u64, seed: u64, (first, stride): (usize, usize)) -> Result<(), LearnError> {
-    let [windows, per, frames, first, stride] = [data.windows, data.per, data.frames, first, stride].map(|x| Long(x as u64));
-    let args = [
-        Ptr(data.x.ptr),
-        Ptr(data.y.ptr),
-        Ptr(net.inputs.ptr),
-        Ptr(net.targets.ptr),
-        Ptr(scalars),
-        Long(seed),
-        windows,
-        per,
-        frames,
-        first,
-        stride,
-    ];
-    net.device.launch("gather", (rows, 1), (128, 1), 0, &args)
+/// Which windows.
+enum Choice {
+    /// Those of the update counted in `scalars`.
+    Drawn { scalars: u64, seed: u64 },
+    /// Those of the numbers from this address on.
+    These(u64),
+}
+
+/// Fills the network's inputs and targets with `rows` windows.
+fn gather(net: &Network, data: &Data, rows: usize, choice: Choice) -> Result<(), LearnError> {
+    let [windows, per, frames] = [data.windows, data.per, data.frames].map(|x| Long(x as u64));
+    let (scalars, seed, numbers) = match choice {
+        Choice::Drawn { scalars, seed } => (scalars, seed, 0),
+        Choice::These(numbers) => (0, 0, numbers),
+    };
+    let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.inputs.ptr), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
+    net.device.launch("gather", (rows, 1), (128, 1), 0, &[&from[..], &[windows, per, frames, Ptr(numbers)]].concat())
 }

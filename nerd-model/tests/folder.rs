@@ -1,0 +1,208 @@
+//! A model folder is what it was written as, or it is refused: whatever is changed in it, a model that loads predicts what the
+//! saved one did.
+
+mod common;
+
+use std::path::Path;
+
+use common::model;
+use nerd_model::base::Base;
+use nerd_model::folder::{Model, ModelError};
+use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig, Weights};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::stream;
+use rand::RngExt;
+
+const FILES: [&str; 3] = ["config.json", "normalizer.json", "model.safetensors"];
+
+fn pendulum() -> std::sync::Arc<System> {
+    System::named("pendulum").expect("built in")
+}
+
+fn saved(folder: &Path) -> Model {
+    model(&pendulum(), Base::State).save(folder, "# card\n", Storage::F16).expect("saved");
+    Model::load(folder, &pendulum(), None).expect("as it was written")
+}
+
+/// Whether two models predict the same of the same states.
+fn alike(a: &Model, b: &Model) -> bool {
+    let what = |m: &Model| (m.config.base, m.config.view, m.config.network);
+    what(a) == what(b) && a.normalizer == b.normalizer && a.weights == b.weights
+}
+
+/// The folder's `config.json` with a key of it, or of its network, set to some text.
+fn edit(folder: &Path, key: &str, value: &str) -> String {
+    let path = folder.join("config.json");
+    let mut config: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).expect("read")).expect("JSON");
+    let place = if config.get(key).is_some() { &mut config[key] } else { &mut config["network"][key] };
+    *place = serde_json::from_str(value).expect("JSON");
+    std::fs::write(&path, config.to_string()).expect("written");
+    Model::load(folder, &pendulum(), None).expect_err(&format!("{key} {value} is taken")).to_string()
+}
+
+#[test]
+fn whatever_is_changed_loads_as_it_was_or_is_refused() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let whole = saved(folder.path());
+    let (mut refused, mut same) = (0, 0);
+    for (f, name) in FILES.into_iter().enumerate() {
+        let path = folder.path().join(name);
+        let bytes = std::fs::read(&path).expect("read");
+        let mut rng = stream(7, f as u64);
+        for case in 0..400 {
+            let (mut changed, at) = (bytes.clone(), rng.random_range(0..bytes.len()));
+            match case % 4 {
+                0 => changed.truncate(at),
+                1 => changed[at] ^= 1 << rng.random_range(0..8),
+                2 => changed[at] = b"0123456789-.e{}[]\","[rng.random_range(0..19)],
+                _ => changed.insert(at, rng.random_range(48..58)),
+            }
+            std::fs::write(&path, &changed).expect("written");
+            match Model::load(folder.path(), &pendulum(), None) {
+                Ok(found) => {
+                    assert!(alike(&found, &whole), "{name}, case {case}, byte {at}: another model is taken for the saved one");
+                    same += 1;
+                }
+                Err(e) => {
+                    assert!(!e.to_string().contains('\n'), "{name}, case {case}: `{e}` is not one line");
+                    refused += 1;
+                }
+            }
+        }
+        std::fs::write(&path, bytes).expect("written");
+    }
+    println!("{refused} of 1200 refused, {same} as they were");
+    assert!(refused > 800, "{refused} of 1200 changes refused");
+}
+
+#[test]
+fn a_shape_that_cannot_be_is_refused_before_any_memory_is_taken() {
+    let most = u64::MAX.to_string();
+    for (key, value) in [
+        ("heads", "0"),
+        ("heads", "7"),
+        ("heads", "33"),
+        ("heads", "1000000000"),
+        ("layers", "0"),
+        ("layers", "1000000000"),
+        ("embedding", "0"),
+        ("embedding", "1000000000"),
+        ("history", "0"),
+        ("history", &most),
+        ("block", "0"),
+        ("block", &most),
+        ("head", "0"),
+        ("head", &most),
+        ("inputs", &most),
+        ("outputs", "0"),
+    ] {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        saved(folder.path());
+        let said = edit(folder.path(), key, value);
+        assert!(said.contains("config.json") && said.contains(&format!("`{key}`")), "{key} {value}: {said}");
+    }
+    // Each by itself can be; together they would be 13 billion parameters.
+    let paper = TransformerConfig::paper(37, 4, 4096);
+    let said = TransformerConfig { layers: 64, heads: 64, ..paper }.check().expect_err("too many");
+    assert!(said.contains("parameters"), "{said}");
+    let rotary = TransformerConfig { positions: Positions::Rotary, ..TransformerConfig::paper(37, 4, 60) };
+    assert!(rotary.check().expect_err("5 columns a head").contains("`heads`"));
+    // Heads and positions mean nothing to a rival.
+    let rival = TransformerConfig { architecture: Architecture::Gru, heads: 1, embedding: 97, ..rotary };
+    rival.check().expect("a rival of any width");
+}
+
+#[test]
+fn another_shape_of_the_same_tensors_and_other_layers_are_refused() {
+    for (key, value, word) in
+        [("heads", "3", "changed"), ("history", "9", "changed"), ("base", "\"flight\"", "inputs"), ("layers", "1", "blocks.1")]
+    {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        saved(folder.path());
+        let said = edit(folder.path(), key, value);
+        assert!(said.contains(word) || said.contains("maps"), "{key} {value}: {said}");
+    }
+}
+
+#[test]
+fn what_is_no_number_is_refused_with_its_place() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let refusal = |change: &dyn Fn(&mut Model)| {
+        let mut model = model(&pendulum(), Base::State);
+        change(&mut model);
+        let saved = model.save(folder.path(), "# card\n", Storage::F32);
+        saved.and_then(|()| Model::load(folder.path(), &pendulum(), None)).expect_err("no number").to_string()
+    };
+    let said = refusal(&|m| m.weights.flat[3] = f32::NAN);
+    assert!(said.contains("`embed.weight`") && said.contains("entry 3 is NaN"), "{said}");
+    let said = refusal(&|m| m.normalizer.outputs.variance[1] = -1e-6);
+    assert!(said.contains("normalizer.json") && said.contains("`variance` 1"), "{said}");
+    let said = refusal(&|m| m.normalizer.inputs.mean.truncate(2));
+    assert!(said.contains("normalizer.json") && said.contains("`mean`"), "{said}");
+    // Beyond what ten bits of mantissa and five of exponent hold.
+    let mut model = model(&pendulum(), Base::State);
+    model.weights.flat[0] = 1e6;
+    let said = model.save(folder.path(), "# card\n", Storage::F16).expect_err("infinite as f16").to_string();
+    assert!(said.contains("entry 0 is inf"), "{said}");
+    let two = Weights::init(TransformerConfig { layers: 2, ..model.config.network }, 0);
+    let bytes = two.to_bytes(Default::default(), Storage::F32).expect("written");
+    let said = Weights::from_bytes(TransformerConfig { layers: 1, ..two.config }, &bytes).expect_err("a layer more").to_string();
+    assert!(said.contains("blocks.1."), "{said}");
+}
+
+#[test]
+fn a_robot_of_the_same_name_is_not_the_same_robot() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    saved(folder.path());
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets");
+    let read = |name: &str| std::fs::read_to_string(assets.join(name)).expect("read");
+    let (urdf, spec) = (read("pendulum.urdf"), read("pendulum.toml"));
+    let same = System::from_text("pendulum", &urdf, Some(&spec)).expect("valid");
+    Model::load(folder.path(), &same, None).expect("the same robot from its files");
+    let (before, behind) = urdf.split_once("mass value=\"").expect("a mass");
+    let (mass, behind) = behind.split_once('"').expect("a number");
+    let tenth = mass.parse::<f64>().expect("a number") / 10.0;
+    let lighter = format!("{before}mass value=\"{tenth}\"{behind}");
+    let lighter = System::from_text("pendulum", &lighter, Some(&spec)).expect("valid");
+    let said = Model::load(folder.path(), &lighter, None).expect_err("another mass").to_string();
+    let hashes = [same.robot_sha256(), lighter.robot_sha256()];
+    assert!(hashes.iter().all(|h| said.contains(&h[..12])) && said.contains("masses"), "{said}");
+}
+
+#[test]
+fn a_folder_without_hashes_is_told_how_to_get_them() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    for key in ["robot_sha256", "model_sha256"] {
+        saved(folder.path());
+        let said = edit(folder.path(), key, "\"\"");
+        assert!(said.contains(key) && said.contains("cargo xtask stamp"), "{said}");
+    }
+    let mut model = Model::read(folder.path(), &pendulum(), None).expect("read without a look at hashes");
+    model.stamp(&pendulum());
+    model.save(folder.path(), "# card\n", Storage::F16).expect("saved");
+    Model::load(folder.path(), &pendulum(), None).expect("stamped");
+}
+
+#[test]
+fn a_folder_cut_off_while_it_was_written_is_none() {
+    let (old, new) = (tempfile::tempdir().expect("temporary folder"), tempfile::tempdir().expect("temporary folder"));
+    saved(old.path());
+    let mut model = model(&pendulum(), Base::State);
+    model.weights.flat[0] += 1.0;
+    model.save(new.path(), "# card\n", Storage::F16).expect("saved");
+    // Files go over the older ones in this order.
+    for name in ["normalizer.json", "README.md", "model.safetensors"] {
+        std::fs::copy(new.path().join(name), old.path().join(name)).expect("copied");
+    }
+    let error = Model::load(old.path(), &pendulum(), None).expect_err("half of each");
+    assert!(matches!(error, ModelError::Changed { .. }), "{error}");
+    std::fs::remove_file(old.path().join("config.json")).expect("removed");
+    let error = Model::load(old.path(), &pendulum(), None).expect_err("no configuration").to_string();
+    assert!(error.contains("config.json"), "{error}");
+    // Nothing is left beside a folder that was made.
+    let fresh = new.path().join("fresh");
+    model.save(&fresh, "# card\n", Storage::F16).expect("saved");
+    Model::load(&fresh, &pendulum(), None).expect("as it was written");
+    let beside = std::fs::read_dir(new.path()).expect("read").count();
+    assert_eq!(beside, 5, "four files and the folder");
+}
