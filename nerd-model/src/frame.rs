@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::solver::Fault;
 use nerd_sim::system::System;
 
 use crate::base::{Flight, may_touch};
@@ -38,12 +39,27 @@ impl Frame {
         }
     }
 
-    /// Writes the normalised tokens of the environments from `first` on, and notes which of them need the network.
-    pub fn tell(&mut self, model: &Model, batch: &Batch, flight: Option<&Flight>, torques: &[f64], first: usize, tokens: &mut [f32]) {
+    /// Writes the normalised tokens of the environments from `first` on but for those that are set `aside`, and notes which of
+    /// them need the network.
+    #[allow(clippy::too_many_arguments)]
+    pub fn tell(
+        &mut self,
+        model: &Model,
+        batch: &Batch,
+        flight: Option<&Flight>,
+        torques: &[f64],
+        aside: &[Fault],
+        first: usize,
+        tokens: &mut [f32],
+    ) {
         let (system, joints) = (&batch.system, batch.system.robot.joint_count());
         self.asked.clear();
         for (i, token) in tokens.chunks_exact_mut(model.config.network.inputs).enumerate() {
             let env = first + i;
+            if aside.iter().any(|fault| fault.env == env) {
+                token.fill(0.0);
+                continue;
+            }
             let (scene, state) = (&batch.scenes[env], batch.state(env));
             self.events.clear();
             if !system.robot.contact_points.is_empty() {
