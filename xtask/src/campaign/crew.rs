@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
 use super::case::{Fault, Kind, Verdict};
 use super::child::{SECONDS, SLACK};
@@ -17,7 +17,7 @@ pub fn campaign(cases: u64, seed: u64, scratch: &Path, told: &(dyn Fn(u64, Verdi
     let crew = std::thread::available_parallelism().map_or(1, |n| n.get()) as u64;
     std::thread::scope(|scope| {
         let foremen: Vec<_> = (0..crew).map(|k| scope.spawn(move || foreman(k, crew, cases, seed, scratch, told))).collect();
-        foremen.into_iter().try_for_each(|f| f.join().unwrap_or_else(|_| anyhow::bail!("a foreman died")))
+        foremen.into_iter().try_for_each(|f| f.join().unwrap_or_else(|_| bail!("a foreman died")))
     })
 }
 
@@ -28,16 +28,12 @@ fn foreman(mut next: u64, stride: u64, cases: u64, seed: u64, scratch: &Path, to
         let (mut worker, lines) = hire(next, stride, cases, seed, &said)?;
         loop {
             let slack = if Kind::of(next) == Kind::Line { SLACK } else { 0 };
-            let verdict = match lines.recv_timeout(Duration::from_secs(SECONDS + slack)) {
-                Ok(line) => serde_json::from_str(&line).with_context(|| format!("a worker said `{line}`"))?,
-                Err(RecvTimeoutError::Timeout) => {
-                    worker.kill()?;
-                    Verdict::Fault(Fault::Time, format!("over {SECONDS} s"))
-                }
+            let (verdict, gone) = match lines.recv_timeout(Duration::from_secs(SECONDS + slack)) {
+                Ok(line) => (serde_json::from_str(&line).with_context(|| format!("a worker said `{line}`"))?, false),
+                Err(RecvTimeoutError::Timeout) => (Verdict::Fault(Fault::Time, format!("over {SECONDS} s")), true),
                 Err(RecvTimeoutError::Disconnected) if next >= cases => break,
-                Err(RecvTimeoutError::Disconnected) => death(&mut worker, &said)?,
+                Err(RecvTimeoutError::Disconnected) => (death(&mut worker, &said)?, true),
             };
-            let gone = matches!(verdict, Verdict::Fault(Fault::Time | Fault::Abort | Fault::Memory, _)) && Kind::of(next) != Kind::Line;
             told(next, verdict);
             next += stride;
             if gone {
@@ -67,8 +63,9 @@ fn hire(first: u64, stride: u64, cases: u64, seed: u64, said: &Path) -> Result<(
 fn death(worker: &mut Child, said: &Path) -> Result<Verdict> {
     let status = worker.wait()?;
     let words = String::from_utf8_lossy(&std::fs::read(said)?).trim().replace('\n', " ");
-    if status.code() == Some(2) {
-        anyhow::bail!("the campaign failed: {words}");
+    // What makes cases must not fail, whatever becomes of them.
+    if status.code().is_some() {
+        bail!("the campaign failed: {words}");
     }
     let fault = if words.contains("memory allocation of") { Fault::Memory } else { Fault::Abort };
     Ok(Verdict::Fault(fault, format!("{status}: {words}")))

@@ -100,13 +100,10 @@ pub fn make(rng: &mut impl Rng) -> Files {
             (0..6, Some(flag)) if !verb => words[at] = format!("{flag} {}", odd(rng, &flag)),
             (6, Some(flag)) if !verb => words.push(format!("{flag} {}", odd(rng, &flag))),
             (7, _) => {
-                let (always, beside) = VERBS[rng.random_range(0..VERBS.len())];
-                let foreign: Vec<String> = [options(always), options(beside)]
-                    .concat()
-                    .into_iter()
-                    .filter(|w| w.starts_with("--") && !w.starts_with("--out"))
-                    .collect();
-                words.push(foreign[rng.random_range(0..foreign.len())].clone());
+                // Somebody else's option.
+                let foreign = options(VERBS[rng.random_range(0..VERBS.len())].1);
+                let option = foreign[rng.random_range(0..foreign.len())].clone();
+                words.extend(Some(option).filter(|o| !o.starts_with("--out")));
             }
             (8, Some(flag)) if flag == "--out" || flag == "--seed" => drop(words.remove(at)),
             (9, _) => words.push(one(rng, &["--nonsense", "-x", "extra", "--", "--help", "''"]).into()),
