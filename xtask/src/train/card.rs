@@ -63,7 +63,9 @@ pub fn resume(out: &Path, run: &Run) -> Result<Option<LearnerState>> {
     let mut found: serde_json::Value = serde_json::from_str(&found).with_context(|| format!("{}: `config`", path.display()))?;
     let asked = serde_json::to_value(run)?;
     if run.data_sha256.is_empty() {
-        ["data_sha256", "transitions"].iter().for_each(|key| found[key] = asked[key].clone());
+        for key in ["data_sha256", "transitions"] {
+            found[key] = asked[key].clone();
+        }
     }
     let said = between(&found.to_string(), &asked.to_string());
     if !said.is_empty() {
