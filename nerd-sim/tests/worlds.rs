@@ -75,3 +75,10 @@ fn a_robot_without_contact_points_is_told_so() {
     let error = refused.to_string();
     assert!(error.contains("known are free") && !error.contains("steps"), "{error}");
 }
+
+/// A mesh of 32 768 triangles, a few milliseconds: environments share one.
+#[test]
+fn environments_share_the_hills() {
+    let [a, b] = [cube("hills").1, cube("hills").1].map(|scene| scene.colliders[1].shape.clone());
+    assert!(std::sync::Arc::ptr_eq(&a.0, &b.0), "each scene has a mesh of its own");
+}

@@ -154,7 +154,6 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let first_weights = || parent.map_or_else(|| Weights::init(network, args.seed), |p| p.weights);
     let text = serde_json::to_string(&run)?;
     let state = resume(&args.out, &run)?.unwrap_or_else(|| LearnerState::new(first_weights()));
-    crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
     let (trainer, folder) = (Trainer::new(trainer, learner.batch, &args.out, &text), args.out.join("model"));
     let averaged =
         |best: &Best| format!("moving average {} at update {}, chosen by criterion {:.5}", learner.average, best.step, best.criterion);
@@ -165,6 +164,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         eprintln!("model written to {}", folder.display());
         return Ok(Some(folder));
     }
+    crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
     eprintln!("{} parameters, {} windows, update {} of {updates}", network.parameters(), data.windows.len(), state.step);
 
     let first = state.step;
