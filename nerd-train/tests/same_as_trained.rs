@@ -80,7 +80,7 @@ fn apart(robot: &str, scene: &str, base: Base, positions: Positions) -> (f64, us
     let mut flight = base.flight(&system);
     let mut features = Features::new(&system, base);
     let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), n);
-    let scale = model.normalizer.outputs.scale();
+    let scale: Vec<f64> = model.normalizer.outputs.scale().collect();
     let expected: Vec<Vec<f32>> = windows.x.chunks_exact(FRAMES * windows.inputs).map(|x| trained(&model, x)).collect();
     let (mut worst, mut asked, mut silent) = (0.0f64, 0, 0);
     for frame in 0..FRAMES {
