@@ -82,12 +82,12 @@ fn parent(args: &TrainArgs, system: &System, settings: &Settings) -> Result<Opti
     let Some(folder) = &args.from else { return Ok(None) };
     // It may have learned another truth: most of what it knows holds in this one, too.
     let mut parent = Model::load(folder, system, None)?;
+    let (network, form, like) = (settings.network, settings.form, |form: Form| (form.view, form.base.flies()));
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;
         parent.weights.config.block = network.block;
     }
-    let (network, form, like) = (settings.network, settings.form, |form: Form| (form.view, form.base.flies()));
     if parent.config.network != network || like(parent.config.form()) != like(form) {
         bail!("--from: its network is {:?} in {:?}, this run's {network:?} in {form:?}", parent.config.network, parent.config.form());
     }
