@@ -81,9 +81,8 @@ impl Frame {
         let d = model.config.network.outputs;
         let outputs = &model.normalizer.outputs;
         for (env, prediction) in self.asked.iter().zip(predictions.chunks_exact(d)) {
-            let spread = outputs.variance.iter().zip(&outputs.mean);
-            for (change, (x, (variance, mean))) in self.change.iter_mut().zip(prediction.iter().zip(spread)) {
-                *change = f64::from(*x) * crate::normalizer::scale(*variance) + mean;
+            for (change, (x, (scale, mean))) in self.change.iter_mut().zip(prediction.iter().zip(outputs.scale().zip(&outputs.mean))) {
+                *change = f64::from(*x) * scale + mean;
             }
             let next = &mut next[(env - first) * d..(env - first + 1) * d];
             self.base.copy_from_slice(next);

@@ -3,10 +3,9 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 
-#[cfg(feature = "rapier")]
-pub(crate) use crate::collider::pose_from_parry;
 pub use crate::collider::{Collider, Plane};
-pub(crate) use crate::collider::{from_parry, pose_to_parry, to_parry};
+#[cfg(feature = "rapier")]
+pub(crate) use crate::collider::{from_parry, pose_from_parry, pose_to_parry, to_parry};
 pub use crate::material::Material;
 
 /// Thickness (m) of what covers a surface, beyond rounding.

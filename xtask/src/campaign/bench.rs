@@ -93,7 +93,7 @@ fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -
         batch: 1,
         provenance: BTreeMap::new(),
     };
-    let moments = |width: usize| Moments { mean: vec![0.0; width], variance: vec![1e-3; width] };
+    let moments = |width: usize| Moments { mean: vec![0.0; width], variance: vec![1e-3; width], epsilon: 1e-5 };
     let normalizer = Normalizer { inputs: moments(inputs), outputs: moments(outputs) };
     Model { config, normalizer, weights: Weights::init(network, 1) }.save(folder, "a tiny model\n", Storage::F32)?;
     let read = |name: &str| Ok((name.to_string(), std::fs::read(folder.join(name))?));
