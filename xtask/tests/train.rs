@@ -84,7 +84,8 @@ fn a_run_is_continued_as_itself_alone_and_both_sides_are_named() {
         (["--rollouts", "3"], ["`rollouts` was 2", "3 now"]),
         (["--frames", "50"], ["`frames` was 100", "50 now"]),
     ] {
-        let options: Vec<&str> = small(out, &[]).into_iter().filter(|w| more[0] != "--rollouts" || (*w != "--rollouts" && *w != "2")).collect();
+        let options: Vec<&str> =
+            small(out, &[]).into_iter().filter(|w| more[0] != "--rollouts" || (*w != "--rollouts" && *w != "2")).collect();
         words.iter().for_each(|word| refused(&[&options[..], &more].concat(), word));
     }
 }
@@ -124,7 +125,9 @@ fn time_that_is_over_says_what_to_do() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
     let out = out.to_str().expect("utf-8");
-    let said = trained(&small(out, &["--minutes", "0.0001", "--seed", "4"]).iter().map(|w| if *w == "6" { "1000000" } else { w }).collect::<Vec<_>>());
+    let said = trained(
+        &small(out, &["--minutes", "0.0001", "--seed", "4"]).iter().map(|w| if *w == "6" { "1000000" } else { w }).collect::<Vec<_>>(),
+    );
     assert!(said.contains("stopped at update") && (said.contains("--finish") || said.contains("first validation")), "{said}");
 }
 
@@ -141,8 +144,7 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     config.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_sha256") || key == "data_sha256");
     std::fs::write(&path, config.to_string()).expect("written");
     let place = model.to_str().expect("utf-8");
-    let evaluate =
-        ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
+    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
     refused(&evaluate, "cargo xtask stamp");
     let stamp = || String::from_utf8_lossy(&xtask(&["stamp", folder.path().to_str().expect("utf-8")]).stdout).to_string();
     let said = stamp();
