@@ -9,7 +9,6 @@ use std::ops::RangeInclusive;
 use nerd_core::robot::{JointKind, Robot};
 
 use crate::law::Law;
-use crate::scene::Material;
 use crate::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
 use crate::worlds::WORLDS;
 
@@ -35,7 +34,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
     if spec.gravity != [0.0; 3] && gravity < 1e-6 {
         return Err(format!("gravity is {gravity} m/s^2; say 0, or at least 1e-6, which has a direction"));
     }
-    material("material", &spec.material)?;
+    spec.material.check().map_err(|e| format!("material: {e}"))?;
     joints(spec, robot)?;
     if let Some(control) = &spec.control {
         self::control(control)?;
@@ -89,18 +88,6 @@ fn law(key: &str, law: &Law, range: RangeInclusive<f64>, unit: &str) -> Result<(
         return Err(format!("{key} is {law}; its low end is above the high one"));
     }
     [law.low, law.high].iter().try_for_each(|end| within(&format!("{key} is {law}; an end"), *end, range.clone(), unit))
-}
-
-fn material(key: &str, m: &Material) -> Result<(), String> {
-    for (name, x, most, unit) in [
-        ("stiffness", m.stiffness, STRONG, "N/m"),
-        ("damping", m.damping, STRONG, "N s/m"),
-        ("friction_damping", m.friction_damping, STRONG, "N s/m"),
-        ("friction", m.friction, 1e3, ""),
-    ] {
-        within(&format!("{key}: {name}"), x, 0.0..=most, unit)?;
-    }
-    Ok(())
 }
 
 /// Every joint of the robot has one entry, in whatever order.
@@ -193,7 +180,7 @@ fn scenes(spec: &Spec) -> Result<(), String> {
         within(&at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
         vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
         if let Some(m) = &scene.material {
-            material(&at("material"), m)?;
+            m.check().map_err(|e| at(&format!("material: {e}")))?;
         }
     }
     Ok(())

@@ -321,7 +321,7 @@ fn streaming() -> Outcome {
             let (tokens, asked): (_, Vec<usize>) = (windows(3, config, envs, 1).x, (0..envs).collect());
             (0..12).try_for_each(|_| stream.push(&tokens, &asked, &mut a))?;
             let start = Instant::now();
-            (0..200).try_for_each(|_| stream.evaluate(envs))?;
+            (0..200).try_for_each(|_| stream.evaluate())?;
             stream.wait()?;
             let device = start.elapsed().as_secs_f64() * 5.0;
             let start = Instant::now();

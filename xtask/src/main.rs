@@ -6,6 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
 
 mod ablations;
+mod campaign;
 mod chart;
 mod check;
 mod common;
@@ -66,6 +67,8 @@ enum Verb {
     Stamp(stamp::StampArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
+    /// Try hostile input: files and command lines changed at random, runs killed
+    Campaign(campaign::CampaignArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -113,6 +116,7 @@ fn main() -> ExitCode {
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {

@@ -89,6 +89,7 @@ impl Model {
             hash.update((column.len() as u64).to_le_bytes());
             column.iter().for_each(|x| hash.update(x.to_le_bytes()));
         }
+        [inputs, outputs].iter().for_each(|moments| hash.update(moments.epsilon.to_le_bytes()));
         // In pieces, since a hash that is fed four bytes at a time takes most of a second over a large network.
         for piece in self.weights.flat.chunks(4096) {
             hash.update(piece.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>());
@@ -131,7 +132,10 @@ impl Model {
 
 /// Says what of moments cannot be.
 fn check(moments: &Moments, width: usize) -> Result<(), String> {
-    let Moments { mean, variance } = moments;
+    let Moments { mean, variance, epsilon } = moments;
+    if !(1e-30..=1.0).contains(epsilon) {
+        return Err(format!("`epsilon` is {epsilon}, it must be 1e-30 to 1"));
+    }
     for (name, column, least) in [("mean", mean, f64::NEG_INFINITY), ("variance", variance, 0.0)] {
         if column.len() != width {
             return Err(format!("{} numbers of `{name}`, the network has {width}", column.len()));

@@ -95,6 +95,15 @@ impl TransformerConfig {
         }
     }
 
+    /// Frames that a prediction depends on, its own included: the window, or where positions are rotary `history - 1` more
+    /// for every layer, since what a layer keeps of a token holds what the layer below saw from there.
+    pub fn reach(&self) -> usize {
+        match (self.positions, self.architecture) {
+            (Positions::Rotary, Architecture::Transformer) => self.layers * (self.history - 1) + 1,
+            _ => self.history,
+        }
+    }
+
     /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, `[d / 2]`: columns m and
     /// m + d/2 are turned together.
     pub fn frequencies(&self) -> impl Iterator<Item = f64> {
