@@ -110,12 +110,15 @@ impl Model {
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let unfit = |e: crate::transformer::WeightsError| wrong(&folder.join("model.safetensors"), e.to_string());
         let bytes = self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())]), storage).map_err(unfit)?;
-        // As they will be read, since storage may round.
-        let stored = Self { weights: Weights::from_bytes(self.config.network, &bytes).map_err(unfit)?, ..self.clone() };
-        let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
         let json = |text: serde_json::Result<String>| text.map(|s| (s + "\n").into_bytes()).map_err(|e| wrong(folder, e.to_string()));
+        let moments = json(serde_json::to_string_pretty(&self.normalizer))?;
+        // As they will be read: storage may round, and serde_json reads some numbers a last bit beside what was written.
+        let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(folder, e.to_string()))?;
+        let weights = Weights::from_bytes(self.config.network, &bytes).map_err(unfit)?;
+        let stored = Self { config: self.config.clone(), normalizer, weights };
+        let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
         let files = [
-            ("normalizer.json", json(serde_json::to_string_pretty(&self.normalizer))?),
+            ("normalizer.json", moments),
             ("README.md", card.into()),
             ("model.safetensors", bytes),
             ("config.json", json(serde_json::to_string_pretty(&config))?),
