@@ -125,8 +125,19 @@ fn main() -> ExitCode {
             // Many errors already say their cause.
             let said =
                 error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
-            eprintln!("error: {}", said.unwrap_or_default().replace('\n', " "));
+            eprintln!("error: {}", brief(&said.unwrap_or_default().replace('\n', " ")));
             ExitCode::from(2)
         }
     }
+}
+
+/// The words of an error without the middle of what nobody would read: it may quote a whole file.
+fn brief(words: &str) -> String {
+    const MOST: usize = 2000;
+    let n = words.chars().count();
+    if n <= MOST {
+        return words.into();
+    }
+    let (start, end) = (words.chars().take(MOST - 500), words.chars().skip(n - 500));
+    start.chain(" [..] ".chars()).chain(end).collect()
 }

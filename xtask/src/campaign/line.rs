@@ -17,6 +17,9 @@ use super::robots::ROBOTS;
 
 const FILE: &str = "line.txt";
 
+/// Longest refusal (bytes): somebody is to read it.
+const WORDS: usize = 10_000;
+
 /// What is always said, and what may be said beside it. Small: each is to end within a second.
 const VERBS: [(&str, &str); 9] = [
     ("dataset --robot pendulum --transitions 40 --frames 4 --out out", "--torque-scale 0.5 --hold 2 --resets 0.5 --seed 3 --truth rapier"),
@@ -168,6 +171,7 @@ pub fn judge(files: &Files, bench: &Bench) -> Result<Verdict> {
             let fault = if words.contains(NOT_FINITE) { Fault::NotFinite } else { Fault::Untidy };
             Verdict::Fault(fault, words)
         })),
+        End::Code(2) if last.len() > WORDS => fault(Fault::Untidy, &format!("a refusal of {} bytes", last.len())),
         End::Code(2) if last.is_empty() => fault(Fault::Untidy, "a refusal without a word"),
         End::Code(2) if !left.is_empty() || before.is_empty() && folder.join("out").exists() => {
             fault(Fault::Untidy, &format!("a refusal left {left:?}: {last}"))
@@ -221,6 +225,8 @@ fn fixtures(bench: &Bench, folder: &Path) -> Result<()> {
         file("other", "pendulum.toml", pendulum),
         file("misnamed", "robot.urdf", xml),
         file("misnamed", "robot.toml", &spec.replace("robot.urdf", "nobody.urdf")),
+        file("deep", "robot.urdf", xml),
+        file("deep", "robot.toml", &spec.replace("1/60", &format!("1{}", "/1".repeat(200_000)))),
         file("mixed", "robot.urdf", xml),
         ("mixed", "latin.urdf".to_string(), b"<robot name=\"\xe9\"/>".to_vec()),
     ];
