@@ -110,7 +110,7 @@ impl ArticulatedConfig {
     /// Which one, and what is needed.
     pub fn check(&self) -> Result<(), String> {
         for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
-            within(&format!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+            within(format_args!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
         }
         Ok(())
     }
