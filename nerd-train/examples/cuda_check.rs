@@ -88,7 +88,8 @@ fn shapes() -> [TransformerConfig; 5] {
     let paper = TransformerConfig::paper;
     let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };
     let small = TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) };
-    let all = [paper(37, 4, 192), paper(6, 14, 384), small, rotary(paper(37, 4, 192), 32), rotary(TransformerConfig { heads: 3, ..small }, 20)];
+    let all =
+        [paper(37, 4, 192), paper(6, 14, 384), small, rotary(paper(37, 4, 192), 32), rotary(TransformerConfig { heads: 3, ..small }, 20)];
     all.map(|c| TransformerConfig { layers: c.layers.min(3), ..c })
 }
 
@@ -149,11 +150,14 @@ fn slope(cuda: &mut CudaLearner, centre: &[f32], tensor: std::ops::Range<usize>,
             cuda.set_weights(&flat)?;
             Ok(f64::from(cuda.gradient()?.0))
         };
-        let (difference, expected) = ((at(step)? - at(-step)?) / (2.0 * step), g.iter().enumerate().map(|(i, g)| f64::from(*g) * sign(i)).sum::<f64>());
+        let (difference, expected) =
+            ((at(step)? - at(-step)?) / (2.0 * step), g.iter().enumerate().map(|(i, g)| f64::from(*g) * sign(i)).sum::<f64>());
         cuda.set_weights(centre)?;
         let off = (difference - expected).abs() / norm;
         if off.is_nan() || off > SLOPE {
-            return Err(format!("slope {expected:.3e} along random signs, the loss says {difference:.3e}: off by {off:.1e} of the norm").into());
+            return Err(
+                format!("slope {expected:.3e} along random signs, the loss says {difference:.3e}: off by {off:.1e} of the norm").into()
+            );
         }
     }
     Ok(())

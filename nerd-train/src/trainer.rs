@@ -15,8 +15,8 @@ use crate::best::Best;
 use crate::checkpoint::{self, CheckpointError};
 use crate::learner::{LearnError, Learner, LearnerState};
 use crate::metrics::{Line, Metrics};
-use crate::report::Report;
 use crate::ranges::{OutOfRange, within};
+use crate::report::Report;
 use crate::schedule::Schedule;
 use crate::supply::{Supply, SupplyError};
 

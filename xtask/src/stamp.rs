@@ -56,7 +56,8 @@ fn find(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
 
 fn stamp(folder: &Path, robot: Option<&str>) -> Result<()> {
     let before = ModelConfig::read(folder)?;
-    let system = System::named(robot.unwrap_or(&before.robot)).with_context(|| format!("{}: name its robot with --robot", folder.display()))?;
+    let system =
+        System::named(robot.unwrap_or(&before.robot)).with_context(|| format!("{}: name its robot with --robot", folder.display()))?;
     let mut model = Model::read(folder, &system, None)?;
     model.stamp(&system);
     let changes: Vec<String> = [

@@ -25,7 +25,6 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
     let out = out.to_str().expect("utf-8");
-    // Ten million transitions would take minutes: a refusal that came after them would be seen by the test's time.
     let most = u64::MAX.to_string();
     for (options, culprit) in [
         ("--layers 1000000000", "--layers"),
@@ -66,10 +65,12 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         ("--data /nowhere", "/nowhere"),
         ("--data /nowhere --fresh 1000", "--fresh"),
     ] {
-        let args: Vec<&str> = "train --robot cartpole --out".split(' ').chain([out]).chain(options.split(' ')).collect();
+        let args: Vec<&str> = "train --robot cartpole --preset small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
+    refused(&["train", "--robot", "cartpole", "--preset", "cartpole", "--rate", "0.1", "--out", out], "--preset cartpole");
+    assert!(!Path::new(out).exists(), "a recipe changed left something");
 }
 
 #[test]
@@ -84,7 +85,8 @@ fn a_run_is_continued_as_itself_alone_and_both_sides_are_named() {
         (["--rollouts", "3"], ["`rollouts` was 2", "3 now"]),
         (["--frames", "50"], ["`frames` was 100", "50 now"]),
     ] {
-        let options: Vec<&str> = small(out, &[]).into_iter().filter(|w| more[0] != "--rollouts" || (*w != "--rollouts" && *w != "2")).collect();
+        let options: Vec<&str> =
+            small(out, &[]).into_iter().filter(|w| more[0] != "--rollouts" || (*w != "--rollouts" && *w != "2")).collect();
         words.iter().for_each(|word| refused(&[&options[..], &more].concat(), word));
     }
 }
@@ -124,7 +126,9 @@ fn time_that_is_over_says_what_to_do() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
     let out = out.to_str().expect("utf-8");
-    let said = trained(&small(out, &["--minutes", "0.0001", "--seed", "4"]).iter().map(|w| if *w == "6" { "1000000" } else { w }).collect::<Vec<_>>());
+    let said = trained(
+        &small(out, &["--minutes", "0.0001", "--seed", "4"]).iter().map(|w| if *w == "6" { "1000000" } else { w }).collect::<Vec<_>>(),
+    );
     assert!(said.contains("stopped at update") && (said.contains("--finish") || said.contains("first validation")), "{said}");
 }
 
@@ -141,8 +145,7 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     config.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_sha256") || key == "data_sha256");
     std::fs::write(&path, config.to_string()).expect("written");
     let place = model.to_str().expect("utf-8");
-    let evaluate =
-        ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
+    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
     refused(&evaluate, "cargo xtask stamp");
     let stamp = || String::from_utf8_lossy(&xtask(&["stamp", folder.path().to_str().expect("utf-8")]).stdout).to_string();
     let said = stamp();

@@ -37,8 +37,8 @@ pub use args::{BaseName, OptimizerName, Preset, TrainArgs};
 use card::{Run, export, history, resume};
 use criterion::rollout_error;
 use data::{pilot, recorded, recording};
-use engine::{arithmetic, engine};
 pub use engine::network;
+use engine::{arithmetic, engine};
 use settings::Settings;
 pub use variant::Variant;
 
@@ -156,7 +156,8 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let state = resume(&args.out, &run)?.unwrap_or_else(|| LearnerState::new(first_weights()));
     crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
     let (trainer, folder) = (Trainer::new(trainer, learner.batch, &args.out, &text), args.out.join("model"));
-    let averaged = |best: &Best| format!("moving average {} at update {}, chosen by criterion {:.5}", learner.average, best.step, best.criterion);
+    let averaged =
+        |best: &Best| format!("moving average {} at update {}, chosen by criterion {:.5}", learner.average, best.step, best.criterion);
     if args.finish {
         let best = trainer.best()?.with_context(|| format!("{}: no validated weights of this very run", args.out.display()))?;
         let chosen = format!("{}; the run was ended there", averaged(&best));

@@ -78,7 +78,12 @@ impl Settings {
         // More than the run looks at would be recorded for nobody, at whatever price.
         let looked_at = u128::from(updates) * (learner.batch * network.sequence()) as u128;
         if args.fresh as u128 > looked_at {
-            bail!("--fresh {}: {updates} updates of {} sequences of {} look at {looked_at} tokens", args.fresh, learner.batch, network.sequence());
+            bail!(
+                "--fresh {}: {updates} updates of {} sequences of {} look at {looked_at} tokens",
+                args.fresh,
+                learner.batch,
+                network.sequence()
+            );
         }
         if args.fresh > 0 && args.data.is_some() {
             bail!("--fresh records by itself: leave out --data");
