@@ -4,19 +4,25 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::robot::Robot;
 
-/// Wraps an angle to [-pi, pi): `x - 2 pi floor((x + pi) / 2 pi)`.
+/// Wraps an angle to [-pi, pi), whole turns of `2.0 * PI` taken away without rounding. Not a number for what is not finite;
+/// an angle beyond 1e15 rad is in range, but its place in the turn was lost to rounding before it came here.
 #[inline]
 pub fn wrap(x: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     if (-PI..PI).contains(&x) {
         return x;
     }
-    // Rounding may land on either side of the seam.
-    let y = x - TAU * ((x + PI) / TAU).floor();
-    if y >= PI { (y - TAU).max(-PI) } else { y.max(-PI) }
+    let y = x % TAU;
+    if y >= PI {
+        y - TAU
+    } else if y < -PI {
+        y + TAU
+    } else {
+        y
+    }
 }
 
-/// Wraps every endless joint angle of one state in place.
+/// Wraps every endless joint angle of one state in place, see [`crate::robot::Joint::wraps`].
 #[inline]
 pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
     for (joint, q) in robot.joints().zip(&mut state[robot.root_coords()..]) {

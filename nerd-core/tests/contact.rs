@@ -41,6 +41,17 @@ fn angles_at_the_seam() {
     assert_eq!(wrap(-below), -below);
 }
 
+#[test]
+fn what_is_no_angle_stays_none_and_what_is_huge_comes_into_range() {
+    for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert!(wrap(x).is_nan(), "wrap({x}) = {}", wrap(x));
+    }
+    for x in [1e9, -1e15, 1e18, -1e18, 1e300, f64::MAX, f64::MIN] {
+        let y = wrap(x);
+        assert!((-PI..PI).contains(&y), "wrap({x:e}) = {y}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 

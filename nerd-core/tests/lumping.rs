@@ -77,7 +77,7 @@ fn fixed_links_are_welded_on_exactly() {
         let read = robot.links[0].inertia;
         worst[0] = worst[0].max((read.mass - mass).abs()).max(gap(read.com.as_slice(), com.as_slice()));
         worst[0] = worst[0].max(gap(read.inertia.as_slice(), inertia.as_slice()));
-        let place = robot.links[1].joint.as_ref().expect("moves").origin;
+        let place = robot.links[1].joint.as_ref().expect("moves").origin();
         worst[0] = worst[0].max(gap(place.rotation.to_rotation_matrix().matrix().as_slice(), r.as_slice()));
         worst[0] = worst[0].max(gap(place.translation.vector.as_slice(), x.as_slice()));
         // The wheel alone: its inertia turned by rpy about its own centre.
@@ -138,7 +138,12 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
         // Turned by 90 degrees about z: (x, y) to (-y, x).
         expected.push((Vector3::new(10.0 - f64::from(c[1]), f64::from(c[0]), 1.0 + f64::from(c[2])), 1e-5));
     }
-    expected.extend([(Vector3::new(10.0, 0.0, 2.0), 0.1), (Vector3::new(10.0, 0.0, 0.0), 0.1)]);
+    // Rims of a cylinder from its +x on, which is the link's +y here, and a ball within either end.
+    for z in [2.0, 0.0] {
+        let around = (0..8).map(|k| f64::from(k) * std::f64::consts::FRAC_PI_4);
+        expected.extend(around.map(|a| (Vector3::new(10.0 - 0.1 * a.sin(), 0.1 * a.cos(), z), 1e-5)));
+    }
+    expected.extend([(Vector3::new(10.0, 0.0, 1.9), 0.1), (Vector3::new(10.0, 0.0, 0.1), 0.1)]);
     assert_eq!(points.len(), expected.len());
     for ((at, radius, thickness), (place, r)) in points.into_iter().zip(expected) {
         assert!((at - place).norm() < 1e-14 && radius == r && thickness == r, "{at} radius {radius}, expected {place} radius {r}");

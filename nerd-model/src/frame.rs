@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::solver::Fault;
 use nerd_sim::system::System;
 
 use crate::base::{Flight, may_touch};
@@ -38,12 +39,27 @@ impl Frame {
         }
     }
 
-    /// Writes the normalised tokens of the environments from `first` on, and notes which of them need the network.
-    pub fn tell(&mut self, model: &Model, batch: &Batch, flight: Option<&Flight>, torques: &[f64], first: usize, tokens: &mut [f32]) {
+    /// Writes the normalised tokens of the environments from `first` on but for those that are set `aside`, and notes which of
+    /// them need the network.
+    #[allow(clippy::too_many_arguments)]
+    pub fn tell(
+        &mut self,
+        model: &Model,
+        batch: &Batch,
+        flight: Option<&Flight>,
+        torques: &[f64],
+        aside: &[Fault],
+        first: usize,
+        tokens: &mut [f32],
+    ) {
         let (system, joints) = (&batch.system, batch.system.robot.joint_count());
         self.asked.clear();
         for (i, token) in tokens.chunks_exact_mut(model.config.network.inputs).enumerate() {
             let env = first + i;
+            if aside.iter().any(|fault| fault.env == env) {
+                token.fill(0.0);
+                continue;
+            }
             let (scene, state) = (&batch.scenes[env], batch.state(env));
             self.events.clear();
             if !system.robot.contact_points.is_empty() {
@@ -65,9 +81,8 @@ impl Frame {
         let d = model.config.network.outputs;
         let outputs = &model.normalizer.outputs;
         for (env, prediction) in self.asked.iter().zip(predictions.chunks_exact(d)) {
-            let spread = outputs.variance.iter().zip(&outputs.mean);
-            for (change, (x, (variance, mean))) in self.change.iter_mut().zip(prediction.iter().zip(spread)) {
-                *change = f64::from(*x) * crate::normalizer::scale(*variance) + mean;
+            for (change, (x, (scale, mean))) in self.change.iter_mut().zip(prediction.iter().zip(outputs.scale().zip(&outputs.mean))) {
+                *change = f64::from(*x) * scale + mean;
             }
             let next = &mut next[(env - first) * d..(env - first + 1) * d];
             self.base.copy_from_slice(next);

@@ -2,15 +2,16 @@
 //!
 //! Contacts are found by the scene's geometry, as for every solver. Each frame of an environment is a token in its own
 //! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, or
-//! frames stepped by another solver) makes it forget them, so history can never be another motion's.
+//! frames stepped by another solver, or one that failed) makes it forget them, so history can never be another motion's.
 //!
-//! With a base of flight ([`crate::base`]) the prediction is what contact adds to a frame of flight, and environments that can touch nothing
-//! within the frame do not evaluate the network.
+//! With a base of flight ([`crate::base`]) the prediction is what contact adds to a frame of flight, and environments that can touch
+//! nothing within the frame ask nothing of the network. Their frames are tokens all the same, as in training, so a landing knows
+//! the fall before it.
 
 use std::sync::Arc;
 
 use nerd_sim::batch::Batch;
-use nerd_sim::solver::{Solver, StepError, check_torques, commit};
+use nerd_sim::solver::{Fault, Solver, StepError, check, commit};
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
@@ -37,6 +38,7 @@ pub struct Neural {
     asked: Vec<usize>,
     predictions: Vec<f32>,
     next: Vec<f64>,
+    faults: Vec<Fault>,
 }
 
 impl Neural {
@@ -44,7 +46,8 @@ impl Neural {
     pub fn new(model: Model, system: &Arc<System>, network: Box<dyn Stream>) -> Self {
         let flight = model.config.base.flight(system);
         let (frames, tokens, newest, asked) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { model, network, flight, frames, tokens, newest, asked, predictions: Vec::new(), next: Vec::new() }
+        let (predictions, next, faults) = (Vec::new(), Vec::new(), Vec::new());
+        Self { model, network, flight, frames, tokens, newest, asked, predictions, next, faults }
     }
 
     /// The same, evaluated on the CPU.
@@ -77,14 +80,19 @@ impl Neural {
 
 impl Solver for Neural {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        check_torques(batch, torques)?;
+        check(batch, torques, &mut self.faults)?;
         self.begin(batch);
-        if let Some(flight) = &mut self.flight {
-            flight.step(&batch.states, &batch.scenes, torques)?;
+        if let Some(Err(error)) = self.flight.as_mut().map(|flight| flight.step(&batch.states, &batch.scenes, torques)) {
+            for fault in error.faults()? {
+                if self.faults.iter().all(|known| known.env != fault.env) {
+                    self.faults.push(Fault { frame: batch.frames[fault.env], ..fault });
+                }
+            }
         }
         let (model, flight, before, network) = (&self.model, self.flight.as_ref(), &*batch, self.model.config.network);
+        let aside = &self.faults;
         let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(&mut self.frames).enumerate();
-        chunks.for_each(|(i, (tokens, frame))| frame.tell(model, before, flight, torques, i * CHUNK, tokens));
+        chunks.for_each(|(i, (tokens, frame))| frame.tell(model, before, flight, torques, aside, i * CHUNK, tokens));
         self.asked.clear();
         self.frames.iter().for_each(|frame| self.asked.extend_from_slice(&frame.asked));
 
@@ -98,7 +106,11 @@ impl Solver for Neural {
             let row = asked.partition_point(|env| *env < i * CHUNK);
             frame.apply(model, before, i * CHUNK, &predictions[row * d..], next);
         });
-        commit(batch, &mut self.next)
+        let done = commit(batch, &mut self.next, &mut self.faults);
+        if let Err(StepError::Environments(faults)) = &done {
+            faults.iter().for_each(|fault| self.network.clear(fault.env));
+        }
+        done
     }
 
     fn reset(&mut self, env: usize) {

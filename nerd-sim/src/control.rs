@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local};
 use nerd_core::robot::Robot;
+use nerd_core::state::wrap;
 
 use crate::system::System;
 
@@ -14,6 +15,8 @@ pub struct Controller {
     /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; without a PD law both are zero.
     pub gains: Vec<[f64; 2]>,
     ahead: Option<Ahead>,
+    /// Whether each joint's angle wraps.
+    wraps: Vec<bool>,
     /// Distance from the target and velocity by joint, now or a frame ahead.
     gaps: Vec<[f64; 2]>,
 }
@@ -27,13 +30,15 @@ impl Controller {
     /// The same, but whether a PD law looks a frame ahead is said here; see [`Self::torques`].
     pub fn with_ahead(system: &Arc<System>, ahead: bool) -> Self {
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
-        Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(&system.robot)), gaps: Vec::new() }
+        let wraps = system.robot.joints().map(|j| j.wraps()).collect();
+        Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(&system.robot)), wraps, gaps: Vec::new() }
     }
 
     /// Torques for an action at a state `[q, qd]`, one a joint (N m or N).
     ///
     /// Without `[control]`: `gain clamp(a)`. With it: `kp (target - q) - kd qd`, where the target is the default pose, or
-    /// with `relative` the present one, plus `scale a`; with `clamp` kept within the gain.
+    /// with `relative` the present one, plus `scale a`; with `clamp` kept within the gain. To a default pose a joint without
+    /// limits goes the shorter way round.
     ///
     /// A torque held over a frame h makes a stiff law unstable, whatever solver follows (`kp > 4 I / h^2`). With `ahead`
     /// the law is that of the state which the robot without contact will have reached, linearised, so that it is stable at
@@ -62,7 +67,8 @@ impl Controller {
         gaps.clear();
         for (i, joint) in self.system.joint_specs().enumerate() {
             let from = if law.relative { q[i] } else { joint.default };
-            gaps.push([from + law.scale * action[i] - q[i], qd[i]]);
+            let gap = from + law.scale * action[i] - q[i];
+            gaps.push([if self.wraps[i] && !law.relative { wrap(gap) } else { gap }, qd[i]]);
         }
         if let Some(qdd) = self.ahead.as_mut().and_then(|a| a.accelerations(&self.system, state, &self.gains, gaps)) {
             for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {

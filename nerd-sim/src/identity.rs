@@ -79,8 +79,8 @@ fn link(link: &Link, touching: bool) -> Value {
 fn joint(joint: &Joint) -> Value {
     json!({
         "kind": format!("{:?}", joint.kind),
-        "origin": pose(&joint.origin),
-        "axis": joint.axis.as_slice(),
+        "origin": pose(joint.origin()),
+        "axis": joint.axis().as_slice(),
         "limit": joint.limit.map(|l| [l.lower, l.upper, l.stiffness, l.damping]),
         "damping": joint.damping,
         "friction": joint.friction,

@@ -2,6 +2,9 @@
 //! advances a batch by one control frame. Two analytic solvers stand behind that trait: [`articulated`] and, with
 //! the feature of that name, `rapier`.
 //!
+//! The same seed gives the same bytes for any number of threads, on one machine with one build. Across machines it need not:
+//! sines come from the platform's library, and rapier is built without its `enhanced-determinism`.
+//!
 //! ```
 //! use nerd_sim::prelude::*;
 //! let system = System::named("pendulum")?;
@@ -15,12 +18,14 @@
 
 pub mod articulated;
 pub mod batch;
+mod collider;
 pub mod control;
 pub mod dataset;
 pub mod files;
 mod identity;
 pub mod law;
 mod limits;
+mod material;
 mod parallel;
 #[cfg(feature = "rapier")]
 pub mod rapier;

@@ -1,17 +1,17 @@
-//! How stiff a joint's limit is where nobody says: as hard as the reference simulator's substep `dt` bears.
+//! How stiff a joint's limit is where nobody says: critically damped, and as stiff as the reference simulator's substep `dt`
+//! steps well.
 //!
-//! With the least inertia I that a joint shows to a push, all others free, over a few poses: stiffness `I (a / dt)^2`,
-//! damping `I D / dt`. Symplectic Euler is stable for `2 D + a^2 < 4`; a = 0.2 and D = 0.4, critical damping, leave room
-//! for poses not looked at and for several limits at once. A joint that its own effort would push farther than 4 % of its
-//! range beyond its end is stiffer, up to a = 0.4.
+//! With the least inertia I that a joint shows to a push, all others free, over a few poses: stiffness `I (0.2 / dt)^2`. A
+//! joint that its own effort would push farther than 4 % of its range beyond an end is stiffer, up to `I (2 / dt)^2`: what is
+//! too stiff for an explicit substep is stepped implicitly (`articulated/stiff.rs`). Damping `2 sqrt(I stiffness)`.
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, aba, kinematics};
 use nerd_core::robot::{Joint, JointKind, Limit, Robot};
 
+/// Stiffness over `I / dt^2`, the root of it.
 const USUAL: f64 = 0.2;
-const STIFFEST: f64 = 0.4;
-const DAMPING: f64 = 0.4;
+const STIFFEST: f64 = 2.0;
 /// Share of its range that a joint may be pushed beyond an end by its effort.
 const GIVE: f64 = 0.04;
 
@@ -29,7 +29,7 @@ pub(crate) fn stiffen(robot: &mut Robot, unsaid: &[bool], dt: f64) {
             let effort = if effort.is_finite() { effort } else { 0.0 };
             let holding = effort / (GIVE * (limit.upper - limit.lower));
             limit.stiffness = holding.clamp(of(USUAL), of(STIFFEST));
-            limit.damping = inertia * DAMPING / dt;
+            limit.damping = 2.0 * (inertia * limit.stiffness).sqrt();
         }
     }
 }

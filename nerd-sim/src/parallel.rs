@@ -1,13 +1,13 @@
 //! The batch loop that the analytic solvers share. Environments are independent and each is stepped by one thread, so
 //! the number of threads changes nothing but the time it takes.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
 use crate::batch::Batch;
 use crate::scene::Scene;
-use crate::solver::{StepError, check_torques, commit};
+use crate::solver::{Fault, StepError, check, commit};
 use crate::system::System;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
@@ -30,16 +30,18 @@ pub(crate) struct Parallel<F> {
     system: Option<Arc<System>>,
     frames: Vec<F>,
     next: Vec<f64>,
+    faults: Mutex<Vec<Fault>>,
 }
 
 impl<F: Frame> Parallel<F> {
     pub(crate) fn new() -> Self {
-        Self { system: None, frames: Vec::new(), next: Vec::new() }
+        Self { system: None, frames: Vec::new(), next: Vec::new(), faults: Mutex::default() }
     }
 
-    /// One frame of every environment; on an error, that of the first environment that failed, the batch is as before.
+    /// One frame of every environment that can be stepped; see [`crate::solver::Solver::step`].
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        check_torques(batch, torques)?;
+        let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
+        check(batch, torques, faults)?;
         if !self.system.as_ref().is_some_and(|s| Arc::ptr_eq(s, &batch.system)) {
             self.frames.clear();
             self.system = Some(batch.system.clone());
@@ -51,21 +53,27 @@ impl<F: Frame> Parallel<F> {
             self.frames.push(F::new(system).map_err(StepError::Solver)?);
         }
         self.next.clone_from(&batch.states);
+        // Who is no number from the start is not stepped at all.
+        let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
+        let faults = &self.faults;
         let run = |(chunk, (states, frame)): (usize, (&mut [f64], &mut F))| {
             for (i, state) in states.chunks_exact_mut(d).enumerate() {
                 let env = chunk * F::CHUNK + i;
+                if bad.contains(&env) {
+                    continue;
+                }
                 let tau = &torques[env * joints..(env + 1) * joints];
-                let failed = |reason| StepError::Environment { env, frame: batch.frames[env], reason };
-                frame.step(system, &batch.scenes[env], config, state, tau).map_err(failed)?;
+                if let Err(reason) = frame.step(system, &batch.scenes[env], config, state, tau) {
+                    let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
+                    faults.push(Fault { env, frame: batch.frames[env], reason });
+                }
             }
-            Ok(())
         };
         if chunks <= 1 {
-            self.next.chunks_mut(F::CHUNK * d).zip(&mut self.frames).enumerate().try_for_each(run)?;
+            self.next.chunks_mut(F::CHUNK * d).zip(&mut self.frames).enumerate().for_each(run);
         } else {
-            let parts = self.next.par_chunks_mut(F::CHUNK * d).zip(self.frames.par_iter_mut()).enumerate();
-            parts.map(run).reduce(|| Ok(()), Result::and)?;
+            self.next.par_chunks_mut(F::CHUNK * d).zip(self.frames.par_iter_mut()).enumerate().for_each(run);
         }
-        commit(batch, &mut self.next)
+        commit(batch, &mut self.next, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))
     }
 }

@@ -6,19 +6,10 @@ use nerd_core::state::wrap_state;
 /// Why a frame could not be stepped.
 #[derive(Debug, thiserror::Error)]
 pub enum StepError {
-    /// A coordinate is not finite after the step.
-    #[error("environment {env}, frame {frame}: `{coordinate}` is {value}; the state before it is the last good one")]
-    NotFinite {
-        /// Environment.
-        env: usize,
-        /// Frame counted from the environment's reset.
-        frame: u64,
-        /// Name of the first bad coordinate.
-        coordinate: String,
-        /// What it is.
-        value: f64,
-    },
-    /// The torques are not `environments x joints` numbers.
+    /// Some environments could not be stepped: they stand where they stood. Every other one was, as if these were not there.
+    #[error("{}", said(.0))]
+    Environments(Vec<Fault>),
+    /// The torques are not `environments x joints` numbers; nothing was stepped.
     #[error("{found} torques for {environments} environments of {joints} joints")]
     Torques {
         /// Numbers given.
@@ -28,25 +19,48 @@ pub enum StepError {
         /// Joints of the robot.
         joints: usize,
     },
-    /// The solver cannot step this environment.
-    #[error("environment {env}, frame {frame}: {reason}")]
-    Environment {
-        /// Environment.
-        env: usize,
-        /// Frame counted from the environment's reset.
-        frame: u64,
-        /// One line.
-        reason: String,
-    },
-    /// The solver as a whole failed.
+    /// The solver as a whole failed; nothing was stepped.
     #[error("{0}")]
     Solver(String),
+}
+
+impl StepError {
+    /// The environments that were set aside, for who goes on with the others.
+    ///
+    /// # Errors
+    /// Itself, if nothing was stepped.
+    pub fn faults(self) -> Result<Vec<Fault>, Self> {
+        match self {
+            Self::Environments(faults) => Ok(faults),
+            other => Err(other),
+        }
+    }
+}
+
+/// An environment that could not be stepped, with its address.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Environment.
+    pub env: usize,
+    /// Frame counted from the environment's reset.
+    pub frame: u64,
+    /// One line.
+    pub reason: String,
+}
+
+fn said(faults: &[Fault]) -> String {
+    let Some(Fault { env, frame, reason }) = faults.first() else { return "no environment failed".into() };
+    let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
+    format!("environment {env}, frame {frame}: {reason}{others}")
 }
 
 /// Advances every environment of a batch by one control frame.
 pub trait Solver {
     /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame. Angles of endless joints come back
-    /// wrapped to [-pi, pi). On an error the states are those before the step.
+    /// wrapped to [-pi, pi).
+    ///
+    /// # Errors
+    /// [`StepError::Environments`] if some environments could not be stepped, all others were; else nothing was.
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError>;
 
     /// Forgets whatever is remembered of an environment.
@@ -63,30 +77,65 @@ impl Solver for Box<dyn Solver> {
     }
 }
 
-/// Refuses torques of another length than the batch needs.
-pub fn check_torques(batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
-    let joints = batch.system.robot.joint_count();
-    if torques.len() == batch.len() * joints {
-        return Ok(());
+/// Refuses a batch or torques of other lengths than the system needs, and finds environments whose state or torque is no
+/// number.
+///
+/// # Errors
+/// [`StepError::Solver`] or [`StepError::Torques`].
+pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    batch.check().map_err(StepError::Solver)?;
+    let system = &*batch.system;
+    let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
+    if torques.len() != batch.len() * joints {
+        return Err(StepError::Torques { found: torques.len(), environments: batch.len(), joints });
     }
-    Err(StepError::Torques { found: torques.len(), environments: batch.len(), joints })
+    faults.clear();
+    let names = [&system.spec.state_columns, &system.spec.torque_columns];
+    for ((numbers, width), names) in [(&*batch.states, d), (torques, joints)].into_iter().zip(names) {
+        if numbers.iter().all(|x| x.is_finite()) {
+            continue;
+        }
+        for (at, x) in numbers.iter().enumerate().filter(|(_, x)| !x.is_finite()) {
+            let env = at / width;
+            if faults.iter().all(|f| f.env != env) {
+                let reason = format!("`{}` is {x} before the step", names[at % width]);
+                faults.push(Fault { env, frame: batch.frames[env], reason });
+            }
+        }
+    }
+    Ok(())
 }
 
-/// Ends a frame: wraps angles, counts it, and takes over `next` only if every coordinate is finite.
-pub fn commit(batch: &mut Batch, next: &mut Vec<f64>) -> Result<(), StepError> {
+/// Ends a frame: takes over the states `next` of every environment without a fault, wraps angles, counts the frame. A state
+/// that is not finite is a fault, too.
+///
+/// # Errors
+/// [`StepError::Environments`] with all faults, by environment.
+pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
     let system = batch.system.clone();
     let d = system.robot.state_dim();
-    if let Some(at) = next.iter().position(|x| !x.is_finite()) {
-        let (env, column) = (at / d, at % d);
-        let coordinate = system.spec.state_columns[column].clone();
-        return Err(StepError::NotFinite { env, frame: batch.frames[env], coordinate, value: next[at] });
+    if !next.iter().all(|x| x.is_finite()) {
+        for (env, state) in next.chunks_exact(d).enumerate() {
+            let Some(column) = state.iter().position(|x| !x.is_finite()) else { continue };
+            if faults.iter().all(|f| f.env != env) {
+                let (name, value) = (&system.spec.state_columns[column], state[column]);
+                let reason = format!("`{name}` is {value}; the state before it is the last good one");
+                faults.push(Fault { env, frame: batch.frames[env], reason });
+            }
+        }
     }
+    faults.iter().for_each(|f| next[f.env * d..][..d].copy_from_slice(batch.state(f.env)));
     for state in next.chunks_exact_mut(d) {
         wrap_state(&system.robot, state);
     }
     std::mem::swap(&mut batch.states, next);
     batch.frames.iter_mut().for_each(|f| *f += 1);
-    Ok(())
+    if faults.is_empty() {
+        return Ok(());
+    }
+    faults.iter().for_each(|f| batch.frames[f.env] = f.frame);
+    faults.sort_by_key(|f| f.env);
+    Err(StepError::Environments(std::mem::take(faults)))
 }
 
 /// A batch with the solver that advances it; assign `solver` to swap it mid-run.

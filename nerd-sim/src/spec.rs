@@ -83,9 +83,9 @@ pub struct JointSpec {
     pub armature: f64,
     /// Spring and damper beyond the URDF's limits; both 0 leave them without effect.
     ///
-    /// Default: as stiff as `paper`'s substep `dt` bears. With the least inertia I that the joint shows over a few poses, all
-    /// others free: stiffness `I (0.2 / dt)^2`, or up to four times that where the joint's effort would else push it 4 % of its
-    /// range beyond an end; damping `0.4 I / dt`.
+    /// Default: with `paper`'s substep `dt` and the least inertia I that the joint shows over a few poses, all others free,
+    /// stiffness `I (0.2 / dt)^2`, or up to a hundred times that where the joint's effort would else push it 4 % of its range
+    /// beyond an end; critically damped.
     pub limit: Option<LimitSpec>,
     /// Amplitude of random torques (N m or N).
     #[serde(default)]

@@ -196,12 +196,15 @@ impl System {
                 let world = world(name, &scene.gravity, self.spec.material).filter(|_| touches);
                 let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches));
                 let known = known.collect::<Vec<_>>().join(", ");
-                return world.map(Arc::new).ok_or_else(|| SystemError::Scene { robot: self.name.clone(), scene: name.into(), known });
+                let world = world.ok_or_else(|| SystemError::Scene { robot: self.name.clone(), scene: name.into(), known })?;
+                world.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
+                return Ok(Arc::new(world));
             };
             let plane = turned_plane(&scene.gravity, spec.plane.height, spec.plane.angles);
             scene.name = name.into();
             scene.colliders.push(Collider::plane(plane, spec.material.unwrap_or(self.spec.material)));
         }
+        scene.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
         Ok(Arc::new(scene))
     }
 }

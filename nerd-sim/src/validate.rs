@@ -4,12 +4,12 @@
 //! Ends of ranges lie far beyond any robot, and near enough that products of a few such numbers are finite.
 
 use std::collections::HashSet;
+use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 use nerd_core::robot::{JointKind, Robot};
 
 use crate::law::Law;
-use crate::scene::Material;
 use crate::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
 use crate::worlds::WORLDS;
 
@@ -28,14 +28,14 @@ pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];
 
 /// Says what is wrong with a specification of `robot`, with the key, what it is and what is needed.
 pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
-    within(&format!("frame_time = {:?}", spec.frame_time), spec.seconds(), 1e-6..=1.0, "s")?;
+    within(format!("frame_time = {:?}", spec.frame_time), spec.seconds(), 1e-6..=1.0, "s")?;
     within("substeps", spec.substeps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
     vector("gravity", &spec.gravity, 1e3, "m/s^2")?;
     let gravity = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     if spec.gravity != [0.0; 3] && gravity < 1e-6 {
         return Err(format!("gravity is {gravity} m/s^2; say 0, or at least 1e-6, which has a direction"));
     }
-    material("material", &spec.material)?;
+    spec.material.check().map_err(|e| format!("material: {e}"))?;
     joints(spec, robot)?;
     if let Some(control) = &spec.control {
         self::control(control)?;
@@ -55,8 +55,8 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
             return Err(at("no such link moves"));
         }
         vector(&at("point"), &contact.point, WIDE, "m")?;
-        within(&at("radius"), contact.radius, 0.0..=WIDE, "m")?;
-        within(&at("thickness"), contact.thickness, 0.0..=WIDE, "m")?;
+        within(at("radius"), contact.radius, 0.0..=WIDE, "m")?;
+        within(at("thickness"), contact.thickness, 0.0..=WIDE, "m")?;
     }
     if let Some(plane) = &spec.random_plane {
         within("random_plane.reach", plane.reach, 0.0..=FAR, "m")?;
@@ -67,7 +67,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
 }
 
 /// Refuses a number outside a range, by its key.
-pub(crate) fn within(key: &str, x: f64, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
+pub(crate) fn within(key: impl Display, x: f64, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
     if range.contains(&x) {
         return Ok(());
     }
@@ -80,7 +80,7 @@ fn short(x: f64) -> String {
 }
 
 fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String> {
-    values.iter().enumerate().try_for_each(|(i, x)| within(&format!("{key}[{i}]"), *x, -most..=most, unit))
+    values.iter().enumerate().try_for_each(|(i, x)| within(format!("{key}[{i}]"), *x, -most..=most, unit))
 }
 
 /// Both ends of a law, and the lower one below.
@@ -88,19 +88,7 @@ fn law(key: &str, law: &Law, range: RangeInclusive<f64>, unit: &str) -> Result<(
     if law.low > law.high {
         return Err(format!("{key} is {law}; its low end is above the high one"));
     }
-    [law.low, law.high].iter().try_for_each(|end| within(&format!("{key} is {law}; an end"), *end, range.clone(), unit))
-}
-
-fn material(key: &str, m: &Material) -> Result<(), String> {
-    for (name, x, most, unit) in [
-        ("stiffness", m.stiffness, STRONG, "N/m"),
-        ("damping", m.damping, STRONG, "N s/m"),
-        ("friction_damping", m.friction_damping, STRONG, "N s/m"),
-        ("friction", m.friction, 1e3, ""),
-    ] {
-        within(&format!("{key}: {name}"), x, 0.0..=most, unit)?;
-    }
-    Ok(())
+    [law.low, law.high].iter().try_for_each(|end| within(format!("{key} is {law}; an end"), *end, range.clone(), unit))
 }
 
 /// Every joint of the robot has one entry, in whatever order.
@@ -132,7 +120,7 @@ fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String
     let unit = |turning, sliding| if slides { sliding } else { turning };
     let (place, speed, force) = (unit("rad", "m"), unit("rad/s", "m/s"), unit("N m", "N"));
     let (stiffness, damping) = (unit("N m/rad", "N/m"), unit("N m s/rad", "N s/m"));
-    within(&at("default"), joint.default, -WIDE..=WIDE, place)?;
+    within(at("default"), joint.default, -WIDE..=WIDE, place)?;
     for (key, x, most, unit) in [
         ("armature", Some(joint.armature), 1e6, unit("kg m^2", "kg")),
         ("limit.stiffness", joint.limit.map(|l| l.stiffness), STRONG, stiffness),
@@ -142,7 +130,7 @@ fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String
         ("kp", Some(joint.kp), STRONG, stiffness),
         ("kd", Some(joint.kd), STRONG, damping),
     ] {
-        x.map_or(Ok(()), |x| within(&at(key), x, 0.0..=most, unit))?;
+        x.map_or(Ok(()), |x| within(at(key), x, 0.0..=most, unit))?;
     }
     for (box_, start) in [("sample", &joint.sample), ("reset", &joint.reset)] {
         law(&at(&format!("{box_}.q")), &start.q, -WIDE..=WIDE, place)?;
@@ -179,7 +167,7 @@ fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> 
     }
     law(&at("tilt"), &start.tilt, -WIDE..=WIDE, "rad")?;
     let Some(clearance) = start.clearance else { return Ok(()) };
-    within(&at("clearance"), clearance, 0.0..=FAR, "m")?;
+    within(at("clearance"), clearance, 0.0..=FAR, "m")?;
     if has_scene { Ok(()) } else { Err(at("asks for clearance, but no data_scene says from what")) }
 }
 
@@ -190,10 +178,10 @@ fn scenes(spec: &Spec) -> Result<(), String> {
         if scene.name.trim().is_empty() || !seen.insert(&scene.name) {
             return Err(at(&format!("a name of its own is needed (taken are free, {} and those of other scenes)", WORLDS.join(", "))));
         }
-        within(&at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
+        within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
         vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
         if let Some(m) = &scene.material {
-            material(&at("material"), m)?;
+            m.check().map_err(|e| at(&format!("material: {e}")))?;
         }
     }
     Ok(())

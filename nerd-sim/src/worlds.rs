@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
-use crate::scene::{Collider, Material, Plane, Scene};
+use crate::scene::{Collider, Material, Plane, Scene, up};
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
@@ -28,8 +28,7 @@ static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(
 
 /// One of [`WORLDS`] under `gravity`, all of one material.
 pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
-    let up = -gravity.try_normalize(0.0).unwrap_or_else(|| -Vector3::z());
-    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &up);
+    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &up(gravity));
     let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let flat = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
     let cuboid = |half: [f64; 3], centre: [f64; 3]| {

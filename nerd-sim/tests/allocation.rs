@@ -34,7 +34,9 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_step_does_not_allocate() {
-    for (robot, scene) in [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1"), ("ant", "ground")] {
+    for (robot, scene) in
+        [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1"), ("ant", "ground"), ("ant", "steps"), ("anymal", "box")]
+    {
         let system = System::named(robot).expect("built in");
         for (name, config) in [
             ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),

@@ -97,3 +97,59 @@ fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box()
     let near = (0..64).filter(|t| [0, 2].iter().all(|axis| r.states[t * 25 * d + axis].abs() <= 0.2)).count();
     assert!((20..=44).contains(&near), "{near} of 64 start where episodes do, half were asked for");
 }
+
+/// The reuse key is what the system is, not what it is called.
+#[test]
+fn shards_of_another_system_of_the_same_name_are_made_anew() {
+    let toml = include_str!("../assets/cartpole.toml");
+    let make = |folder: &Path, toml: &str| {
+        let system =
+            std::sync::Arc::new(System::from_text("cartpole", include_str!("../assets/cartpole.urdf"), Some(toml)).expect("valid"));
+        let config = GenerateConfig { transitions: 60, frames: 10, shard_trajectories: 4, ..Default::default() };
+        let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+        let manifest = generate(&system, &mut truth, "paper", &config, folder, &mut |_, _| ()).expect("generated");
+        (system, manifest)
+    };
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let (system, first) = make(folder.path(), toml);
+    assert_eq!(first.check(&system, "paper"), Ok(()));
+    assert_eq!(Manifest::read(folder.path()).expect("read"), first);
+    for (from, to, what) in [
+        ("-9.81", "-9.80", "gravity"),
+        ("armature = 0.01", "armature = 0.02", "masses"),
+        ("U(-3.5, 3.5)", "U(-3.5, 3.4)", "sampled"),
+        ("torque = 1500.0", "torque = 1400.0", "driven"),
+    ] {
+        let (other, second) = make(folder.path(), &toml.replacen(from, to, 1));
+        assert_ne!(second.sha256, first.sha256, "{to}: the old data are kept");
+        let error = first.check(&other, "paper").expect_err(to);
+        let named = [first.system_sha256.as_str(), first.robot_sha256.as_str()].iter().any(|hash| error.contains(hash))
+            && [other.sha256(), other.robot_sha256()].iter().any(|hash| error.contains(hash));
+        assert!(named && error.contains(what) && !error.contains('\n'), "{to}: `{error}`");
+        make(folder.path(), toml);
+    }
+    assert!(first.check(&system, "rapier").expect_err("another truth").contains("`rapier`"));
+    let mut columns = toml.replacen("\"theta\"", "\"angle\"", 1);
+    columns.insert_str(0, "# another comment\n");
+    assert_eq!(make(folder.path(), &columns).1, first, "names of columns are no part of the data");
+}
+
+#[test]
+fn shards_of_an_older_form_are_refused_in_a_line() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    make(folder.path(), 3, 20);
+    let path = folder.path().join("manifest.json");
+    let text = std::fs::read_to_string(&path).expect("read").replace("\"format\": 2", "\"format\": 1");
+    std::fs::write(&path, text).expect("written");
+    let error = Manifest::read(folder.path()).expect_err("old").to_string();
+    assert!(error.contains("manifest.json") && error.contains("format 1, not 2"), "{error}");
+    let path = folder.path().join("shard-00000.safetensors");
+    // The header's JSON stands within a JSON text.
+    let mut bytes = std::fs::read(&path).expect("read");
+    let key = br#"\"format\":\"2\""#;
+    let at = bytes.windows(key.len()).position(|w| w == key).expect("a format");
+    bytes[at + key.len() - 3] = b'1';
+    std::fs::write(&path, bytes).expect("written");
+    let error = read_shard(&path).expect_err("old").to_string();
+    assert!(error.contains("format 1, not 2") && !error.contains('\n'), "{error}");
+}

@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use nerd_sim::prelude::*;
 
-/// A grip of 0.2 kg hanging down, 0 to 0.08 m, 20 N.
-fn grip() -> String {
-    r#"<robot name="grip"><link name="hand"/><link name="finger"><inertial><mass value="0.2"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link>
-<joint name="grip" type="prismatic"><parent link="hand"/><child link="finger"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.08" effort="20" velocity="1"/></joint></robot>"#.into()
+/// A grip hanging down, 0 to 0.08 m, 20 N.
+fn grip(mass: f64) -> String {
+    format!(
+        r#"<robot name="grip"><link name="hand"/><link name="finger"><inertial><mass value="{mass}"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link>
+<joint name="grip" type="prismatic"><parent link="hand"/><child link="finger"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.08" effort="20" velocity="1"/></joint></robot>"#
+    )
 }
 
 /// An arm of links of 0.3 m, each on a hinge of half a turn about another axis.
@@ -55,13 +57,16 @@ fn excess(system: &Arc<System>, solver: &mut Articulated, start: &[f64], tau: &[
 
 #[test]
 fn a_grip_stays_within_its_range() {
-    let system = Arc::new(System::bare("grip", &grip(), false).expect("valid"));
-    for (name, mut solver) in solvers(&system) {
-        // Dropped through its range; pushed at its end by all its effort, and back.
-        for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
-            let found = excess(&system, &mut solver, &start, &[tau]);
-            assert!(found < 0.05, "{name}, {what}: {:.1} % of the range beyond its end", 100.0 * found);
-            assert!(tau == 0.0 || found > 1e-3, "{name}, {what}: {found}, a limit is a spring");
+    // A heavy one, and a finger of 15 g.
+    for mass in [0.2, 0.015] {
+        let system = Arc::new(System::bare("grip", &grip(mass), false).expect("valid"));
+        for (name, mut solver) in solvers(&system) {
+            // Dropped through its range; pushed at its end by all its effort, and back.
+            for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
+                let found = excess(&system, &mut solver, &start, &[tau]);
+                assert!(found < 0.05, "{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
+                assert!(tau == 0.0 || found > 1e-3, "{name}, {mass} kg, {what}: {found}, a limit is a spring");
+            }
         }
     }
 }
@@ -94,7 +99,7 @@ fn what_is_said_counts() {
         )
     };
     let limit = |text: &str| {
-        let system = System::from_text("grip", &grip(), Some(&toml(text))).expect("valid");
+        let system = System::from_text("grip", &grip(0.2), Some(&toml(text))).expect("valid");
         system.robot.joints().next().and_then(|j| j.limit).map(|l| (l.stiffness, l.damping)).expect("limited")
     };
     // 0.2 kg at 1/960 s: 0.2 (0.2 960)^2 N/m would hold 20 N at 3.4 % of the range, 0.4 0.2 960 N s/m.

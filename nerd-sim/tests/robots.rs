@@ -162,3 +162,21 @@ fn a_clearance_that_no_start_has_is_refused() {
     let error = System::from_text("ball", urdf, Some(&toml)).expect_err("no start is clear").to_string();
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
 }
+
+/// Where `reach` leaves no room for `clearance`, the clearance is kept: no start touches its plane.
+#[test]
+fn a_random_plane_keeps_its_clearance() {
+    let toml = include_str!("../assets/pendulum.toml");
+    for reach in ["3.5", "0.5", "0.0"] {
+        let toml = toml.replacen("reach = 3.5", &format!("reach = {reach}"), 1);
+        let system = System::from_text("pendulum", include_str!("../assets/pendulum.urdf"), Some(&toml)).expect("valid");
+        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+        for env in 0..100 {
+            let rng = &mut stream(0, env);
+            let state = start(&system, Start::Sample, rng);
+            nerd_sim::batch::contacts(&system, &nerd_sim::sampling::scene(&system, &state, rng), &state, &mut data, &mut events);
+            let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
+            assert!(nearest >= 0.1 - 1e-12, "reach {reach} m: a point starts {nearest} m from the plane, 0.1 m were asked for");
+        }
+    }
+}

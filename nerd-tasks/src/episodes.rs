@@ -184,23 +184,16 @@ impl Episodes {
         });
     }
 
-    /// One frame. An environment that cannot be stepped is marked, begun anew, and the frame is tried again without torque there.
+    /// One frame. An environment that cannot be stepped is marked and begun anew; the others have been stepped.
     fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
-        let joints = self.torques.len() / self.len().max(1);
         self.past.push(&self.simulation.batch.states, &self.torques);
-        loop {
-            match self.simulation.step(&self.torques) {
-                Ok(()) => return Ok(()),
-                Err(StepError::NotFinite { env, .. } | StepError::Environment { env, .. }) if !failed[env] => {
-                    failed[env] = true;
-                    self.restart(env);
-                    self.torques[env * joints..(env + 1) * joints].fill(0.0);
-                    self.past.only_newest();
-                    self.past.amend(&self.simulation.batch.states, &self.torques);
-                }
-                Err(other) => return Err(other),
+        if let Err(error) = self.simulation.step(&self.torques) {
+            for fault in error.faults()? {
+                failed[fault.env] = true;
+                self.restart(fault.env);
             }
         }
+        Ok(())
     }
 
     /// Rewards and endings of the states reached.

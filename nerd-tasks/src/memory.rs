@@ -45,20 +45,6 @@ impl Past {
         self.frames.push_back(oldest);
     }
 
-    /// Forgets all but the newest frame: a step that is tried again makes a learned solver start anew with it.
-    pub(crate) fn only_newest(&mut self) {
-        let old = self.frames.len().saturating_sub(1);
-        self.frames.drain(..old);
-    }
-
-    /// What an environment's reset leaves in the newest frame, if that is tried again.
-    pub(crate) fn amend(&mut self, states: &[f64], torques: &[f64]) {
-        if let Some(newest) = self.frames.back_mut() {
-            newest.0.copy_from_slice(states);
-            newest.1.copy_from_slice(torques);
-        }
-    }
-
     pub(crate) fn write(&self, snapshot: &mut Snapshot) {
         snapshot.past_states = self.frames.iter().flat_map(|f| &f.0).copied().collect();
         snapshot.past_torques = self.frames.iter().flat_map(|f| &f.1).copied().collect();
@@ -80,7 +66,10 @@ impl Past {
             // Frames of an earlier episode are stepped, too; the first of the present one makes the solver forget them.
             let count = |now: &u64| now.checked_sub(ago).unwrap_or(u64::MAX / 2 - ago);
             simulation.batch.frames = frames.iter().map(count).collect();
-            simulation.step(torques)?;
+            // Who failed then fails now, and was begun anew behind it.
+            if let Err(error) = simulation.step(torques) {
+                error.faults()?;
+            }
         }
         simulation.batch.states = states;
         simulation.batch.frames = frames;

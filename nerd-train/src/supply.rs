@@ -64,14 +64,19 @@ impl Supply {
     /// Starts recording on as many threads as rayon has; they stop when the supply is dropped.
     ///
     /// # Errors
-    /// If a thread cannot be started.
+    /// If the data cannot be made, or are less than a shard; or a thread cannot be started.
     pub fn new(
         system: &Arc<System>,
         solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
         config: SupplyConfig,
     ) -> Result<Self, SupplyError> {
+        config.data.check(system)?;
         let shard = config.data.shard_trajectories;
         let slots = (config.data.trajectories() / shard) as u64;
+        if slots == 0 {
+            let text = format!("{} trajectories are less than a shard of {shard}", config.data.trajectories());
+            return Err(DatasetError::Config(text).into());
+        }
         let mut supply = Self { threads: Vec::new(), slots, shard, shards: config.shards, updates: config.updates.max(1), next: 0 };
         // Of what is past only the last of each slot is left.
         supply.next = supply.wanted(config.step).saturating_sub(slots);

@@ -81,3 +81,18 @@ fn goes_on_where_it_was() {
         assert!(at(0, 100).x == at(resumed, 100).x, "resumed at update {resumed}");
     }
 }
+
+#[test]
+fn less_than_a_shard_is_refused() {
+    let system = System::named("cartpole").unwrap();
+    let normalizer = moments(&recorded(&system, SLOTS));
+    let refused = |data: GenerateConfig| {
+        let (normalizer, form) = (normalizer.clone(), Form::default());
+        let config = SupplyConfig { data, shards: 10, updates: 100, step: 0, history: 2, form, normalizer };
+        Supply::new(&system, solver, config).err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    let half = GenerateConfig { transitions: SHARD * FRAMES / 2, ..data(1) };
+    assert!(refused(half).contains("less than a shard"));
+    let none = GenerateConfig { shard_trajectories: 0, ..data(1) };
+    assert!(refused(none).contains("shard_trajectories"));
+}

@@ -159,7 +159,7 @@ fn untrained(system: &Arc<System>, scene: &Arc<Scene>, embedding: usize, layers:
     let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
     let positions = Positions::Rotary;
     let network = TransformerConfig { layers, heads: embedding / 16, positions, ..TransformerConfig::paper(inputs, outputs, embedding) };
-    let unit = |n: usize| Moments { mean: vec![0.0; n], variance: vec![1.0; n] };
+    let unit = |n: usize| Moments { mean: vec![0.0; n], variance: vec![1.0; n], epsilon: 1e-5 };
     let config = ModelConfig {
         robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),

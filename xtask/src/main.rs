@@ -6,6 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
 
 mod ablations;
+mod campaign;
 mod chart;
 mod check;
 mod common;
@@ -66,6 +67,8 @@ enum Verb {
     Stamp(stamp::StampArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
+    /// Try hostile input: files and command lines changed at random, runs killed
+    Campaign(campaign::CampaignArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -113,6 +116,7 @@ fn main() -> ExitCode {
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done {
@@ -121,8 +125,19 @@ fn main() -> ExitCode {
             // Many errors already say their cause.
             let said =
                 error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
-            eprintln!("error: {}", said.unwrap_or_default().replace('\n', " "));
+            eprintln!("error: {}", brief(&said.unwrap_or_default().replace('\n', " ")));
             ExitCode::from(2)
         }
     }
+}
+
+/// The words of an error without the middle of what nobody would read: it may quote a whole file.
+fn brief(words: &str) -> String {
+    const MOST: usize = 2000;
+    let n = words.chars().count();
+    if n <= MOST {
+        return words.into();
+    }
+    let (start, end) = (words.chars().take(MOST - 500), words.chars().skip(n - 500));
+    start.chain(" [..] ".chars()).chain(end).collect()
 }

@@ -129,7 +129,9 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (["train", "--robot", "ant", "--preset", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
         (["train", "--robot", "ant", "--hold", "0", "--out", &out].map(String::from).into(), "--hold"),
         (
-            ["train", "--robot", "ant", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out].map(String::from).into(),
+            ["train", "--robot", "ant", "--preset", "small", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out]
+                .map(String::from)
+                .into(),
             "cartpole",
         ),
         (["reproduce", "sweep", "--set", "sizes", "--robot", "ant", "--only", "huge", "--out", &out].map(String::from).into(), "huge"),

@@ -31,17 +31,17 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             Some(p) => (&data.rotation[p], data.position[p]),
             None => (&root, base),
         };
-        let value = joints[i - first];
-        let mut position = start + parent * joint.origin.translation.vector;
+        let (value, turn) = (joints[i - first], joint.turn());
+        let mut position = start + parent * joint.origin().translation.vector;
         let rotation = match joint.kind {
-            JointKind::Prismatic => parent * (joint.turn[0] + joint.turn[2]),
+            JointKind::Prismatic => parent * (turn[0] + turn[2]),
             _ => {
                 let (sin, cos) = value.sin_cos();
-                parent * (joint.turn[0] + joint.turn[1] * sin + joint.turn[2] * cos)
+                parent * (turn[0] + turn[1] * sin + turn[2] * cos)
             }
         };
         // The axis is the same before and after turning about itself.
-        let axis = rotation * joint.axis.into_inner();
+        let axis = rotation * joint.axis().into_inner();
         data.axis[i] = match joint.kind {
             JointKind::Prismatic => {
                 position += axis * value;

@@ -3,7 +3,7 @@
 //! subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is taken in Newton's and Euler's words, force
 //! at the centre of mass c and moment in link axes, which spares turning its inertia into world axes:
 //! `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`.
-//! Joint damping, armature and limits are the caller's: they are forces and inertias of the joint, not of the tree.
+//! A joint's armature adds `armature qdd`. Its damping and limits are the caller's: they are forces of the joint, not of the tree.
 
 use nalgebra::Vector3;
 
@@ -73,6 +73,9 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             data.tau.as_mut_slice()[3..6].copy_from_slice(f.lin.as_slice());
         } else {
             data.tau[dofs + i - first] = data.axis[i].dot(&f);
+            if ACCELERATED && let Some(joint) = &link.joint {
+                data.tau[dofs + i - first] += joint.armature * qdd[dofs + i - first];
+            }
         }
         if let Some(p) = link.parent {
             data.force[p] += f;

@@ -39,7 +39,8 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     for collision in &source.collision {
         let pose = pose * isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far".into()))?;
         match shape(&collision.geometry) {
-            Some(kind) if sizes(&kind).iter().all(|x| (0.0..=FAR).contains(x)) => target.shapes.push(Shape { pose, kind }),
+            // Engines assert on -0.
+            Some(kind) if sizes(&kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => target.shapes.push(Shape { pose, kind }),
             Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite or absurd".into())),
             None => robot.skipped_meshes.push(source.name.clone()),
         }

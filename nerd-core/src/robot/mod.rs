@@ -1,9 +1,13 @@
 //! The robot: a tree of links joined by one-DoF joints, on a fixed or a floating base.
 
+mod joint;
 mod lump;
 mod model;
+mod shape;
 mod urdf;
 mod xml;
 
-pub use model::{Base, Joint, JointKind, Limit, Link, PlacedBox, Robot, Shape, ShapeKind};
+pub use joint::{Joint, JointKind, Limit};
+pub use model::{Base, Link, Robot};
+pub use shape::{Shape, ShapeKind};
 pub use urdf::UrdfError;

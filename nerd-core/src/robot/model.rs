@@ -1,11 +1,12 @@
-//! Links, joints, shapes. Fixed joints are lumped away; every link but a floating root hangs on one moving joint.
+//! Links and the robot they make. Fixed joints are lumped away; every link but a floating root hangs on one moving joint.
 //!
 //! Dimensions: with `k` one-DoF joints a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
 //! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w`.
 
-use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
+use nalgebra::Isometry3;
 
+use super::{Joint, Shape, ShapeKind};
 use crate::contact::ContactPoint;
 use crate::spatial::BodyInertia;
 
@@ -16,160 +17,6 @@ pub enum Base {
     Fixed(Isometry3<f64>),
     /// Free to move: link 0 is the root and has no joint.
     Floating,
-}
-
-/// Kind of a one-DoF joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum JointKind {
-    /// Turns about its axis within limits (rad).
-    Revolute,
-    /// Turns about its axis without end (rad).
-    Continuous,
-    /// Slides along its axis within limits (m).
-    Prismatic,
-}
-
-/// Position limit acted on by a spring and a damper once violated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limit {
-    /// Lower end (rad or m).
-    pub lower: f64,
-    /// Upper end (rad or m).
-    pub upper: f64,
-    /// Stiffness beyond an end (N m/rad or N/m); 0 leaves the limit without effect.
-    pub stiffness: f64,
-    /// Damping beyond an end (N m s/rad or N s/m).
-    pub damping: f64,
-}
-
-impl Limit {
-    /// Force of the violated limit at position `q`, velocity `qd`; zero inside.
-    #[inline]
-    pub fn force(&self, q: f64, qd: f64) -> f64 {
-        let end = q.clamp(self.lower, self.upper);
-        if end == q { 0.0 } else { self.stiffness * (end - q) - self.damping * qd }
-    }
-}
-
-/// A one-DoF joint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Joint {
-    /// Name from the URDF.
-    pub name: String,
-    /// How it moves.
-    pub kind: JointKind,
-    /// Pose of the joint frame in the parent link's frame.
-    pub origin: Isometry3<f64>,
-    /// Axis in the joint frame.
-    pub axis: Unit<Vector3<f64>>,
-    /// Position limit, if any.
-    pub limit: Option<Limit>,
-    /// Viscous damping (N m s/rad or N s/m).
-    pub damping: f64,
-    /// Dry friction (N m or N): its size while the joint slips, and what it holds at most.
-    pub friction: f64,
-    /// Inertia of the drive seen at the joint (kg m^2 or kg).
-    pub armature: f64,
-    /// Largest effort (N m or N); infinite where none is given. Not enforced by solvers.
-    pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite where none is given. Not enforced by solvers.
-    pub velocity: f64,
-    /// `R_origin (a a^T)`, `R_origin [a]x`, `R_origin (1 - a a^T)`: rotation = 1st + 2nd sin q + 3rd cos q.
-    pub(crate) turn: [Matrix3<f64>; 3],
-}
-
-impl Joint {
-    /// A joint without limit, damping, friction or armature.
-    pub fn new(name: impl Into<String>, kind: JointKind, origin: Isometry3<f64>, axis: Unit<Vector3<f64>>) -> Self {
-        let r = origin.rotation.to_rotation_matrix();
-        let aa = axis.into_inner() * axis.transpose();
-        let turn = [r.matrix() * aa, r.matrix() * axis.cross_matrix(), r.matrix() * (Matrix3::identity() - aa)];
-        let free = f64::INFINITY;
-        Self {
-            name: name.into(),
-            kind,
-            origin,
-            axis,
-            limit: None,
-            damping: 0.0,
-            friction: 0.0,
-            armature: 0.0,
-            effort: free,
-            velocity: free,
-            turn,
-        }
-    }
-
-    /// Whether the coordinate is an angle kept in [-pi, pi): no limit, or one wider than a turn.
-    pub fn wraps(&self) -> bool {
-        match self.kind {
-            JointKind::Prismatic => false,
-            JointKind::Continuous => true,
-            JointKind::Revolute => self.limit.is_none_or(|l| l.upper - l.lower > std::f64::consts::TAU),
-        }
-    }
-}
-
-/// A primitive collision shape fixed on a link.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Shape {
-    /// Its pose in the link frame.
-    pub pose: Isometry3<f64>,
-    /// What it is.
-    pub kind: ShapeKind,
-}
-
-impl Shape {
-    /// Points that stand for this shape on link `link`: a sphere's centre, the ends of a capsule's or cylinder's axis (the
-    /// far one along +z first), a box's corners (x fastest, negative first; radius 1e-5 m).
-    pub fn contact_points(&self, link: usize) -> Vec<ContactPoint> {
-        let point = |local: Vector3<f64>, radius: f64| {
-            let local = self.pose.transform_point(&local.into()).coords;
-            ContactPoint { link, local, radius, thickness: radius }
-        };
-        match self.kind {
-            ShapeKind::Sphere { radius } => vec![point(Vector3::zeros(), radius)],
-            ShapeKind::Capsule { radius, half_length } | ShapeKind::Cylinder { radius, half_length } => {
-                [half_length, -half_length].map(|z| point(Vector3::z() * z, radius)).into()
-            }
-            ShapeKind::Box { half } => {
-                let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-                (0..8).map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), 1e-5)).collect()
-            }
-        }
-    }
-}
-
-/// A box by its pose in the link frame and its half edges (m).
-pub type PlacedBox = (Isometry3<f64>, Vector3<f64>);
-
-/// Primitive shapes; lengths in m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ShapeKind {
-    /// Ball.
-    Sphere {
-        /// Radius.
-        radius: f64,
-    },
-    /// Box, centred.
-    Box {
-        /// Half edges.
-        half: Vector3<f64>,
-    },
-    /// Cylinder along local z, centred.
-    Cylinder {
-        /// Radius.
-        radius: f64,
-        /// Half length.
-        half_length: f64,
-    },
-    /// Capsule along local z, centred.
-    Capsule {
-        /// Radius.
-        radius: f64,
-        /// Half length of the straight part.
-        half_length: f64,
-    },
 }
 
 /// One rigid body.
@@ -284,21 +131,20 @@ impl Robot {
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 
-    /// What a link touches a scene with, for an engine that has shapes: boxes where all eight corners
-    /// are contact points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a
-    /// sliding plate stops within a frame.
-    pub fn touching(&self, link: usize) -> (Vec<PlacedBox>, Vec<ContactPoint>) {
+    /// What a link touches a scene with, for an engine that has shapes: boxes and cylinders whose points are all contact
+    /// points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a sliding plate
+    /// stops within a frame.
+    pub fn touching(&self, link: usize) -> (Vec<Shape>, Vec<ContactPoint>) {
         let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).copied().collect();
-        let mut boxes = Vec::new();
-        for shape in &self.links[link].shapes {
-            let corners = shape.contact_points(link);
-            if let ShapeKind::Box { half } = shape.kind
-                && corners.iter().all(|c| points.contains(c))
-            {
-                points.retain(|p| !corners.contains(p));
-                boxes.push((shape.pose, half));
+        let mut shapes = Vec::new();
+        let angular = |s: &&Shape| matches!(s.kind, ShapeKind::Box { .. } | ShapeKind::Cylinder { .. });
+        for shape in self.links[link].shapes.iter().filter(angular) {
+            let own = shape.contact_points(link);
+            if own.iter().all(|c| points.contains(c)) {
+                points.retain(|p| !own.contains(p));
+                shapes.push(shape.clone());
             }
         }
-        (boxes, points)
+        (shapes, points)
     }
 }

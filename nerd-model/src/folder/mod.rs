@@ -89,6 +89,7 @@ impl Model {
             hash.update((column.len() as u64).to_le_bytes());
             column.iter().for_each(|x| hash.update(x.to_le_bytes()));
         }
+        [inputs, outputs].iter().for_each(|moments| hash.update(moments.epsilon.to_le_bytes()));
         // In pieces, since a hash that is fed four bytes at a time takes most of a second over a large network.
         for piece in self.weights.flat.chunks(4096) {
             hash.update(piece.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>());
@@ -109,12 +110,15 @@ impl Model {
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let unfit = |e: crate::transformer::WeightsError| wrong(&folder.join("model.safetensors"), e.to_string());
         let bytes = self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())]), storage).map_err(unfit)?;
-        // As they will be read, since storage may round.
-        let stored = Self { weights: Weights::from_bytes(self.config.network, &bytes).map_err(unfit)?, ..self.clone() };
-        let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
         let json = |text: serde_json::Result<String>| text.map(|s| (s + "\n").into_bytes()).map_err(|e| wrong(folder, e.to_string()));
+        let moments = json(serde_json::to_string_pretty(&self.normalizer))?;
+        // As they will be read: storage may round, and serde_json reads some numbers a last bit beside what was written.
+        let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(folder, e.to_string()))?;
+        let weights = Weights::from_bytes(self.config.network, &bytes).map_err(unfit)?;
+        let stored = Self { config: self.config.clone(), normalizer, weights };
+        let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
         let files = [
-            ("normalizer.json", json(serde_json::to_string_pretty(&self.normalizer))?),
+            ("normalizer.json", moments),
             ("README.md", card.into()),
             ("model.safetensors", bytes),
             ("config.json", json(serde_json::to_string_pretty(&config))?),
@@ -128,7 +132,10 @@ impl Model {
 
 /// Says what of moments cannot be.
 fn check(moments: &Moments, width: usize) -> Result<(), String> {
-    let Moments { mean, variance } = moments;
+    let Moments { mean, variance, epsilon } = moments;
+    if !(1e-30..=1.0).contains(epsilon) {
+        return Err(format!("`epsilon` is {epsilon}, it must be 1e-30 to 1"));
+    }
     for (name, column, least) in [("mean", mean, f64::NEG_INFINITY), ("variance", variance, 0.0)] {
         if column.len() != width {
             return Err(format!("{} numbers of `{name}`, the network has {width}", column.len()));

@@ -95,6 +95,15 @@ impl TransformerConfig {
         }
     }
 
+    /// Frames that a prediction depends on, its own included: the window, or where positions are rotary `history - 1` more
+    /// for every layer, since what a layer keeps of a token holds what the layer below saw from there.
+    pub fn reach(&self) -> usize {
+        match (self.positions, self.architecture) {
+            (Positions::Rotary, Architecture::Transformer) => self.layers * (self.history - 1) + 1,
+            _ => self.history,
+        }
+    }
+
     /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, `[d / 2]`: columns m and
     /// m + d/2 are turned together.
     pub fn frequencies(&self) -> impl Iterator<Item = f64> {
@@ -141,7 +150,7 @@ impl TransformerConfig {
 
     /// Heads mean something to the Transformer alone.
     fn check_heads(&self, embedding: usize, heads: usize) -> Result<(), String> {
-        if heads == 0 || embedding % heads != 0 {
+        if heads == 0 || !embedding.is_multiple_of(heads) {
             return Err(format!("`heads` is {heads}, it must divide the width of {embedding}"));
         }
         if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {

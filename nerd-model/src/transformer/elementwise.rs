@@ -3,10 +3,16 @@
 
 use pulp::Arch;
 
+/// The larger of two, and what is no number if x is not: `f32::max` would take the other one.
+#[inline(always)]
+fn at_least(x: f32, least: f32) -> f32 {
+    if x < least { least } else { x }
+}
+
 /// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor's series to r^7: 2e-8 relative, 0 below -87.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
-    let x = x.max(-87.0);
+    let x = at_least(x, -87.0);
     // Adding and taking away 1.5 x 2^23 rounds to a whole number.
     let shift = 12_582_912.0f32;
     let shifted = x * std::f32::consts::LOG2_E + shift;
@@ -41,7 +47,7 @@ pub(super) fn gelu(x: &mut [f32]) {
 
 /// `max(x, 0)`.
 pub(super) fn relu(x: &mut [f32]) {
-    x.iter_mut().for_each(|x| *x = x.max(0.0));
+    x.iter_mut().for_each(|x| *x = at_least(*x, 0.0));
 }
 
 /// Rows of `e` to mean 0 and variance 1 (epsilon 1e-5, biased variance).
@@ -118,6 +124,12 @@ mod tests {
             let y = -(x + 4.0) * 10.0;
             worst_exp = worst_exp.max((f64::from(exp(y)) / f64::from(y).exp() - 1.0).abs());
         }
+        let mut rectified = [f32::NAN, -1.0, 2.0];
+        relu(&mut rectified);
+        let mut shares = [0.0, f32::NAN, 1.0];
+        softmax(&mut shares);
+        assert!(exp(f32::NAN).is_nan() && erf(f32::NAN).is_nan(), "what is no number stays none");
+        assert!(rectified[0].is_nan() && rectified[1..] == [0.0, 2.0] && shares.iter().all(|s| s.is_nan()), "{rectified:?}, {shares:?}");
         assert!(worst_exp < 3e-7, "exp: {worst_exp:.1e} relative");
         assert!(worst_erf < 8e-7, "erf: {worst_erf:.1e}; the formula's is 1.5e-7, to which f32 adds its rounding");
     }

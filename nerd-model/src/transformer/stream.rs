@@ -4,6 +4,9 @@ use super::config::TransformerConfig;
 use super::forward::{Forward, ForwardError};
 
 /// Evaluates a network one frame at a time, remembering what it needs of the frames before.
+///
+/// A prediction is that of the training pass over all frames since the environment was cleared: every frame is a token, as in
+/// training, whether anything was asked of it or not.
 pub trait Stream {
     /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions for the environments
     /// `asked` (increasing), in normalised target units, replace `out`: `[asked][outputs]`. The same number of environments

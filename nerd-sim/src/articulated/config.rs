@@ -26,7 +26,8 @@ pub enum Refresh {
     Substep,
 }
 
-/// How contact, limits and joint damping act within a substep. A robot with dry friction is stepped implicitly in any case.
+/// How contact, limits and joint damping act within a substep. A robot with dry friction is stepped implicitly in any case, and a
+/// frame that meets a joint or a friction too stiff for an explicit substep, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactStep {
@@ -109,7 +110,7 @@ impl ArticulatedConfig {
     /// Which one, and what is needed.
     pub fn check(&self) -> Result<(), String> {
         for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
-            within(&format!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+            within(format_args!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{
-    Data, Factor, bias, crba, kinematics, kinematics_about, move_twist, point_position, root_position, to_local, to_world,
+    Data, Factor, bias, crba, kinematics, kinematics_about, move_twist, point_position, root_position, to_local, to_world, velocities,
 };
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
@@ -11,6 +11,7 @@ use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::implicit::Touches;
 use super::law::force;
+use super::stiff::Stiff;
 use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
 use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
@@ -21,11 +22,18 @@ pub(super) struct Workspace {
     pub(super) data: Data,
     pub(super) factor: Factor,
     pub(super) materials: Vec<Material>,
+    /// Contact events, and the point of each.
     pub(super) events: Vec<ContactEvent>,
+    pub(super) owners: Vec<usize>,
     pub(super) touches: Touches,
+    pub(super) stiff: Stiff,
     rates: [Vec<f64>; 4],
     trial: Vec<f64>,
+    start: Vec<f64>,
 }
+
+/// How far (m) beyond its own way in a frame, at twice its speed, a point may come within the frame.
+const BEYOND: f64 = 0.1;
 
 impl Frame for Workspace {
     type Config = ArticulatedConfig;
@@ -39,39 +47,73 @@ impl Frame for Workspace {
             factor: Factor::new(robot),
             rates: std::array::from_fn(|_| vec![0.0; d]),
             trial: vec![0.0; d],
+            start: vec![0.0; d],
             materials: Vec::new(),
-            events: Vec::with_capacity(robot.contact_points.len()),
+            events: Vec::new(),
+            owners: Vec::new(),
             touches: Touches::new(robot),
+            stiff: Stiff::new(robot),
         })
     }
 
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
+        scene.check()?;
         // The environment stepped before this one may have touched something.
         self.data.external.fill(Wrench::default());
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
-        // Dry friction is stiff at rest: the implicit step alone holds it.
-        let dry = robot.dry();
-        let substeps = if contact || dry { config.contact_substeps } else { config.substeps };
-        let dt = system.frame_time / substeps as f64;
         self.materials.clear();
         if contact {
             self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
+            let most = robot.contact_points.len() * scene.colliders.len();
+            self.events.clear();
+            // As many again are held for a moment while the covered ones are left out.
+            self.events.reserve(most + scene.colliders.len());
+            self.owners.clear();
+            self.owners.reserve(most);
         }
-        if dry || contact && config.contact_step == ContactStep::Implicit {
-            return self.implicit(system, scene, config, state, tau);
+        // Dry friction is stiff at rest: the implicit step alone holds it.
+        if robot.dry() || contact && config.contact_step == ContactStep::Implicit {
+            return self.implicit(system, scene, config, config.contact_substeps, state, tau);
         }
+        self.start.copy_from_slice(state);
+        self.stiff.begin();
+        if self.explicit(system, scene, config, contact, state, tau)? {
+            return Ok(());
+        }
+        // A damper, a limit or a friction was met that no explicit substep of this length can bear.
+        state.copy_from_slice(&self.start);
+        self.data.external.fill(Wrench::default());
+        self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), state, tau)
+    }
+}
+
+impl Workspace {
+    /// A frame of explicit substeps; whether no joint was too stiff for them.
+    fn explicit(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        config: &ArticulatedConfig,
+        contact: bool,
+        state: &mut [f64],
+        tau: &[f64],
+    ) -> Result<bool, String> {
+        let robot = &system.robot;
+        let substeps = if contact { config.contact_substeps } else { config.substeps };
+        let dt = system.frame_time / substeps as f64;
+        let (q, qd) = state.split_at_mut(robot.nq());
         if !contact && config.integrator == Integrator::Rk4 {
-            let (q, qd) = state.split_at_mut(robot.nq());
             to_local(robot, q, qd);
             for _ in 0..substeps {
-                self.runge_kutta(robot, scene, state, tau, dt)?;
+                if !self.runge_kutta(robot, scene, state, tau, dt)? {
+                    return Ok(false);
+                }
             }
             let (q, qd) = state.split_at_mut(robot.nq());
             to_world(robot, q, qd);
-            return Ok(());
+            return Ok(true);
         }
-        let (q, qd) = state.split_at_mut(robot.nq());
         // The origin stays where the root stood, all through the frame, so that a mass matrix kept for a frame belongs to
         // one origin: then any origin gives the same motion, the world's too, which the reference has.
         let origin = root_position(robot, q);
@@ -81,75 +123,129 @@ impl Frame for Workspace {
             kinematics_about(robot, q, &origin, &mut self.data);
             if contact {
                 // A plane is the same plane all through a frame; other shapes are looked at once a frame and held
-                // as the plane they present, as the reference does, unless the matrix is renewed every substep.
+                // as the planes they present, as the reference does, unless the matrix is renewed every substep.
                 if renew {
-                    self.query(system, scene);
+                    let held = config.refresh == Refresh::Frame;
+                    self.query(system, scene, qd, if held { 2.0 * system.frame_time } else { 0.0 }, if held { BEYOND } else { 0.0 })?;
                 }
-                self.press(robot, config, qd);
+                if !self.press(robot, config, qd, dt) {
+                    return Ok(false);
+                }
             }
-            self.accelerate(robot, scene, q, qd, tau, renew)?;
+            if !self.accelerate(robot, scene, q, qd, tau, renew, (dt, Integrator::SymplecticEuler))? {
+                return Ok(false);
+            }
             euler(robot, q, qd, self.data.qdd.as_slice(), &origin, dt);
         }
         move_twist(robot, &-origin, qd);
-        Ok(())
+        Ok(true)
     }
-}
 
-impl Workspace {
-    /// Contact events of all points.
-    pub(super) fn query(&mut self, system: &System, scene: &Scene) {
+    /// Contact events of all points with every collider that they may touch within a time (s) at their present velocity,
+    /// or nearer than `margin` (m).
+    pub(super) fn query(&mut self, system: &System, scene: &Scene, qd: &[f64], time: f64, margin: f64) -> Result<(), String> {
+        let robot = &system.robot;
+        // One collider is looked at wherever it is.
+        let many = scene.colliders.len() > 1;
+        if many {
+            velocities(robot, qd, &mut self.data);
+        }
         self.events.clear();
-        for point in &system.robot.contact_points {
-            self.events.push(scene.contact(&point_position(&self.data, point.link, &point.local)));
+        self.owners.clear();
+        for (index, point) in robot.contact_points.iter().enumerate() {
+            let p0 = point_position(&self.data, point.link, &point.local);
+            let reach = if many {
+                point.radius + margin + time * self.data.velocity[point.link].at(&(p0 - self.data.origin)).norm()
+            } else {
+                f64::INFINITY
+            };
+            scene.contacts(&p0, reach, &mut self.events);
+            self.owners.resize(self.events.len(), index);
+        }
+        match self.events.iter().zip(&self.owners).find(|(e, _)| e.distance.is_nan()) {
+            None => Ok(()),
+            Some((event, index)) => Err(format!(
+                "the distance of contact point {index} on link `{}` to collider {} of scene `{}` is no number: the state or the collider is not finite",
+                robot.links[robot.contact_points[*index].link].name, event.collider, scene.name
+            )),
         }
     }
 
-    /// Contact wrenches into `data.external`.
-    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64]) {
+    /// Contact wrenches into `data.external`; whether no friction is too stiff for a substep of `dt`.
+    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64], dt: f64) -> bool {
         self.data.external.fill(Wrench::default());
         let origin = self.data.origin;
         let mut moving = false;
-        for (point, event) in robot.contact_points.iter().zip(&self.events) {
-            let n = &event.normal;
+        for (owner, event) in self.owners.iter().zip(&self.events) {
+            let (point, n) = (&robot.contact_points[*owner], &event.normal);
             let p0 = self.data.position[point.link] + self.data.rotation[point.link] * point.local;
             let gap = n.dot(&(p0 - (event.p1 - origin))) - point.radius;
-            if gap < 0.0 && event.distance.is_finite() {
+            if gap < 0.0 {
                 if !moving {
-                    nerd_core::dynamics::velocities(robot, qd, &mut self.data);
+                    velocities(robot, qd, &mut self.data);
                     moving = true;
+                }
+                let material = &self.materials[event.collider];
+                if self.stiff.drags(*owner, material.friction_damping, dt) {
+                    return false;
                 }
                 let x = p0 - n * point.radius;
                 let v = self.data.velocity[point.link].at(&x);
-                let f = force(gap, n, &v, &self.materials[event.collider], config.friction);
+                let f = force(gap, n, &v, material, config.friction);
                 self.data.external[point.link] += Wrench::force_at(f, &x);
             }
         }
+        true
     }
 
-    /// `data.qdd = M^-1 (tau + limits - damping - bias)`.
-    fn accelerate(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], tau: &[f64], renew: bool) -> Result<(), String> {
+    /// `data.qdd = M^-1 (tau + limits - damping - bias)`; whether no joint is too stiff for a substep of `dt`.
+    #[allow(clippy::too_many_arguments)]
+    fn accelerate(
+        &mut self,
+        robot: &Robot,
+        scene: &Scene,
+        q: &[f64],
+        qd: &[f64],
+        tau: &[f64],
+        renew: bool,
+        (dt, integrator): (f64, Integrator),
+    ) -> Result<bool, String> {
         if renew {
             crba(robot, &mut self.data);
             if !self.factor.refill(&self.data.mass) {
                 return Err(self.factor.fault(robot));
             }
         }
+        if self.stiff.dampers(robot, &self.factor, dt) {
+            return Ok(false);
+        }
         bias(robot, qd, &scene.gravity, &mut self.data);
         let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
         for k in 0..dofs {
             self.data.qdd[k] = -self.data.tau[k];
         }
+        self.stiff.clear();
         for (i, joint) in robot.joints().enumerate() {
             let (x, v) = (q[coords + i], qd[dofs + i]);
-            let limit = joint.limit.map_or(0.0, |l| l.force(x, v));
+            let limit = joint.limit.map_or(0.0, |l| {
+                let force = l.force(x, v);
+                if force != 0.0 {
+                    self.stiff.beyond(i, &l, dt);
+                }
+                force
+            });
             self.data.qdd[dofs + i] = tau[i] + limit - joint.damping * v - self.data.tau[dofs + i];
         }
+        if self.stiff.limits(robot, &self.factor, dt, integrator) {
+            return Ok(false);
+        }
         self.factor.solve(self.data.qdd.as_mut_slice());
-        Ok(())
+        Ok(true)
     }
 
-    /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after.
-    fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<(), String> {
+    /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after. Whether
+    /// no joint was too stiff.
+    fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<bool, String> {
         for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             self.trial.copy_from_slice(state);
             if k > 0 {
@@ -158,10 +254,12 @@ impl Workspace {
             let mut trial = std::mem::take(&mut self.trial);
             let (q, qd) = trial.split_at_mut(robot.nq());
             kinematics(robot, q, &mut self.data);
-            let done = self.accelerate(robot, scene, q, qd, tau, true);
+            let done = self.accelerate(robot, scene, q, qd, tau, true, (dt, Integrator::Rk4));
             rate(robot, q, qd, self.data.qdd.as_slice(), &mut self.rates[k]);
             self.trial = trial;
-            done?;
+            if !done? {
+                return Ok(false);
+            }
         }
         for (weight, rates) in [1.0, 2.0, 2.0, 1.0].into_iter().zip(&self.rates) {
             state.iter_mut().zip(rates).for_each(|(x, r)| *x += weight / 6.0 * dt * r);
@@ -170,7 +268,7 @@ impl Workspace {
             let unit = quaternion(&state[3..7]);
             write_quaternion(&mut state[3..7], &unit);
         }
-        Ok(())
+        Ok(true)
     }
 }
 

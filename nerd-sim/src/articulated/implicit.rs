@@ -14,7 +14,8 @@
 //! The gap g is the mean over that part of the substep in which the point is inside, and k, d, c act with that part only,
 //! so that it matters little where in a substep a point lands. The drag c is the law's at the velocity seen, found by
 //! repetition. A point that would pull has parted; it is dropped and the system solved again. A joint beyond its limit is a
-//! touch without friction that may pull; a joint's dry friction is one that rubs under a constant force, and holds up to
+//! touch without friction that may pull, its own damper one that always acts, with the share that makes a damper alone
+//! exact, `a = 1 / (1 - exp(-z)) - 1 / z`, where `z = h d w` is beyond 1; a joint's dry friction is one that rubs under a constant force, and holds up to
 //! 1 mm/s of creep. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
 //! the factorisation its cost.
 
@@ -54,8 +55,10 @@ struct Touch {
 pub(super) struct Touches {
     touches: Vec<Touch>,
     columns: Vec<(usize, Vector3<f64>)>,
-    /// w of every point and joint, found once a frame.
+    /// w of every point with every collider and of every joint, found once a frame.
     weights: Vec<Option<f64>>,
+    /// Shares a of the joints' own dampers.
+    dampers: Vec<f64>,
     mass: DMatrix<f64>,
     /// Velocity in the middle of the substep, as the bias sees it, and the rate of change of velocities in the last one.
     middle: Vec<f64>,
@@ -70,11 +73,23 @@ impl Touches {
             touches: Vec::with_capacity(points + 2 * joints),
             columns: Vec::with_capacity(points * nv + 2 * joints),
             weights: vec![None; points + 2 * joints],
+            dampers: vec![0.5; joints],
             mass: DMatrix::zeros(nv, nv),
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
             right: vec![0.0; nv],
         }
+    }
+
+    /// A frame begins; room for every point to touch every collider.
+    fn begin(&mut self, robot: &Robot, scene: &Scene) {
+        let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
+        self.weights.clear();
+        self.weights.resize(pairs + 2 * joints, None);
+        self.touches.clear();
+        self.touches.reserve(pairs + 2 * joints);
+        self.columns.clear();
+        self.columns.reserve(pairs * robot.nv() + 2 * joints);
     }
 }
 
@@ -86,32 +101,36 @@ const PASSES: usize = 6;
 const SETTLED: f64 = 0.02;
 
 impl Workspace {
-    /// A frame of `substeps` such substeps.
+    /// A frame of so many substeps.
     pub(super) fn implicit(
         &mut self,
         system: &System,
         scene: &Scene,
         config: &ArticulatedConfig,
+        substeps: usize,
         state: &mut [f64],
         tau: &[f64],
     ) -> Result<(), String> {
         let robot = &system.robot;
-        let h = system.frame_time / config.contact_substeps as f64;
+        let h = system.frame_time / substeps as f64;
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
-        self.touches.weights.fill(None);
-        for substep in 0..config.contact_substeps {
+        self.touches.begin(robot, scene);
+        for substep in 0..substeps {
             drift(robot, q, qd, 0.5 * h);
             kinematics(robot, q, &mut self.data);
-            self.query(system, scene);
-            self.find(robot, q, qd, h);
+            self.query(system, scene, qd, h, 0.0)?;
+            self.find(robot, scene, q, qd, h);
             crba(robot, &mut self.data);
+            if substep == 0 {
+                self.damp(robot, h)?;
+            }
             self.weigh(robot, h, config.friction)?;
             // The first substep of a frame knows no rate yet, and finds its middle by a second solve.
             if substep == 0 {
                 self.touches.rate.fill(0.0);
             }
-            self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, config)?;
+            self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, SETTLED / substeps as f64, config.friction)?;
             qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
             drift(robot, q, qd, 0.5 * h);
         }
@@ -120,17 +139,14 @@ impl Workspace {
     }
 
     /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
-    fn find(&mut self, robot: &Robot, q: &[f64], qd: &[f64], h: f64) {
+    fn find(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
         velocities(robot, qd, &mut self.data);
         let Touches { touches, columns, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
         let (data, first, dofs) = (&self.data, usize::from(robot.floating()), robot.root_dofs());
-        for (index, (point, event)) in robot.contact_points.iter().zip(&self.events).enumerate() {
-            if !event.distance.is_finite() {
-                continue;
-            }
-            let n = event.normal;
+        for (owner, event) in self.owners.iter().zip(&self.events) {
+            let (point, n) = (&robot.contact_points[*owner], event.normal);
             let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
             let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
@@ -148,10 +164,10 @@ impl Workspace {
                 link = robot.links[i].parent;
             }
             let material = part_of(&self.materials[event.collider], part);
-            let columns = start..columns.len();
+            let (index, columns) = (owner * scene.colliders.len() + event.collider, start..columns.len());
             touches.push(Touch { index, columns, material, normal: n, gap, velocity, ..Default::default() });
         }
-        let (points, joints) = (robot.contact_points.len(), robot.joint_count());
+        let (points, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
         for (i, joint) in robot.joints().enumerate().filter(|(_, j)| j.friction > 0.0) {
             // Pressed with its friction at a coefficient of 1.
             let material = Material { stiffness: 1.0, damping: 0.0, friction_damping: joint.friction / CREEP, friction: 1.0 };
@@ -174,6 +190,28 @@ impl Workspace {
                 touches.push(Touch { index, columns, material, sticky: true, normal: n, gap, velocity, ..Default::default() });
             }
         }
+    }
+
+    /// Shares of the joints' own dampers.
+    fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
+        let Touches { dampers, right, .. } = &mut self.touches;
+        let mut factored = false;
+        for (i, (joint, share)) in robot.joints().zip(dampers).enumerate() {
+            *share = 0.5;
+            if h * joint.damping <= self.stiff.least[i] {
+                continue;
+            }
+            if !factored && !self.factor.refill(&self.data.mass) {
+                return Err(self.factor.fault(robot));
+            }
+            factored = true;
+            let k = robot.root_dofs() + i;
+            right.fill(0.0);
+            right[k] = 1.0;
+            self.factor.solve(right);
+            *share = exponential(h * joint.damping * right[k]);
+        }
+        Ok(())
     }
 
     /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
@@ -218,11 +256,12 @@ impl Workspace {
         tau: &[f64],
         h: f64,
         correct: bool,
-        config: &ArticulatedConfig,
+        settled: f64,
+        friction: Friction,
     ) -> Result<(), String> {
         let dofs = robot.root_dofs();
-        for (i, joint) in robot.joints().enumerate() {
-            self.data.mass[(dofs + i, dofs + i)] += 0.5 * h * joint.damping;
+        for (i, (joint, share)) in robot.joints().zip(&self.touches.dampers).enumerate() {
+            self.data.mass[(dofs + i, dofs + i)] += share * h * joint.damping;
         }
         self.touches.mass.copy_from(&self.data.mass);
         let (mut stale, mut correct) = (true, correct);
@@ -236,7 +275,7 @@ impl Workspace {
                     right[dofs + i] += tau[i] - joint.damping * qd[dofs + i];
                 }
             }
-            let changed = self.solve(robot, h, config)?;
+            let changed = self.solve(robot, h, settled, friction)?;
             let Touches { middle, rate, .. } = &mut self.touches;
             rate.copy_from_slice(self.data.qdd.as_slice());
             if robot.floating() {
@@ -255,7 +294,7 @@ impl Workspace {
 
     /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
     /// end, and a point that would pull has parted; whether that changes anything.
-    fn solve(&mut self, robot: &Robot, h: f64, config: &ArticulatedConfig) -> Result<bool, String> {
+    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction) -> Result<bool, String> {
         let Touches { touches, columns, mass, right, .. } = &mut self.touches;
         self.data.mass.copy_from(mass);
         self.data.qdd.as_mut_slice().copy_from_slice(right);
@@ -277,7 +316,6 @@ impl Workspace {
             return Err(self.factor.fault(robot));
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
-        let settled = SETTLED / config.contact_substeps as f64;
         let mut changed = false;
         for touch in touches.iter_mut().filter(|t| !t.parted && !t.sticky) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
@@ -286,12 +324,17 @@ impl Workspace {
             let normal = -(m.stiffness * (touch.gap + spring * h * dn) + m.damping * (vn + damper * dn));
             touch.parted = normal < 0.0;
             let seen = touch.velocity + change * slide;
-            let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, config.friction);
+            let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, friction);
             changed |= touch.parted || (across / touch.across - 1.0).abs() > settled;
             touch.across = across;
         }
         Ok(changed)
     }
+}
+
+/// The share of a damper with `z = h d w` beyond 1 that makes its decay, `1 - z / (1 + a z)`, exact: `exp(-z)`.
+fn exponential(z: f64) -> f64 {
+    if z > 1.0 { -1.0 / (-z).exp_m1() - 1.0 / z } else { 0.5 }
 }
 
 /// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is

@@ -1,14 +1,16 @@
 //! Our own articulated dynamics: RNEA, CRBA and Cholesky from nerd-core, geometry from the scene.
 //!
 //! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
-//! Euler under the compliant law of [`law`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). Preset `paper` does what the reference simulator does; `converged` is
-//! the accurate one. An environment without collider or contact point runs no contact code.
+//! Euler under the compliant law of [`law`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). A frame
+//! in which a joint's damper or limit would be too stiff for an explicit substep is made of those, too, whatever the preset.
+//! Preset `paper` does what the reference simulator does; `converged` is the accurate one. An environment without collider or contact point runs no contact code.
 
 mod config;
 mod frame;
 mod implicit;
 pub mod law;
 mod solver;
+mod stiff;
 
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
 pub use solver::Articulated;

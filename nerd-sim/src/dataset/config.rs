@@ -51,7 +51,7 @@ impl GenerateConfig {
     /// # Errors
     /// What is wrong, and what is needed.
     pub fn check(&self, system: &System) -> Result<(), DatasetError> {
-        let within = |what: &str, x: f64, range| within(&format!("data: {what}"), x, range, "").map_err(DatasetError::Config);
+        let within = |what: &str, x: f64, range| within(format_args!("data: {what}"), x, range, "").map_err(DatasetError::Config);
         within("transitions", self.transitions as f64, 1.0..=1e12)?;
         within("frames", self.frames as f64, 1.0..=1e6)?;
         within("shard_trajectories", self.shard_trajectories as f64, 1.0..=1e6)?;

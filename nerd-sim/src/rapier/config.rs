@@ -3,6 +3,8 @@
 use rapier3d_f64::prelude as rapier;
 use serde::{Deserialize, Serialize};
 
+use crate::validate::MOST_SUBSTEPS;
+
 /// Friction of robots that are one free body; multibodies always have `Coulomb` in rapier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -69,8 +71,9 @@ impl RapierConfig {
 
     /// Says what is wrong, if anything is.
     pub(super) fn check(&self) -> Result<(), String> {
-        if self.iterations == 0 || self.steps == 0 {
-            return Err(format!("rapier: {} iterations and {} steps, at least 1 of each is needed", self.iterations, self.steps));
+        if ![self.iterations, self.steps].iter().all(|n| (1..=MOST_SUBSTEPS).contains(n)) {
+            let (iterations, steps) = (self.iterations, self.steps);
+            return Err(format!("rapier: {iterations} iterations and {steps} steps, 1 to {MOST_SUBSTEPS} of each are needed"));
         }
         for (what, value) in [
             ("contact_frequency_hz", self.contact_frequency_hz),

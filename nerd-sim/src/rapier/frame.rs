@@ -19,6 +19,8 @@ pub(super) struct Workspace {
     pub(super) data: Data,
     factor: Factor,
     displacement: Vec<f64>,
+    /// Joint coordinates last seen: a pose tells an angle only up to whole turns.
+    pub(super) seen: Vec<f64>,
 }
 
 impl Frame for Workspace {
@@ -28,11 +30,19 @@ impl Frame for Workspace {
     fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
         let (data, factor) = (Data::new(robot), Factor::new(robot));
-        Ok(Self { template: Template::new(system)?, world: PhysicsWorld::new(), data, factor, displacement: vec![0.0; robot.nv()] })
+        Ok(Self {
+            template: Template::new(system)?,
+            world: PhysicsWorld::new(),
+            data,
+            factor,
+            displacement: vec![0.0; robot.nv()],
+            seen: vec![0.0; robot.joint_count()],
+        })
     }
 
     fn step(&mut self, system: &System, scene: &Scene, config: &RapierConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
+        scene.check()?;
         if !state.iter().chain(tau).all(|x| x.is_finite()) {
             return Err("the state or a torque is not finite before the step".into());
         }
@@ -146,12 +156,12 @@ impl Workspace {
         }
         for (i, link) in robot.links.iter().enumerate().skip(first) {
             let Some(joint) = &link.joint else { continue };
-            let effort = tau[i - first] + if impulse { self.passive(robot, i, joint) } else { 0.0 };
+            let effort = tau[i - first] + if impulse { self.passive(robot, i) } else { 0.0 };
             if effort == 0.0 {
                 continue;
             }
             let child = self.world.bodies.get_mut(self.template.links[i]).ok_or("no body")?;
-            let pull = *child.rotation() * to_parry(&joint.axis) * effort;
+            let pull = *child.rotation() * to_parry(joint.axis()) * effort;
             let at = child.center_of_mass();
             match joint.kind {
                 JointKind::Prismatic => child.add_force(pull, false),

@@ -1,9 +1,9 @@
 //! A robot as rapier holds it: built once, never stepped, copied into a fresh world every frame.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::robot::{Base, Joint, JointKind, Robot};
+use nerd_core::robot::{Base, Joint, JointKind, Robot, ShapeKind};
 use nerd_core::spatial::BodyInertia;
 use rapier3d_f64::prelude::*;
 
@@ -87,12 +87,21 @@ impl Template {
 
 /// What a link touches the scene with.
 fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBuilder> {
-    let (boxes, points) = robot.touching(link);
-    let boxes = boxes.into_iter().map(|(pose, half)| {
-        let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * pose;
-        ColliderBuilder::cuboid(half.x, half.y, half.z).position(pose_to_parry(&pose))
+    let (shapes, points) = robot.touching(link);
+    let shapes = shapes.into_iter().filter_map(|shape| {
+        let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * shape.pose;
+        let (builder, pose) = match shape.kind {
+            ShapeKind::Box { half } => (ColliderBuilder::cuboid(half.x, half.y, half.z), pose),
+            // Theirs stands along y.
+            ShapeKind::Cylinder { radius, half_length } => {
+                let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+                (ColliderBuilder::cylinder(half_length, radius), pose * turn)
+            }
+            _ => return None,
+        };
+        Some(builder.position(pose_to_parry(&pose)))
     });
-    boxes.chain(points.iter().map(|p| ColliderBuilder::ball(p.radius).translation(to_parry(&(p.local - shift))))).collect()
+    shapes.chain(points.iter().map(|p| ColliderBuilder::ball(p.radius).translation(to_parry(&(p.local - shift))))).collect()
 }
 
 /// Puts a scene's colliders into a world. A pair's restitution is the larger one, that of the scene.
@@ -133,10 +142,10 @@ fn mass_properties(inertia: &BodyInertia, shift: &Vector3<f64>) -> MassPropertie
 
 /// A joint about or along the x axis of two frames; `parent` is where the parent's body stands in its link frame.
 fn frames(joint: &Joint, parent: &Vector3<f64>) -> GenericJoint {
-    let turn = UnitQuaternion::rotation_between(&Vector3::x(), &joint.axis);
+    let turn = UnitQuaternion::rotation_between(&Vector3::x(), joint.axis());
     let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI));
     let align = Isometry3::from_parts(Vector3::zeros().into(), turn);
-    let first = Isometry3::translation(-parent.x, -parent.y, -parent.z) * joint.origin * align;
+    let first = Isometry3::translation(-parent.x, -parent.y, -parent.z) * joint.origin() * align;
     let locked =
         if joint.kind == JointKind::Prismatic { JointAxesMask::LOCKED_PRISMATIC_AXES } else { JointAxesMask::LOCKED_REVOLUTE_AXES };
     let builder = GenericJointBuilder::new(locked).contacts_enabled(false);

@@ -152,7 +152,9 @@ pub fn watched(
             }
         }
         truth.step(&mut real, &torques[0])?;
-        solver.step(&mut learned, &torques[1])?;
+        if let Err(error) = solver.step(&mut learned, &torques[1]) {
+            error.faults()?.iter().for_each(|fault| gone[fault.env] = gone[fault.env].or(Some(step)));
+        }
         let time = step as f64 * system.frame_time;
         let mut total = 0.0;
         for env in 0..n {

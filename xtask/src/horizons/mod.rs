@@ -98,15 +98,15 @@ pub fn run(args: HorizonArgs) -> Result<()> {
 fn measure(folder: &Path, args: &HorizonArgs) -> Result<Horizon> {
     let config = ModelConfig::read(folder)?;
     let system = System::named(&config.robot)?;
+    // Of every frame the errors of every start are kept, and the floor's.
+    let frames = [("--starts", args.starts), ("--steps", args.steps)];
+    numbers::memory(&frames, 64 + 16 * (2 + system.robot.joint_count()))?;
+    numbers::time(&[frames[0], frames[1], ("substeps", system.spec.substeps)])?;
     // Flight has no error where there is nothing to touch.
     let scenes = system.usual_scenes();
     let name = scenes.iter().find(|s| !config.base.flies() || **s != "free").copied().unwrap_or("free");
     let (scene, truth) = (system.scene(name)?, Truth::of(folder)?);
     let mut learned = neural(folder, &system, None, args.device, args.starts)?;
-    // Of every frame the errors of every start are kept, and the floor's.
-    let frames = [("--starts", args.starts), ("--steps", args.steps)];
-    numbers::memory(&frames, 64 + 16 * (2 + system.robot.joint_count()))?;
-    numbers::time(&[frames[0], frames[1], ("substeps", system.spec.substeps)])?;
     let protocol = PassiveConfig { starts: args.starts, steps: args.steps, seed: args.seed, action: Action::Zero };
     let bar = crate::common::bar(&format!("frames of {}", folder.display()), args.steps as u64);
     let starts: Vec<_> = (0..args.starts as u64).map(|env| start(&system, Start::Reset, &mut stream(args.seed, env))).collect();

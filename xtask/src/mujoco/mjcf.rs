@@ -9,7 +9,7 @@ use std::fmt::Write;
 use anyhow::{Result, bail};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, Factor, crba, kinematics};
-use nerd_core::robot::{Base, Joint, JointKind, Limit, Link, Robot};
+use nerd_core::robot::{Base, Joint, JointKind, Limit, Link, Robot, ShapeKind};
 use nerd_sim::prelude::*;
 
 /// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
@@ -50,7 +50,7 @@ pub fn mjcf(system: &System, scene: &Scene) -> Result<String> {
 /// depth-first in the robot, as MuJoCo counts its bodies, so the joints keep their order.
 fn body(text: &mut String, robot: &Robot, scene: &Scene, weight: &[f64], i: usize, base: &Isometry3<f64>) -> Result<()> {
     let link = &robot.links[i];
-    let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin);
+    let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
     writeln!(text, "<body name=\"{}\" {}>", escape(&link.name), pose(&origin))?;
     match &link.joint {
         Some(j) => writeln!(text, "{}", joint(j, weight[i - usize::from(robot.floating())]))?,
@@ -59,14 +59,14 @@ fn body(text: &mut String, robot: &Robot, scene: &Scene, weight: &[f64], i: usiz
     writeln!(text, "{}", inertial(link))?;
     // Without anything to touch the robot needs no shapes.
     if !scene.colliders.is_empty() {
-        let (boxes, points) = robot.touching(i);
-        for (place, half) in boxes {
-            writeln!(
-                text,
-                "<geom type=\"box\" size=\"{}\" {} mass=\"0\" friction=\"0\" {ROBOT}/>",
-                numbers(half.as_slice()),
-                pose(&place)
-            )?;
+        let (shapes, points) = robot.touching(i);
+        for shape in shapes {
+            let (kind, size) = match shape.kind {
+                ShapeKind::Box { half } => ("box", numbers(half.as_slice())),
+                ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
+                _ => continue,
+            };
+            writeln!(text, "<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\" {ROBOT}/>", pose(&shape.pose))?;
         }
         for p in points {
             let place = numbers(p.local.as_slice());
@@ -82,7 +82,7 @@ fn body(text: &mut String, robot: &Robot, scene: &Scene, weight: &[f64], i: usiz
 
 fn joint(joint: &Joint, weight: f64) -> String {
     let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
-    let (axis, limit) = (numbers(joint.axis.as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
+    let (axis, limit) = (numbers(joint.axis().as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
     let name = escape(&joint.name);
     let Joint { armature, damping, friction, .. } = joint;
     let forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");

@@ -105,8 +105,7 @@ fn solver(arena: &Arena, folder: &Path, system: &Arc<System>, n: usize, clock: &
             let model = Model::load(folder, system, None)?;
             let network = Timed(crate::train::network(&model.weights, arena.device, n)?, clock.network.clone());
             let shape = model.config.network;
-            // Kept keys and values of a layer depend on as many tokens more as the layer below sees.
-            (Box::new(Neural::new(model, system, Box::new(network))), shape.history * shape.layers.max(1))
+            (Box::new(Neural::new(model, system, Box::new(network))), shape.reach())
         }
     })
 }

@@ -90,10 +90,16 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     crate::files::write(&args.out, &bytes)
 }
 
+/// Frames over all trajectories that a file may ask for by the number of its last step alone: it may be a slip.
+const ASKED: usize = 100_000;
+
 /// Frames to roll out, for all of which the file has torques if it has any.
 fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     let name = args.states.display();
-    let steps = args.steps.unwrap_or_else(|| file.frames());
+    let (steps, n) = (args.steps.unwrap_or_else(|| file.frames()), file.trajectories.len());
+    if args.steps.is_none() && n.saturating_mul(steps) > ASKED.max(file.rows()) {
+        bail!("{name}: {n} trajectories to step {steps}, but only {} rows; say with --steps if so many frames are wanted", file.rows());
+    }
     if steps == 0 {
         bail!("{name}: there are starts alone, no row after step 0; say with --steps how many frames are wanted");
     }

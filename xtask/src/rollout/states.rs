@@ -42,6 +42,11 @@ impl States {
         self.trajectories.values().filter_map(|t| t.steps.last_key_value()).map(|(step, _)| *step).max().unwrap_or(0)
     }
 
+    /// Its rows.
+    pub fn rows(&self) -> usize {
+        self.trajectories.values().map(|t| t.steps.len()).sum()
+    }
+
     /// Says which torques are missing of `steps` frames, if any are.
     pub fn check(&self, steps: usize) -> Result<()> {
         for (id, t) in self.trajectories.iter().filter(|_| self.driven) {

@@ -240,6 +240,6 @@ impl Solver for Blind {
                 nerd_train::evaluate::glide(&batch.system, state, h);
             }
         }
-        nerd_sim::solver::commit(batch, &mut next)
+        nerd_sim::solver::commit(batch, &mut next, &mut Vec::new())
     }
 }

@@ -11,6 +11,8 @@ pub enum Set {
     Sizes,
     /// The paper's form, optimiser and loss beside ours
     Forms,
+    /// What a rollout differs in from training: sequences shorter than what a prediction depends on, and small targets
+    Sameness,
 }
 
 /// One run.
@@ -56,6 +58,13 @@ const SIZES: [Entry; 9] = [
     entry("h-5", |a| a.history = Some(5)),
 ];
 
+/// As many tokens an update in each.
+const SAMENESS: [Entry; 3] = [
+    entry(BASE, |_| ()),
+    entry("sequence-64", |a| (a.sequence, a.batch) = (Some(64), a.batch.map(|b| b / 2))),
+    entry("relative-targets", |a| a.epsilon = Some(1e-12)),
+];
+
 const FORMS: [Entry; 3] = [entry(BASE, |a| size(a, 192, 6)), entry("state", state), entry("paper", paper)];
 
 fn size(args: &mut TrainArgs, embedding: usize, layers: usize) {
@@ -70,7 +79,7 @@ fn state(args: &mut TrainArgs) {
 /// State, position table, Adam, squares, full torques, ten million transitions met again and again: as many tokens an update.
 fn paper(args: &mut TrainArgs) {
     state(args);
-    args.batch = args.batch.map(|b| b * args.sequence / 10);
+    args.batch = args.batch.map(|b| b * args.sequence.unwrap_or(32) / 10);
     args.transitions = Some(args.transitions.unwrap_or_default() + args.fresh);
     (args.stream, args.optimizer, args.huber, args.torque_scale, args.fresh) = (false, OptimizerName::Adam, None, 1.0, 0);
     (args.warmup, args.last_rate) = (0, 1e-4);
@@ -83,6 +92,7 @@ impl Set {
             Self::Switches => &SWITCHES,
             Self::Sizes => &SIZES,
             Self::Forms => &FORMS,
+            Self::Sameness => &SAMENESS,
         }
     }
 }
@@ -94,6 +104,7 @@ pub fn base(robot: &str, asked: &super::SweepArgs, seed: u64) -> TrainArgs {
         preset: Preset::Paper,
         base: BaseName::Flight,
         stream: true,
+        sequence: Some(32),
         embedding: Some(asked.embedding),
         layers: Some(asked.layers),
         batch: Some(asked.batch),

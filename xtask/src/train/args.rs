@@ -26,9 +26,10 @@ pub struct TrainArgs {
     /// Rotary positions: rollouts evaluate one token a frame in place of a window
     #[arg(long)]
     pub stream: bool,
-    /// Tokens of a training sequence with --stream
-    #[arg(long, default_value_t = 32, value_parser = count::<usize>(1..=8192))]
-    pub sequence: usize,
+    /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six layers
+    /// and windows of 10, and at least 32]
+    #[arg(long, value_parser = count::<usize>(1..=8192))]
+    pub sequence: Option<usize>,
     /// Width of the network, in place of the preset's
     #[arg(long, value_parser = count::<usize>(EMBEDDING))]
     pub embedding: Option<usize>,
@@ -99,6 +100,10 @@ pub struct TrainArgs {
     /// Error, in deviations of a target, around which the loss goes over from squares (the paper's) to a straight line
     #[arg(long)]
     pub huber: Option<f32>,
+    /// Added to the variance of every target before it is scaled; the paper's lets targets count less that vary by less than
+    /// some 3e-3 of their unit [default: the paper's, 1e-5; a run --from a model has its]
+    #[arg(long, conflicts_with = "from", value_parser = within(1e-30..=1.0))]
+    pub epsilon: Option<f64>,
     /// Decay of the moving average of the weights, per update
     #[arg(long, default_value_t = 0.9995, value_parser = share)]
     pub average: f64,
@@ -134,7 +139,8 @@ impl TrainArgs {
             preset: Preset::Small,
             history: None,
             stream: false,
-            sequence: 32,
+            sequence: None,
+            epsilon: None,
             embedding: None,
             layers: None,
             truth: Truth::Articulated,

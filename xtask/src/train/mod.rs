@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use nerd_model::folder::Model;
 use nerd_model::form::Form;
-use nerd_model::transformer::Weights;
+use nerd_model::transformer::{Positions, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::files::claim;
 use nerd_sim::prelude::*;
@@ -81,8 +81,13 @@ pub fn train(args: &TrainArgs) -> Result<Option<PathBuf>> {
 fn parent(args: &TrainArgs, system: &System, settings: &Settings) -> Result<Option<Model>> {
     let Some(folder) = &args.from else { return Ok(None) };
     // It may have learned another truth: most of what it knows holds in this one, too.
-    let parent = Model::load(folder, system, None)?;
+    let mut parent = Model::load(folder, system, None)?;
     let (network, form, like) = (settings.network, settings.form, |form: Form| (form.view, form.base.flies()));
+    if network.positions == Positions::Rotary {
+        // No weight depends on how long its training sequences were.
+        parent.config.network.block = network.block;
+        parent.weights.config.block = network.block;
+    }
     if parent.config.network != network || like(parent.config.form()) != like(form) {
         bail!("--from: its network is {:?} in {:?}, this run's {network:?} in {form:?}", parent.config.network, parent.config.form());
     }
@@ -145,7 +150,12 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
             network.sequence()
         );
     }
-    let normalizer = parent.as_ref().map_or_else(|| args.variant.normalizer(moments(&data.windows)), |p| p.normalizer.clone());
+    let own = || {
+        let mut own = args.variant.normalizer(moments(&data.windows));
+        own.outputs.epsilon = args.epsilon.unwrap_or(own.outputs.epsilon);
+        own
+    };
+    let normalizer = parent.as_ref().map_or_else(own, |p| p.normalizer.clone());
     normalize(&mut data.windows, &normalizer);
     normalize(&mut validation, &normalizer);
     run.transitions = data.windows.trajectories() * data.windows.frames;
@@ -154,7 +164,6 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
     let first_weights = || parent.map_or_else(|| Weights::init(network, args.seed), |p| p.weights);
     let text = serde_json::to_string(&run)?;
     let state = resume(&args.out, &run)?.unwrap_or_else(|| LearnerState::new(first_weights()));
-    crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
     let (trainer, folder) = (Trainer::new(trainer, learner.batch, &args.out, &text), args.out.join("model"));
     let averaged =
         |best: &Best| format!("moving average {} at update {}, chosen by criterion {:.5}", learner.average, best.step, best.criterion);
@@ -165,6 +174,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         eprintln!("model written to {}", folder.display());
         return Ok(Some(folder));
     }
+    crate::files::write(&args.out.join("run.json"), serde_json::to_string_pretty(&run)?.as_bytes())?;
     eprintln!("{} parameters, {} windows, update {} of {updates}", network.parameters(), data.windows.len(), state.step);
 
     let first = state.step;

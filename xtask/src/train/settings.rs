@@ -93,6 +93,9 @@ impl Settings {
     }
 }
 
+/// Fewest tokens of a training sequence, if not said: short ones have few tokens with a whole past.
+const SEQUENCE: usize = 32;
+
 fn network(args: &TrainArgs, system: &System, form: Form) -> Result<TransformerConfig> {
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let mut network = TransformerConfig::paper(inputs, outputs, 192);
@@ -101,10 +104,12 @@ fn network(args: &TrainArgs, system: &System, form: Form) -> Result<TransformerC
     }
     network.history = args.history.unwrap_or(network.history);
     network.block = network.block.max(network.history);
-    if args.stream {
-        network = TransformerConfig { positions: Positions::Rotary, block: args.sequence.max(network.history), ..network };
-    }
     network.layers = args.layers.unwrap_or(network.layers);
+    if args.stream {
+        network.positions = Positions::Rotary;
+        // All that a rollout's prediction will depend on, so that none has a longer past than training ever showed.
+        network.block = args.sequence.unwrap_or(network.reach().max(SEQUENCE)).max(network.history);
+    }
     // Before the width of a rival is looked for by counting its parameters.
     network.check().map_err(anyhow::Error::msg)?;
     if let Some(embedding) = args.embedding {

@@ -56,6 +56,7 @@ struct Block {
 #[derive(Default)]
 struct Memory {
     x: Vec<f32>,
+    tokens: Vec<f32>,
     normed: Vec<f32>,
     qkv: Vec<f32>,
     mixed: Vec<f32>,

@@ -1,7 +1,13 @@
 //! [`Stream`] for rotary positions: keys and values of old tokens are kept, one token is computed a frame.
 //!
+//! Tokens of frames in which nothing is asked of an environment wait. The next time it is asked they are computed with the new
+//! one, all in one pass, so that flight costs nothing until it ends. A prediction depends on the last
+//! [`TransformerConfig::reach`] tokens alone, so no more than these wait.
+//!
 //! A key is turned once, by its place since the environment was cleared, and so is a query: what they make of each other depends on
 //! their distance alone. The angle of the place is kept as a unit vector that every frame turns on, so that it may grow for ever.
+
+use std::collections::VecDeque;
 
 use pulp::Arch;
 use rayon::prelude::*;
@@ -20,9 +26,11 @@ pub struct PackedStream {
     places: Vec<f64>,
     /// Keys, turned, and values: `[env][layer][2][slot][columns]`.
     rings: Vec<f32>,
-    /// Tokens taken of each environment since it was cleared.
+    /// Tokens of each environment that were computed since it was cleared.
     taken: Vec<usize>,
-    memory: Vec<(Memory, Vec<f32>)>,
+    /// Tokens that came since the last of these, oldest first, `[env][token][inputs]`.
+    waiting: Vec<VecDeque<f32>>,
+    memory: Vec<((Memory, Vec<Row>), Vec<f32>)>,
 }
 
 impl PackedStream {
@@ -36,7 +44,7 @@ impl PackedStream {
         let columns = Columns::new(&c);
         let packed = Packed::new(weights, columns.width, |i| columns.source(i));
         let turn = c.frequencies().map(f64::cos).chain(c.frequencies().map(f64::sin)).collect();
-        Self { packed, columns, turn, places: Vec::new(), rings: Vec::new(), taken: Vec::new(), memory: Vec::new() }
+        Self { packed, columns, turn, places: Vec::new(), rings: Vec::new(), taken: Vec::new(), waiting: Vec::new(), memory: Vec::new() }
     }
 
     /// Floats of one environment's keys and values.
@@ -53,6 +61,7 @@ impl Stream for PackedStream {
         let ring = self.ring();
         self.rings.resize(envs * ring, 0.0);
         self.taken.resize(envs, 0);
+        self.waiting.resize_with(envs, VecDeque::new);
         let d = self.turn.len();
         self.places.resize(envs * d, 0.0);
         // Even blocks of environments, as many as keep every thread busy.
@@ -61,13 +70,15 @@ impl Stream for PackedStream {
         let mut memory = std::mem::take(&mut self.memory);
         memory.resize_with(memory.len().max(envs.div_ceil(size)), Default::default);
         let (packed, columns, turn) = (&self.packed, &self.columns, &self.turn);
-        let kept = self.rings.par_chunks_mut(size * ring).zip(self.places.par_chunks_mut(size * d)).zip(self.taken.par_chunks_mut(size));
-        kept.zip(memory.par_iter_mut()).enumerate().for_each(|(i, (((rings, places), taken), (memory, out)))| {
+        let kept = self.rings.par_chunks_mut(size * ring).zip(self.places.par_chunks_mut(size * d));
+        let kept = kept.zip(self.taken.par_chunks_mut(size)).zip(self.waiting.par_chunks_mut(size));
+        kept.zip(memory.par_iter_mut()).enumerate().for_each(|(i, ((((rings, places), taken), waiting), (memory, out)))| {
             let first = i * size;
             let from = asked.partition_point(|env| *env < first);
             let to = asked.partition_point(|env| *env < first + taken.len());
-            let block = Envs { packed, columns, turn, places, rings, taken, asked: &asked[from..to], first };
-            block.push(tokens, memory, out);
+            let tokens = &tokens[first * c.inputs..][..taken.len() * c.inputs];
+            let mut block = Envs { packed, columns, turn, places, rings, taken, waiting, first };
+            block.push(tokens, &asked[from..to], memory, out);
         });
         out.clear();
         memory.iter().take(envs.div_ceil(size)).for_each(|(_, part)| out.extend_from_slice(part));
@@ -78,8 +89,18 @@ impl Stream for PackedStream {
     fn clear(&mut self, env: usize) {
         if let Some(taken) = self.taken.get_mut(env) {
             *taken = 0;
+            self.waiting[env].clear();
         }
     }
+}
+
+/// A token that is computed.
+struct Row {
+    env: usize,
+    /// Tokens of its environment before it.
+    before: usize,
+    /// Whether it is the environment's newest, which is asked.
+    newest: bool,
 }
 
 /// A block of environments, counted from `first`.
@@ -90,51 +111,82 @@ struct Envs<'a> {
     places: &'a mut [f64],
     rings: &'a mut [f32],
     taken: &'a mut [usize],
-    asked: &'a [usize],
+    waiting: &'a mut [VecDeque<f32>],
     first: usize,
 }
 
 impl Envs<'_> {
-    fn push(mut self, tokens: &[f32], memory: &mut Memory, out: &mut Vec<f32>) {
-        let TransformerConfig { inputs: width, embedding: e, outputs, layers, history, .. } = self.packed.config;
-        let Memory { x, normed, qkv, mixed, wide, newest, scores, turns } = memory;
-        newest.clear();
-        x.clear();
-        turns.clear();
-        for env in self.asked {
-            newest.extend_from_slice(&tokens[env * width..(env + 1) * width]);
-            x.extend_from_slice(&self.packed.place);
-            self.place(env - self.first, turns);
-        }
-        out.resize(self.asked.len() * outputs, 0.0);
-        if !self.asked.is_empty() {
-            self.packed.embed.add_product(newest, x);
-            for (layer, block) in self.packed.blocks.iter().enumerate() {
-                norm(x, e, normed);
-                block.qkv.product(normed, qkv);
-                mixed.resize(self.asked.len() * self.columns.width, 0.0);
-                Arch::new().dispatch(Attend {
-                    columns: self.columns,
-                    envs: &mut self.asked.iter().map(|env| (env - self.first, self.taken[env - self.first])),
-                    rings: self.rings,
-                    layer,
-                    layers,
-                    history,
-                    qkv,
-                    turns,
-                    out: mixed,
-                    scratch: scores,
-                });
-                block.proj.add_product(mixed, x);
-                block.mlp(e, x, normed, wide);
+    /// A token of each environment, and predictions `[asked][outputs]`.
+    fn push(&mut self, tokens: &[f32], asked: &[usize], memory: &mut (Memory, Vec<Row>), out: &mut Vec<f32>) {
+        let c = self.packed.config;
+        let most = c.reach() * c.inputs;
+        for (waiting, token) in self.waiting.iter_mut().zip(tokens.chunks_exact(c.inputs)) {
+            if waiting.len() == most {
+                waiting.drain(..c.inputs);
             }
-            self.packed.top(x, normed, mixed, wide, out);
+            waiting.extend(token);
         }
-        // Who was not asked has a gap in its past, and forgets it.
-        let mut asked = self.asked.iter().peekable();
-        for (i, taken) in self.taken.iter_mut().enumerate() {
-            *taken = if asked.next_if_eq(&&(self.first + i)).is_some() { *taken + 1 } else { 0 };
+        out.resize(asked.len() * c.outputs, 0.0);
+        let (mut asked, mut out) = (asked, &mut out[..]);
+        while !asked.is_empty() {
+            let envs = self.take(asked, memory);
+            let (now, rest) = std::mem::take(&mut out).split_at_mut(envs * c.outputs);
+            self.compute(memory, now);
+            (asked, out) = (&asked[envs..], rest);
         }
+    }
+
+    /// Lays out the waiting tokens of as many environments as make a block; their number.
+    fn take(&mut self, asked: &[usize], (memory, rows): &mut (Memory, Vec<Row>)) -> usize {
+        let Memory { x, tokens, turns, .. } = memory;
+        let width = self.packed.config.inputs;
+        (x.clear(), tokens.clear(), turns.clear(), rows.clear());
+        for (done, env) in asked.iter().enumerate() {
+            let env = env - self.first;
+            let count = self.waiting[env].len() / width;
+            if done > 0 && rows.len() + count > ROWS {
+                return done;
+            }
+            tokens.extend(self.waiting[env].drain(..));
+            for k in 1..=count {
+                x.extend_from_slice(&self.packed.place);
+                self.place(env, turns);
+                rows.push(Row { env, before: self.taken[env], newest: k == count });
+                self.taken[env] += 1;
+            }
+        }
+        asked.len()
+    }
+
+    /// Predictions of the newest token of each environment laid out.
+    fn compute(&mut self, (memory, rows): &mut (Memory, Vec<Row>), out: &mut [f32]) {
+        let TransformerConfig { embedding: e, layers, history, .. } = self.packed.config;
+        let Memory { x, tokens, normed, qkv, mixed, wide, newest, scores, turns } = memory;
+        self.packed.embed.add_product(tokens, x);
+        for (layer, block) in self.packed.blocks.iter().enumerate() {
+            norm(x, e, normed);
+            block.qkv.product(normed, qkv);
+            mixed.resize(rows.len() * self.columns.width, 0.0);
+            // Rows of one environment come in the order of time, so each finds the keys of those before it.
+            Arch::new().dispatch(Attend {
+                columns: self.columns,
+                envs: &mut rows.iter().map(|row| (row.env, row.before)),
+                rings: self.rings,
+                layer,
+                layers,
+                history,
+                qkv,
+                turns,
+                out: mixed,
+                scratch: scores,
+            });
+            block.proj.add_product(mixed, x);
+            block.mlp(e, x, normed, wide);
+        }
+        newest.clear();
+        let last = rows.iter().zip(x.chunks_exact(e)).filter(|(row, _)| row.newest);
+        last.for_each(|(_, x)| newest.extend_from_slice(x));
+        self.packed.top(newest, normed, mixed, wide, out);
     }
 
     /// Turns the place of environment i on, and appends its cosines and sines, each once for every head: `[2][d / 2][heads]`.

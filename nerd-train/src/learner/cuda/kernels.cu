@@ -355,12 +355,11 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     }
 }
 
-// One new token of many environments against the last B keys and values of each. Row r of qkv belongs to environment
-// envs[r], which has taken[r] tokens behind it; its key and value go to slot taken % B of ring [env][B][2 E]. Turning a query
-// by the distance to a key is turning both by their places, so keys are kept unturned. One warp a row and head, D <= 32;
-// turns [B][D / 2].
-extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* envs, const unsigned* taken, float* out,
-                                            const float2* turns, int rows) {
+// One new token of every environment against the last B keys and values of each. Environment r has taken[r] tokens behind it; its
+// key and value go to slot taken % B of ring [env][B][2 E]. Turning a query by the distance to a key is turning both by their
+// places, so keys are kept unturned. One warp a row and head, D <= 32; turns [B][D / 2].
+extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* taken, float* out, const float2* turns,
+                                            int rows) {
     const int warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
     const int row = warp / H, head = warp % H;
     if (row >= rows) return;
@@ -368,7 +367,7 @@ extern "C" __global__ void attention_stream(const float* qkv, float* ring, const
     const int c = in ? lane : 0, pair = c % (D / 2);
     const unsigned now = taken[row];
     const float* token = qkv + (u64)row * (3 * E) + head * D + c;
-    float* past = ring + (u64)envs[row] * (B * 2 * E) + head * D + c;
+    float* past = ring + (u64)row * (B * 2 * E) + head * D + c;
     const float q = in ? token[0] : 0.0f;
     const float partner = __shfl_sync(0xffffffffu, q, c < D / 2 ? c + D / 2 : c - D / 2);
     if (in) {

@@ -76,9 +76,9 @@ impl Layout {
         }
         config.check().map_err(LearnError::Mismatch)?;
         // Kernels count entries of the flat vector in 31 bits.
-        if !e.is_multiple_of(4 * heads) || tokens > 32 || history > 32 || config.parameters() > i32::MAX as usize / 4 {
+        if !e.is_multiple_of(4 * heads) || tokens > 64 || history > 32 || config.parameters() > i32::MAX as usize / 4 {
             return Err(LearnError::Mismatch(format!(
-                "the CUDA engine wants 1..=32 tokens in a sequence and a head width that is a multiple of 4: {config:?}"
+                "the CUDA engine wants windows of at most 32 tokens, sequences of at most 64, and a head width that is a multiple of 4: {config:?}"
             )));
         }
         let mut starts = config.tensors().into_iter().scan(0, |at, t| {

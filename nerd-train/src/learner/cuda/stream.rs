@@ -10,20 +10,19 @@ use super::layout::Layout;
 use super::network::Network;
 use crate::learner::LearnError;
 
-/// Inference with memory on GPU 0.
+/// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
 pub struct CudaStream {
-    /// Passes by their number of rows: a few sizes, since the number asked for may change every frame.
-    graphs: Vec<(usize, CudaGraph)>,
+    /// The pass over all environments, once captured.
+    graph: Option<CudaGraph>,
     network: Network,
     weights: Buffer<f32>,
-    /// Keys and values `[layer][env][history][2 E]`; one more environment takes what padding rows write.
+    /// Keys and values `[layer][env][history][2 E]`.
     rings: Buffer<f32>,
     turns: Buffer<[f32; 2]>,
-    /// Environment and tokens taken, `[2][rows]`.
-    rows: [Buffer<u32>; 2],
-    predictions: Buffer<f32>,
-    /// Tokens taken of each environment since it was cleared.
-    taken: Vec<u32>,
+    /// Tokens taken of each environment since it was cleared, there and here.
+    taken: (Buffer<u32>, Vec<u32>),
+    /// Predictions of every environment, there and here.
+    predictions: (Buffer<f32>, Vec<f32>),
     staging: Vec<f32>,
 }
 
@@ -36,8 +35,9 @@ impl CudaStream {
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
         let c = weights.config;
         let layout = Layout::stream(c)?;
-        if weights.flat.len() != layout.parameters {
-            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), layout.parameters)));
+        if weights.flat.len() != layout.parameters || envs == 0 {
+            let found = weights.flat.len();
+            return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", layout.parameters)));
         }
         let turns = layout.turns(c.history);
         let network = Network::new(layout, envs, precision, false)?;
@@ -45,70 +45,53 @@ impl CudaStream {
         let weights = d.upload(&weights.flat)?;
         network.fold(weights.ptr)?;
         Ok(Self {
-            graphs: Vec::new(),
+            graph: None,
             weights,
-            rings: d.zeros(c.layers * (envs + 1) * c.history * 2 * c.embedding)?,
+            rings: d.zeros(c.layers * envs * c.history * 2 * c.embedding)?,
             turns: d.upload(&turns)?,
-            rows: [d.zeros(envs)?, d.zeros(envs)?],
-            predictions: d.zeros(envs * c.outputs)?,
-            taken: vec![0; envs],
-            staging: Vec::new(),
+            taken: (d.zeros(envs)?, vec![0; envs]),
+            predictions: (d.zeros(envs * c.outputs)?, vec![0.0; envs * c.outputs]),
+            staging: vec![0.0; envs * network.layout.padded],
             network,
         })
     }
 
-    /// Copies one token `[rows][inputs]` of each of the environments `envs` to the device.
-    fn load(&mut self, tokens: &[f32], envs: &[usize], size: usize) -> Result<(), LearnError> {
-        let (c, padded) = (self.network.layout.config, self.network.layout.padded);
-        self.staging.clear();
-        self.staging.resize(size * padded, 0.0);
-        for (row, env) in self.staging.chunks_exact_mut(padded).zip(envs) {
-            row[..c.inputs].copy_from_slice(&tokens[env * c.inputs..(env + 1) * c.inputs]);
+    /// Copies one token `[env][inputs]` of each environment to the device.
+    fn load(&mut self, tokens: &[f32]) -> Result<(), LearnError> {
+        let (inputs, padded) = (self.network.layout.config.inputs, self.network.layout.padded);
+        for (row, token) in self.staging.chunks_exact_mut(padded).zip(tokens.chunks_exact(inputs)) {
+            row[..inputs].copy_from_slice(token);
         }
-        let spare = self.network.rows;
-        let mut of: Vec<u32> = envs.iter().map(|env| *env as u32).collect();
-        let mut taken: Vec<u32> = envs.iter().map(|env| self.taken[*env]).collect();
-        of.resize(size, spare as u32);
-        taken.resize(size, 0);
         let d = &self.network.device;
         d.write(&self.network.inputs, &self.staging)?;
-        d.write(&self.rows[0], &of)?;
-        d.write(&self.rows[1], &taken)
+        d.write(&self.taken.0, &self.taken.1)
     }
 
     /// What of a frame the device does: the tokens last loaded to `predictions`.
-    fn pass(&self, rows: usize) -> Result<(), LearnError> {
-        let (net, w) = (&self.network, self.weights.ptr);
+    fn pass(&self) -> Result<(), LearnError> {
+        let (net, w, rows) = (&self.network, self.weights.ptr, self.network.rows);
         let c = net.layout.config;
-        let ring = (net.rows + 1) * c.history * 2 * c.embedding;
+        let ring = rows * c.history * 2 * c.embedding;
         net.trunk(w, rows, |layer, qkv, out| {
-            let args = [Ptr(qkv), Ptr(self.rings.at(layer * ring)), Ptr(self.rows[0].ptr), Ptr(self.rows[1].ptr), Ptr(out)];
-            let rest = [Ptr(self.turns.ptr), Int(rows)];
-            let grid = ((rows * c.heads).div_ceil(8), 1);
-            net.device.launch("attention_stream", grid, (256, 1), 0, &[&args[..], &rest[..]].concat())
+            let args = [Ptr(qkv), Ptr(self.rings.at(layer * ring)), Ptr(self.taken.0.ptr), Ptr(out), Ptr(self.turns.ptr), Int(rows)];
+            net.device.launch("attention_stream", ((rows * c.heads).div_ceil(8), 1), (256, 1), 0, &args)
         })?;
         net.top(w, net.x.ptr, rows)?;
-        net.predict(w, rows, self.predictions.ptr)
+        net.predict(w, rows, self.predictions.0.ptr)
     }
 
-    /// Evaluates the tokens last loaded, `rows` of them, without copies. For timing.
+    /// Evaluates the tokens last loaded, without copies. For timing.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if there is no memory for so many, [`LearnError::Device`] if the device fails.
-    pub fn evaluate(&mut self, rows: usize) -> Result<(), LearnError> {
-        if !(1..=self.network.rows).contains(&rows) {
-            return Err(LearnError::Mismatch(format!("{rows} rows in a stream for {}", self.network.rows)));
-        }
-        if self.graphs.iter().all(|(n, _)| *n != rows) {
-            self.pass(rows)?;
+    /// [`LearnError::Device`] if the device fails.
+    pub fn evaluate(&mut self) -> Result<(), LearnError> {
+        if self.graph.is_none() {
+            // Once outside of a capture, so that libraries have loaded what they load at their first call.
+            self.pass()?;
             self.network.device.wait()?;
-            let graph = self.network.device.capture(|| self.pass(rows))?;
-            self.graphs.push((rows, graph));
+            self.graph = Some(self.network.device.capture(|| self.pass())?);
         }
-        match self.graphs.iter().find(|(n, _)| *n == rows) {
-            Some((_, graph)) => graph.launch().map_err(super::device::failed("forward pass")),
-            None => Ok(()),
-        }
+        self.graph.as_ref().map_or(Ok(()), |graph| graph.launch().map_err(super::device::failed("forward pass")))
     }
 
     /// Waits for the device.
@@ -128,18 +111,14 @@ impl CudaStream {
         if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
             return Err(LearnError::Mismatch(format!("the environments asked for are not increasing numbers below {envs}")));
         }
+        self.load(tokens)?;
+        self.evaluate()?;
+        self.taken.1[..envs].iter_mut().for_each(|taken| *taken += 1);
         out.clear();
-        out.resize(asked.len() * c.outputs, 0.0);
         if !asked.is_empty() {
-            let size = asked.len().next_multiple_of(self.network.rows.div_ceil(8)).min(self.network.rows);
-            self.load(tokens, asked, size)?;
-            self.evaluate(size)?;
-            self.network.device.read(&self.predictions, out)?;
-        }
-        // Who was not asked has a gap in its past, and forgets it.
-        let mut asked = asked.iter().peekable();
-        for (env, taken) in self.taken.iter_mut().enumerate() {
-            *taken = if asked.next_if_eq(&&env).is_some() { *taken + 1 } else { 0 };
+            let (there, here) = &mut self.predictions;
+            self.network.device.read(there, here)?;
+            asked.iter().for_each(|env| out.extend_from_slice(&here[env * c.outputs..][..c.outputs]));
         }
         Ok(())
     }
@@ -151,7 +130,7 @@ impl Stream for CudaStream {
     }
 
     fn clear(&mut self, env: usize) {
-        if let Some(taken) = self.taken.get_mut(env) {
+        if let Some(taken) = self.taken.1.get_mut(env) {
             *taken = 0;
         }
     }

@@ -1,0 +1,184 @@
+//! Dampers and limits that are too stiff for an explicit substep h, found before they blow up.
+//!
+//! A damper d and a spring k at joint i change its velocity within a substep by `h (d + h k) w` times itself, with
+//! `1 / w = 1 / (M^-1)_ii` the joint's own inertia. With the spectral radius r of `S^1/2 M^-1 S^1/2`, `S_i = h (2 d + h k)`,
+//! symplectic Euler is stable for r < 4, Runge-Kutta for r < 5.5; for r < 2 a damper alone does not overshoot under the first
+//! and is accurate to 2 % under the second. The radius is at most the trace, and that of some joints at most that of all, so
+//! it is seldom worked out. A frame that meets what is too stiff is stepped implicitly instead.
+//!
+//! Friction's drag c is bounded by Coulomb's law and so blows nothing up, but where `h c w` is large, with `1 / w` the
+//! point's inertia, it only trembles about rest and lets a standing robot creep. There, too, the frame is stepped implicitly.
+
+use nalgebra::{Matrix3, Vector3};
+use nerd_core::dynamics::Factor;
+use nerd_core::robot::{Joint, JointKind, Limit, Robot};
+use nerd_core::spatial::{BodyInertia, parallel_axis};
+
+use super::Integrator;
+
+/// Largest r of dampers, and of limits under symplectic Euler.
+const MOST: f64 = 2.0;
+/// Largest r of limits under Runge-Kutta. The Ant's comes to 5.0 with all its joints beyond their limits.
+const MOST_RK4: f64 = 5.2;
+/// Largest `h c w` of friction, by the bound on w. That of ANYmal's shins comes to 8.4, with the reference's substeps.
+const MOST_DRAG: f64 = 12.0;
+/// Steps of the power iteration.
+const POWERS: usize = 12;
+
+/// Working memory of a robot.
+pub(super) struct Stiff {
+    /// The least inertia of each joint in any pose (kg m^2 or kg).
+    pub(super) least: Vec<f64>,
+    /// A bound from above on w of each contact point in any pose and direction (1/kg).
+    ease: Vec<f64>,
+    /// Sum of 2 d over the least inertia (1/s).
+    damped: f64,
+    /// Whether the dampers of this frame were looked at.
+    looked: bool,
+    /// Whether all limits together are soft enough in this frame, if that was looked at.
+    soft: Option<bool>,
+    /// w of each joint, found at most once a frame.
+    weights: Vec<Option<f64>>,
+    /// Joints that push now, with their S.
+    acting: Vec<(usize, f64)>,
+    others: Vec<(usize, f64)>,
+    vector: Vec<f64>,
+    column: Vec<f64>,
+}
+
+impl Stiff {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(robot, i)).collect();
+        let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
+        let damped = robot.joints().zip(&least).map(share).sum();
+        let n = least.len();
+        Self {
+            least,
+            ease: robot.contact_points.iter().map(|p| ease(&robot.links[p.link].inertia, &p.local)).collect(),
+            damped,
+            looked: false,
+            soft: None,
+            weights: vec![None; n],
+            acting: Vec::with_capacity(n),
+            others: Vec::with_capacity(n),
+            vector: vec![0.0; n],
+            column: vec![0.0; robot.nv()],
+        }
+    }
+
+    /// A frame begins.
+    pub(super) fn begin(&mut self) {
+        (self.looked, self.soft) = (false, None);
+        self.weights.fill(None);
+    }
+
+    /// Whether a drag (N s/m) at contact point `point` is too stiff for a substep `h`.
+    #[inline]
+    pub(super) fn drags(&self, point: usize, drag: f64, h: f64) -> bool {
+        h * drag * self.ease[point] > MOST_DRAG
+    }
+
+    /// A substep begins.
+    #[inline]
+    pub(super) fn clear(&mut self) {
+        self.acting.clear();
+    }
+
+    /// Joint `i` is beyond its limit.
+    #[inline]
+    pub(super) fn beyond(&mut self, i: usize, limit: &Limit, h: f64) {
+        self.acting.push((i, stiffness(limit, h)));
+    }
+
+    /// Whether the limits that act are too stiff for a substep `h`; `factor` is the mass matrix's.
+    #[inline]
+    pub(super) fn limits(&mut self, robot: &Robot, factor: &Factor, h: f64, integrator: Integrator) -> bool {
+        let most = if integrator == Integrator::Rk4 { MOST_RK4 } else { MOST };
+        if self.soft == Some(true) || self.acting.iter().map(|(i, s)| s / self.least[*i]).sum::<f64>() <= most {
+            return false;
+        }
+        let dofs = robot.root_dofs();
+        let mut trace = 0.0;
+        for (i, s) in &self.acting {
+            trace += s * *self.weights[*i].get_or_insert_with(|| {
+                self.column.fill(0.0);
+                self.column[dofs + i] = 1.0;
+                factor.solve(&mut self.column);
+                self.column[dofs + i]
+            });
+        }
+        if trace <= most {
+            return false;
+        }
+        if self.soft.is_none() {
+            self.others.clear();
+            self.others.extend(robot.joints().enumerate().filter_map(|(i, j)| Some((i, stiffness(&j.limit?, h)))));
+            self.soft = Some(radius(&self.others, dofs, factor, &mut self.vector, &mut self.column) <= most);
+        }
+        self.soft == Some(false) && radius(&self.acting, dofs, factor, &mut self.vector, &mut self.column) > most
+    }
+
+    /// Whether the joints' dampers are too stiff for a substep `h`; looked at once a frame.
+    #[inline]
+    pub(super) fn dampers(&mut self, robot: &Robot, factor: &Factor, h: f64) -> bool {
+        if self.looked || h * self.damped <= MOST {
+            return false;
+        }
+        self.looked = true;
+        self.others.clear();
+        self.others.extend(robot.joints().enumerate().filter(|(_, j)| j.damping > 0.0).map(|(i, j)| (i, 2.0 * h * j.damping)));
+        radius(&self.others, robot.root_dofs(), factor, &mut self.vector, &mut self.column) > MOST
+    }
+}
+
+fn stiffness(limit: &Limit, h: f64) -> f64 {
+    h * (2.0 * limit.damping + h * limit.stiffness)
+}
+
+/// Spectral radius of `S^1/2 M^-1 S^1/2` of some joints, by power iteration.
+fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f64], column: &mut [f64]) -> f64 {
+    let vector = &mut vector[..joints.len()];
+    // Of no symmetry.
+    vector.iter_mut().enumerate().for_each(|(k, x)| *x = 0.1 + (0.618_034 * k as f64).fract());
+    let mut size = 0.0;
+    for _ in 0..POWERS {
+        let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+        column.fill(0.0);
+        joints.iter().zip(&*vector).for_each(|((i, s), x)| column[dofs + i] = s.sqrt() * x / length);
+        factor.solve(column);
+        vector.iter_mut().zip(joints).for_each(|(x, (i, s))| *x = s.sqrt() * column[dofs + i]);
+        size = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    }
+    size
+}
+
+/// A bound from above on what a unit force at a point of a link gives it of acceleration, in its direction: as if the link
+/// were free. `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
+fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
+    let arm = (point - link.com).cross_matrix();
+    let turning = link.inertia.cholesky().map_or(f64::INFINITY, |c| (arm.transpose() * c.solve(&arm)).symmetric_eigenvalues().max());
+    1.0 / link.mass + if arm.amax() > 0.0 { turning } else { 0.0 }
+}
+
+/// A bound from below on the inertia that the joint of link `i` feels, `1 / (M^-1)_ii`, in any pose: armature, and the two
+/// links next to it as if they turned freely about their centres of mass; on a fixed base the link about the joint.
+fn least_inertia(robot: &Robot, i: usize) -> Option<f64> {
+    let link = &robot.links[i];
+    let joint = link.joint.as_ref()?;
+    if !robot.mass_matrix_of.is_empty() {
+        return Some(joint.armature);
+    }
+    let (axis, own) = (joint.axis().into_inner(), &link.inertia);
+    let links = match (joint.kind, link.parent) {
+        (JointKind::Prismatic, None) => own.mass,
+        (JointKind::Prismatic, Some(_)) => 0.0,
+        (_, None) => axis.dot(&((own.inertia + parallel_axis(own.mass, &own.com)) * axis)),
+        (_, Some(parent)) => {
+            let ease = |inertia: &Matrix3<f64>, a: Vector3<f64>| inertia.cholesky().map(|c| a.dot(&c.solve(&a)));
+            let turned = joint.origin().rotation * axis;
+            let both = ease(&own.inertia, axis).zip(ease(&robot.links[parent].inertia.inertia, turned));
+            both.map_or(0.0, |(a, b)| 1.0 / (a + b))
+        }
+    };
+    Some(joint.armature + links)
+}

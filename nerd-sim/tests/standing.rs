@@ -1,0 +1,121 @@
+//! A robot of which no material is said stands: its feet stick as Coulomb's law has it. Regularised, they creep by the
+//! force on a foot over the material's tangential damping, 1 mm in 5 s for 30 N.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::state::{vector, write_quaternion};
+use nerd_sim::control::Controller;
+use nerd_sim::prelude::*;
+
+/// ANYmal in its pose, of the default material, z up, with gains that carry it.
+fn quadruped() -> Arc<System> {
+    let mut system = (*System::named("anymal").expect("built in")).clone();
+    system.spec.material = Material::default();
+    system.spec.gravity = [0.0, 0.0, -9.81];
+    system.spec.joints.iter_mut().for_each(|j| (j.kp, j.kd) = (1500.0, 40.0));
+    Arc::new(system)
+}
+
+/// Places of the base and of a foot after every frame under its position law, pushed by gravity's part `aside` (m/s^2) after 1 s.
+fn stand(config: ArticulatedConfig, aside: f64, seconds: usize) -> Vec<[Vector3<f64>; 2]> {
+    let system = quadruped();
+    let mut batch = Batch::new(&system, &system.scene("plane").expect("a plane"), 1);
+    let mut state = system.default_state();
+    (state[0], state[1], state[2]) = (0.0, 0.0, 0.6);
+    write_quaternion(&mut state[3..7], &nalgebra::UnitQuaternion::identity());
+    batch.reset(0, &state);
+    let (mut controller, mut solver) = (Controller::new(&system), Articulated::new(config));
+    let foot = system.robot.contact_points.iter().rfind(|p| p.link == 12).expect("a foot on the last shank");
+    let mut data = Data::new(&system.robot);
+    let (mut tau, still) = (vec![0.0; 12], vec![0.0; 12]);
+    let mut path = Vec::new();
+    for frame in 0..60 * seconds {
+        if frame == 60 && aside != 0.0 {
+            let mut pushed = (*batch.scenes[0]).clone();
+            pushed.gravity.x = aside;
+            batch.scenes[0] = Arc::new(pushed);
+        }
+        controller.torques(batch.state(0), &still, &mut tau);
+        solver.step(&mut batch, &tau).expect("finite");
+        kinematics(&system.robot, batch.state(0), &mut data);
+        path.push([vector(batch.state(0)), point_position(&data, foot.link, &foot.local)]);
+    }
+    path
+}
+
+#[test]
+fn a_standing_quadruped_holds_its_height() {
+    for substeps in [4, 32] {
+        let path = stand(ArticulatedConfig::implicit(substeps, Friction::Coulomb), 0.0, 6);
+        // The first second is the landing.
+        let heights: Vec<f64> = path[60..].iter().map(|[p, _]| p.z).collect();
+        let (low, high) = heights.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
+        println!("x{substeps}: from {high:.4} to {low:.4} m in 5 s");
+        assert!(low > 0.6 && high - low < 5e-3, "implicit x{substeps}: its base sinks from {high} to {low} m in 5 s, allowed 5 mm");
+    }
+}
+
+/// 16 N to the side, where 260 N would slide it. Its legs give way, its feet do not.
+#[test]
+fn a_push_below_the_friction_does_not_move_it() {
+    for substeps in [4, 32] {
+        let path = stand(ArticulatedConfig::implicit(substeps, Friction::Coulomb), 0.3, 6);
+        let slid = (path[359][1] - path[119][1]).norm();
+        println!("x{substeps}: {slid:.4} m in 4 s");
+        assert!(path[359][0].z > 0.6 && slid < 5e-3, "implicit x{substeps}: pushed aside a foot slides by {slid} m in 4 s, allowed 5 mm");
+    }
+}
+
+/// A table of 50 kg on four round feet, friction 0.5: at nine tenths of what it holds it stays, beyond that it slides by what
+/// is left over, under every preset.
+#[test]
+fn a_table_slides_from_coulombs_force_on() {
+    let foot =
+        |x: f64, y: f64| format!(r#"<collision><origin xyz="{x} {y} -0.1"/><geometry><sphere radius="0.03"/></geometry></collision>"#);
+    let feet = foot(0.4, 0.3) + &foot(-0.4, 0.3) + &foot(0.4, -0.3) + &foot(-0.4, -0.3);
+    let urdf = format!(
+        r#"<robot name="table"><link name="table"><inertial><mass value="50"/>
+        <inertia ixx="2" ixy="0" ixz="0" iyy="3" iyz="0" izz="4"/></inertial>{feet}</link></robot>"#
+    );
+    let system = Arc::new(System::bare("table", &urdf, true).expect("a table"));
+    for (name, config) in [
+        ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),
+        ("implicit x4", ArticulatedConfig::implicit(4, Friction::Coulomb)),
+        ("implicit x32", ArticulatedConfig::implicit(32, Friction::Coulomb)),
+    ] {
+        for share in [0.5, 0.9, 1.2, 2.0] {
+            let aside = share * 0.5 * 9.81;
+            let mut room = (*system.scene("plane").expect("a plane")).clone();
+            room.gravity.x = aside;
+            let mut batch = Batch::new(&system, &Arc::new(room), 1);
+            let mut state = system.default_state();
+            // Where its feet carry it.
+            state[2] = 0.13 - 50.0 * 9.81 / 4e5;
+            batch.reset(0, &state);
+            let mut solver = Articulated::new(config);
+            (0..60).for_each(|_| solver.step(&mut batch, &[]).expect("finite"));
+            let (x, slide) = (batch.state(0)[0], 0.5 * (share - 1.0).max(0.0) * 0.5 * 9.81);
+            println!("{name}, {share} of mu N: {x:.5} m in 1 s, textbook {slide:.5}");
+            assert!((x - slide).abs() < 2e-3 + 0.02 * slide, "{name}: at {share} of mu N it slides {x} m in 1 s, textbook {slide}");
+        }
+    }
+}
+
+/// Explicit substeps are too long for so stiff a friction: they only tremble about rest, and let the robot sink. Its frames are
+/// stepped implicitly.
+#[test]
+fn explicit_substeps_bear_the_default_material() {
+    for (name, config) in [
+        ("paper", ArticulatedConfig::paper(&quadruped(), Friction::Coulomb)),
+        ("explicit x16", ArticulatedConfig::explicit(16, Friction::Coulomb)),
+        ("explicit x64", ArticulatedConfig::explicit(64, Friction::Huber)),
+    ] {
+        let path = stand(config, 0.0, 6);
+        let (low, high) = path[60..].iter().fold((f64::MAX, f64::MIN), |(a, b), [p, _]| (a.min(p.z), b.max(p.z)));
+        let aside = path.iter().map(|[p, _]| p.xy().norm()).fold(0.0, f64::max);
+        println!("{name}: from {high:.4} to {low:.4} m, {aside:.4} m aside");
+        assert!(low > 0.6 && high - low < 5e-3 && aside < 0.05, "{name}: its base sinks from {high} to {low} m, {aside} m aside");
+    }
+}
