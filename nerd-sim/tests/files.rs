@@ -99,6 +99,9 @@ fn a_folder_is_claimed_once_and_an_empty_one_goes_again() {
     std::fs::create_dir(above.path().join("there")).expect("made");
     drop(claim(&above.path().join("there")).expect("free"));
     assert!(above.path().join("there").exists());
+    // Folders above one, made with it, go with it.
+    drop(claim(&above.path().join("a/b/c")).expect("free"));
+    assert!(!above.path().join("a").exists(), "empty folders stay");
     // Of many at once one at a time has it.
     let (inside, most) = (std::sync::atomic::AtomicI32::new(0), std::sync::atomic::AtomicI32::new(0));
     std::thread::scope(|scope| {

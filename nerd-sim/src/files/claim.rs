@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use super::is_at;
 
-/// A folder claimed by [`claim`], until this is dropped or the process ends, however it does. A folder that was made by the
-/// claim and is still empty then goes with it.
+/// A folder claimed by [`claim`], until this is dropped or the process ends, however it does. Folders that were made by the
+/// claim and are still empty then go with it.
 #[derive(Debug)]
 pub struct Claim {
-    folder: PathBuf,
-    made: bool,
+    /// From the folder up.
+    made: Vec<PathBuf>,
     _lock: File,
 }
 
@@ -23,7 +23,7 @@ pub fn claim(folder: &Path) -> Result<Claim> {
     let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
     // A claim that ends may remove the folder just before it is locked here: then it is made again.
     for _ in 0..100 {
-        let made = !folder.exists();
+        let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder).map_err(named)?;
         let Ok(lock) = handle(folder) else { continue };
         match lock.try_lock() {
@@ -35,7 +35,7 @@ pub fn claim(folder: &Path) -> Result<Claim> {
             Ok(()) | Err(TryLockError::Error(_)) => {}
         }
         if is_at(&lock, &place(folder)) {
-            return Ok(Claim { folder: folder.into(), made, _lock: lock });
+            return Ok(Claim { made, _lock: lock });
         }
     }
     Err(Error::other(format!("{} comes and goes: another process makes and removes it", folder.display())))
@@ -43,10 +43,8 @@ pub fn claim(folder: &Path) -> Result<Claim> {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        if self.made {
-            // Refused, as it should be, if there is anything in it.
-            let _ = std::fs::remove_dir(&self.folder);
-        }
+        // Refused, as it should be, from the first on that has anything in it.
+        let _ = self.made.iter().try_for_each(std::fs::remove_dir);
     }
 }
 
