@@ -178,10 +178,10 @@ fn the_stream_equals_the_banded_pass() {
     let cleared = |env: usize, frame: usize| if env == 4 && frame >= 12 { 12 } else { 3 * env.min(frame / 3) };
     let asks = |env: usize, frame: usize| match env {
         0 => true,
-        1 => frame % 3 == 0,
+        1 => frame.is_multiple_of(3),
         2 => !(8..30).contains(&frame),
         3 => frame + 1 == frames,
-        _ => frame < 9 || frame > 14,
+        _ => !(9..=14).contains(&frame),
     };
     let mut stream = PackedStream::new(&w);
     let (mut out, mut worst, mut burns, mut compared) = (Vec::new(), 0.0f32, 0.0f32, 0);

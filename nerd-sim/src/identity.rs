@@ -25,8 +25,8 @@ const ELSEWHERE: [&str; 11] = [
 ];
 
 impl System {
-    /// Hash of all that its motion under given torques depends on: links, joints, inertias, what touches, base, frame,
-    /// gravity, material, and the reference simulator's substeps. Lower-case hex.
+    /// Hash of all that its motion under given torques depends on: links, joints, inertias, what touches and its material,
+    /// base, frame, gravity, and the reference simulator's substeps. Lower-case hex.
     pub fn robot_sha256(&self) -> String {
         sha256(&self.motion())
     }
@@ -55,7 +55,8 @@ impl System {
             "mass_matrix_of": robot.mass_matrix_of,
             "frame_time": self.frame_time,
             "gravity": spec.gravity,
-            "material": spec.material,
+            // Of what touches nothing no material is asked.
+            "material": (!robot.contact_points.is_empty()).then_some(spec.material),
             "substeps": spec.substeps,
             "refresh": spec.refresh,
         })

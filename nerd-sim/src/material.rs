@@ -2,6 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Largest stiffness (N/m) and damping (N s/m).
+const MOST: f64 = 1e12;
+/// Largest friction coefficient.
+const MOST_FRICTION: f64 = 1e6;
+
 /// Compliant contact material; a pair acts with the mean of its two.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -36,13 +41,20 @@ impl Material {
         }
     }
 
+    /// Whether [`Self::check`] has nothing to say.
+    #[inline]
+    pub(crate) fn sound(&self) -> bool {
+        let fits = |x: f64| (0.0..=MOST).contains(&x);
+        fits(self.stiffness) && fits(self.damping) && fits(self.friction_damping) && (0.0..=MOST_FRICTION).contains(&self.friction)
+    }
+
     /// Says which number is out of its range, if one is.
     pub fn check(&self) -> Result<(), String> {
         for (key, value, unit, most) in [
-            ("stiffness", self.stiffness, " N/m", 1e12),
-            ("damping", self.damping, " N s/m", 1e12),
-            ("friction_damping", self.friction_damping, " N s/m", 1e12),
-            ("friction", self.friction, "", 1e6),
+            ("stiffness", self.stiffness, " N/m", MOST),
+            ("damping", self.damping, " N s/m", MOST),
+            ("friction_damping", self.friction_damping, " N s/m", MOST),
+            ("friction", self.friction, "", MOST_FRICTION),
         ] {
             if !(0.0..=most).contains(&value) {
                 return Err(format!("`{key}` is {value}{unit}, a number from 0 to {most:e}{unit} is needed"));

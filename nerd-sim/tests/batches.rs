@@ -96,19 +96,33 @@ fn an_environment_that_is_reset_is_a_fresh_one_and_its_neighbours_do_not_notice(
 }
 
 #[test]
-fn what_cannot_be_stepped_is_an_error_with_an_address_and_changes_nothing() {
+fn what_cannot_be_stepped_is_set_aside_with_its_address_and_harms_no_other() {
     let system = System::named("pendulum").expect("built in");
     for name in SOLVERS {
-        let (mut batch, mut solver) = (start(&system, "ground1", 4), solver(name, &system));
+        let (mut batch, mut solver) = (start(&system, "ground1", 140), solver(name, &system));
         run(&mut batch, &mut *solver, 3);
         let before = batch.clone();
         let error = solver.step(&mut batch, &[0.0; 7]).expect_err("seven torques").to_string();
-        assert!(error.contains('7') && error.contains('4'), "{name}: {error}");
-        let mut torques = [0.0; 8];
-        torques[5] = f64::NAN;
-        let error = solver.step(&mut batch, &torques).expect_err("NaN").to_string();
-        assert!(error.contains("environment 2") && error.contains("frame 3") && !error.contains('\n'), "{name}: {error}");
-        assert_eq!((&batch.states, &batch.frames), (&before.states, &before.frames), "{name}: changed by a failed step");
-        run(&mut batch, &mut *solver, 1);
+        assert!(error.contains('7') && error.contains("140"), "{name}: {error}");
+        assert_eq!((&batch.states, &batch.frames), (&before.states, &before.frames), "{name}: changed by a refused step");
+        let mut undisturbed = batch.clone();
+        run(&mut undisturbed, &mut *solver, 1);
+        let mut torques = [0.0; 280];
+        (torques[5], torques[201]) = (f64::NAN, f64::INFINITY);
+        batch.state_mut(70)[3] = f64::NAN;
+        let faults = solver.step(&mut batch, &torques).map_err(|e| (e.to_string(), e.faults().expect("of environments")));
+        let (error, faults) = faults.expect_err("three that are no numbers");
+        assert!(error.contains("environment 2, frame 3: ") && error.contains("2 environments more") && !error.contains('\n'), "{error}");
+        assert_eq!(faults.iter().map(|f| f.env).collect::<Vec<_>>(), [2, 70, 100], "{name}: {error}");
+        for env in 0..140 {
+            if faults.iter().any(|f| f.env == env) {
+                assert_eq!(batch.frames[env], 3, "{name}: environment {env} has not been stepped");
+                let stays = batch.state(env).iter().zip(before.state(env)).all(|(a, b)| a == b || a.is_nan());
+                assert!(stays, "{name}: environment {env} was moved");
+            } else {
+                assert_eq!(batch.state(env), undisturbed.state(env), "{name}: environment {env} noticed");
+                assert_eq!(batch.frames[env], 4);
+            }
+        }
     }
 }

@@ -92,7 +92,7 @@ fn what_is_no_number_ends_the_run() {
         state.weights.flat[first] = f32::NAN;
         let mut cpu = CpuLearner::new(LEARNER, state, windows.clone(), windows).expect("windows fit");
         let error = cpu.update(1e-3).expect_err(&format!("NaN in {} is swallowed", tensor.name));
-        assert!(matches!(error, LearnError::NotFinite { step: 0, .. }), "{}: {error}", tensor.name);
+        assert!(error.to_string().contains("update 0"), "{}: {error}", tensor.name);
     }
 }
 

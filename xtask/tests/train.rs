@@ -25,7 +25,6 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
     let out = out.to_str().expect("utf-8");
-    // Ten million transitions would take minutes: a refusal that came after them would be seen by the test's time.
     let most = u64::MAX.to_string();
     for (options, culprit) in [
         ("--layers 1000000000", "--layers"),
@@ -66,10 +65,12 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         ("--data /nowhere", "/nowhere"),
         ("--data /nowhere --fresh 1000", "--fresh"),
     ] {
-        let args: Vec<&str> = "train --robot cartpole --out".split(' ').chain([out]).chain(options.split(' ')).collect();
+        let args: Vec<&str> = "train --robot cartpole --preset small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
+    refused(&["train", "--robot", "cartpole", "--preset", "cartpole", "--rate", "0.1", "--out", out], "--preset cartpole");
+    assert!(!Path::new(out).exists(), "a recipe changed left something");
 }
 
 #[test]

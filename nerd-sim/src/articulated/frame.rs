@@ -71,6 +71,7 @@ impl Frame for Workspace {
             self.events.reserve(most + scene.colliders.len());
             self.owners.clear();
             self.owners.reserve(most);
+            self.owners.extend(0..robot.contact_points.len());
         }
         // Dry friction is stiff at rest: the implicit step alone holds it.
         if robot.dry() || contact && config.contact_step == ContactStep::Implicit {
@@ -145,30 +146,39 @@ impl Workspace {
     /// or nearer than `margin` (m).
     pub(super) fn query(&mut self, system: &System, scene: &Scene, qd: &[f64], time: f64, margin: f64) -> Result<(), String> {
         let robot = &system.robot;
-        // One collider is looked at wherever it is.
-        let many = scene.colliders.len() > 1;
-        if many {
-            velocities(robot, qd, &mut self.data);
-        }
         self.events.clear();
-        self.owners.clear();
-        for (index, point) in robot.contact_points.iter().enumerate() {
-            let p0 = point_position(&self.data, point.link, &point.local);
-            let reach = if many {
-                point.radius + margin + time * self.data.velocity[point.link].at(&(p0 - self.data.origin)).norm()
-            } else {
-                f64::INFINITY
-            };
-            scene.contacts(&p0, reach, &mut self.events);
-            self.owners.resize(self.events.len(), index);
+        let mut lost = false;
+        if let [only] = &scene.colliders[..] {
+            // It is looked at wherever it is, by every point in turn.
+            for point in &robot.contact_points {
+                let event = only.query(&point_position(&self.data, point.link, &point.local));
+                lost |= event.distance.is_nan();
+                self.events.push(event);
+            }
+        } else {
+            velocities(robot, qd, &mut self.data);
+            self.owners.clear();
+            for (index, point) in robot.contact_points.iter().enumerate() {
+                let p0 = point_position(&self.data, point.link, &point.local);
+                let speed = self.data.velocity[point.link].at(&(p0 - self.data.origin)).norm();
+                scene.contacts(&p0, point.radius + margin + time * speed, &mut self.events);
+                self.owners.resize(self.events.len(), index);
+            }
+            lost = self.events.iter().any(|e| e.distance.is_nan());
         }
-        match self.events.iter().zip(&self.owners).find(|(e, _)| e.distance.is_nan()) {
-            None => Ok(()),
-            Some((event, index)) => Err(format!(
-                "the distance of contact point {index} on link `{}` to collider {} of scene `{}` is no number: the state or the collider is not finite",
-                robot.links[robot.contact_points[*index].link].name, event.collider, scene.name
-            )),
-        }
+        if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
+    }
+
+    /// Names the contact point and the collider between which there is no distance.
+    #[cold]
+    fn lost(&self, robot: &Robot, scene: &Scene) -> String {
+        let found = self.events.iter().zip(&self.owners).find(|(e, _)| e.distance.is_nan());
+        let (collider, index) = found.map_or((0, 0), |(event, index)| (event.collider, *index));
+        let link = &robot.links[robot.contact_points[index].link].name;
+        format!(
+            "the distance of contact point {index} on link `{link}` to collider {collider} of scene `{}` is no number: the state or the collider is not finite",
+            scene.name
+        )
     }
 
     /// Contact wrenches into `data.external`; whether no friction is too stiff for a substep of `dt`.

@@ -93,6 +93,9 @@ impl Stiff {
     /// Whether the limits that act are too stiff for a substep `h`; `factor` is the mass matrix's.
     #[inline]
     pub(super) fn limits(&mut self, robot: &Robot, factor: &Factor, h: f64, integrator: Integrator) -> bool {
+        if self.acting.is_empty() {
+            return false;
+        }
         let most = if integrator == Integrator::Rk4 { MOST_RK4 } else { MOST };
         if self.soft == Some(true) || self.acting.iter().map(|(i, s)| s / self.least[*i]).sum::<f64>() <= most {
             return false;

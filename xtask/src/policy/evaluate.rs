@@ -115,7 +115,8 @@ pub fn row(args: &EvaluateArgs) -> Result<Row> {
         games: args.games,
         real,
         learned,
-        gap: learned.map(|l| gap(real.mean, l.mean)),
+        // Of a truth that earns nothing there is no share.
+        gap: learned.map(|l| gap(real.mean, l.mean)).filter(|g| g.is_finite()),
     })
 }
 

@@ -40,6 +40,14 @@ pub fn runs(name: &str, asked: &TrainArgs) -> Result<Vec<TrainArgs>> {
     if recipe.robot != asked.robot {
         bail!("--preset {name} trains `{}`, not `{}`", recipe.robot, asked.robot);
     }
+    // What the recipe says and the command line says otherwise would be read by nobody.
+    let words = ["train", "--robot", &asked.robot, "--out", "x", "--preset", name];
+    let plain = Line::try_parse_from(words)?.args;
+    let TrainArgs { device, minutes, finish, updates, transitions, .. } = *asked;
+    let plain = TrainArgs { out: asked.out.clone(), device, minutes, finish, updates, transitions, ..plain };
+    if format!("{plain:?}") != format!("{asked:?}") {
+        bail!("--preset {name} says all else: only --device, --minutes, --finish, --updates and --transitions may stand beside it");
+    }
     let mut runs: Vec<TrainArgs> = Vec::new();
     for (k, options) in recipe.runs.iter().enumerate() {
         let words = format!("train --robot {} --out x {} {options}", recipe.robot, recipe.options);

@@ -30,7 +30,16 @@ pub struct PackedStream {
     taken: Vec<usize>,
     /// Tokens that came since the last of these, oldest first, `[env][token][inputs]`.
     waiting: Vec<VecDeque<f32>>,
-    memory: Vec<((Memory, Vec<Row>), Vec<f32>)>,
+    work: Vec<Work>,
+}
+
+/// What one thread computes.
+#[derive(Default)]
+struct Work {
+    memory: Memory,
+    rows: Vec<Row>,
+    /// `[asked][outputs]`.
+    out: Vec<f32>,
 }
 
 impl PackedStream {
@@ -44,7 +53,7 @@ impl PackedStream {
         let columns = Columns::new(&c);
         let packed = Packed::new(weights, columns.width, |i| columns.source(i));
         let turn = c.frequencies().map(f64::cos).chain(c.frequencies().map(f64::sin)).collect();
-        Self { packed, columns, turn, places: Vec::new(), rings: Vec::new(), taken: Vec::new(), waiting: Vec::new(), memory: Vec::new() }
+        Self { packed, columns, turn, places: Vec::new(), rings: Vec::new(), taken: Vec::new(), waiting: Vec::new(), work: Vec::new() }
     }
 
     /// Floats of one environment's keys and values.
@@ -67,22 +76,22 @@ impl Stream for PackedStream {
         // Even blocks of environments, as many as keep every thread busy.
         let threads = rayon::current_num_threads();
         let size = envs.div_ceil(threads * envs.div_ceil(threads * ROWS).max(1)).max(1);
-        let mut memory = std::mem::take(&mut self.memory);
-        memory.resize_with(memory.len().max(envs.div_ceil(size)), Default::default);
+        let mut work = std::mem::take(&mut self.work);
+        work.resize_with(work.len().max(envs.div_ceil(size)), Work::default);
         let (packed, columns, turn) = (&self.packed, &self.columns, &self.turn);
         let kept = self.rings.par_chunks_mut(size * ring).zip(self.places.par_chunks_mut(size * d));
         let kept = kept.zip(self.taken.par_chunks_mut(size)).zip(self.waiting.par_chunks_mut(size));
-        kept.zip(memory.par_iter_mut()).enumerate().for_each(|(i, ((((rings, places), taken), waiting), (memory, out)))| {
+        kept.zip(work.par_iter_mut()).enumerate().for_each(|(i, ((((rings, places), taken), waiting), work))| {
             let first = i * size;
             let from = asked.partition_point(|env| *env < first);
             let to = asked.partition_point(|env| *env < first + taken.len());
             let tokens = &tokens[first * c.inputs..][..taken.len() * c.inputs];
             let mut block = Envs { packed, columns, turn, places, rings, taken, waiting, first };
-            block.push(tokens, &asked[from..to], memory, out);
+            block.push(tokens, &asked[from..to], work);
         });
         out.clear();
-        memory.iter().take(envs.div_ceil(size)).for_each(|(_, part)| out.extend_from_slice(part));
-        self.memory = memory;
+        work.iter().take(envs.div_ceil(size)).for_each(|part| out.extend_from_slice(&part.out));
+        self.work = work;
         Ok(())
     }
 
@@ -117,7 +126,7 @@ struct Envs<'a> {
 
 impl Envs<'_> {
     /// A token of each environment, and predictions `[asked][outputs]`.
-    fn push(&mut self, tokens: &[f32], asked: &[usize], memory: &mut (Memory, Vec<Row>), out: &mut Vec<f32>) {
+    fn push(&mut self, tokens: &[f32], asked: &[usize], work: &mut Work) {
         let c = self.packed.config;
         let most = c.reach() * c.inputs;
         for (waiting, token) in self.waiting.iter_mut().zip(tokens.chunks_exact(c.inputs)) {
@@ -126,21 +135,21 @@ impl Envs<'_> {
             }
             waiting.extend(token);
         }
-        out.resize(asked.len() * c.outputs, 0.0);
-        let (mut asked, mut out) = (asked, &mut out[..]);
+        work.out.resize(asked.len() * c.outputs, 0.0);
+        let (mut first, mut asked) = (0, asked);
         while !asked.is_empty() {
-            let envs = self.take(asked, memory);
-            let (now, rest) = std::mem::take(&mut out).split_at_mut(envs * c.outputs);
-            self.compute(memory, now);
-            (asked, out) = (&asked[envs..], rest);
+            let envs = self.take(asked, work);
+            self.compute(work, first * c.outputs..(first + envs) * c.outputs);
+            (first, asked) = (first + envs, &asked[envs..]);
         }
     }
 
     /// Lays out the waiting tokens of as many environments as make a block; their number.
-    fn take(&mut self, asked: &[usize], (memory, rows): &mut (Memory, Vec<Row>)) -> usize {
-        let Memory { x, tokens, turns, .. } = memory;
+    fn take(&mut self, asked: &[usize], work: &mut Work) -> usize {
+        let Work { memory: Memory { x, tokens, turns, .. }, rows, .. } = work;
         let width = self.packed.config.inputs;
-        (x.clear(), tokens.clear(), turns.clear(), rows.clear());
+        rows.clear();
+        [&mut *x, tokens, turns].into_iter().for_each(Vec::clear);
         for (done, env) in asked.iter().enumerate() {
             let env = env - self.first;
             let count = self.waiting[env].len() / width;
@@ -158,9 +167,10 @@ impl Envs<'_> {
         asked.len()
     }
 
-    /// Predictions of the newest token of each environment laid out.
-    fn compute(&mut self, (memory, rows): &mut (Memory, Vec<Row>), out: &mut [f32]) {
+    /// Predictions of the newest token of each environment laid out, into `part` of those of all.
+    fn compute(&mut self, work: &mut Work, part: std::ops::Range<usize>) {
         let TransformerConfig { embedding: e, layers, history, .. } = self.packed.config;
+        let Work { memory, rows, out } = work;
         let Memory { x, tokens, normed, qkv, mixed, wide, newest, scores, turns } = memory;
         self.packed.embed.add_product(tokens, x);
         for (layer, block) in self.packed.blocks.iter().enumerate() {
@@ -186,7 +196,7 @@ impl Envs<'_> {
         newest.clear();
         let last = rows.iter().zip(x.chunks_exact(e)).filter(|(row, _)| row.newest);
         last.for_each(|(_, x)| newest.extend_from_slice(x));
-        self.packed.top(newest, normed, mixed, wide, out);
+        self.packed.top(newest, normed, mixed, wide, &mut out[part]);
     }
 
     /// Turns the place of environment i on, and appends its cosines and sines, each once for every head: `[2][d / 2][heads]`.
