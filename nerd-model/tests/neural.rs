@@ -90,6 +90,24 @@ fn a_model_of_another_robot_or_truth_is_refused_by_name() {
     assert!(refusal(&pendulum, None).contains("model.safetensors"));
 }
 
+#[test]
+fn a_scene_that_is_no_scene_is_refused_for_its_environment_alone() {
+    let mut simulation = simulation("ground1", 3, Positions::Rotary);
+    let mut whole = self::simulation("ground1", 3, Positions::Rotary);
+    run(&mut simulation, 4);
+    run(&mut whole, 5);
+    let mut scene = (*simulation.batch.scenes[1]).clone();
+    scene.colliders[0].plane.as_mut().expect("a plane").offset = f64::NAN;
+    simulation.batch.scenes[1] = Arc::new(scene);
+    let faults = simulation.step(&[3.0; 6]).expect_err("a plane nowhere").faults().expect("of environments");
+    assert_eq!(faults.iter().map(|f| (f.env, f.frame)).collect::<Vec<_>>(), [(1, 4)]);
+    assert!(faults[0].reason.contains("plane"), "{}", faults[0].reason);
+    for env in [0, 2] {
+        let difference = gap(simulation.batch.state(env), whole.batch.state(env));
+        assert!(difference < BOUND, "environment {env} noticed: {difference:.1e}");
+    }
+}
+
 const CUBE: &str = r#"<robot name="cube"><link name="cube"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/></inertial></link></robot>"#;
 const SPEC: &str = r#"
 urdf = "cube.urdf"

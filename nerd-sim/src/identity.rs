@@ -3,7 +3,7 @@
 //! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
 //! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.
 
-use nerd_core::robot::{Joint, Link, Shape, ShapeKind};
+use nerd_core::robot::{Base, Joint, Link, Shape, ShapeKind};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -49,7 +49,10 @@ impl System {
         let touching = |i: usize| robot.contact_points.iter().any(|p| p.link == i);
         let points = robot.contact_points.iter().map(|p| json!([p.link, p.local.as_slice(), p.radius, p.thickness]));
         json!({
-            "floating": robot.floating(),
+            "base": match &robot.base {
+                Base::Fixed(at) => json!(pose(at)),
+                Base::Floating => Value::Null,
+            },
             "links": robot.links.iter().enumerate().map(|(i, l)| link(l, touching(i))).collect::<Vec<_>>(),
             "points": points.collect::<Vec<_>>(),
             "mass_matrix_of": robot.mass_matrix_of,

@@ -27,7 +27,9 @@ pub(crate) fn stiffen(robot: &mut Robot, unsaid: &[bool], dt: f64) {
             let of = |a: f64| inertia * (a / dt).powi(2);
             // Effort that nobody gave asks for nothing.
             let effort = if effort.is_finite() { effort } else { 0.0 };
-            let holding = effort / (GIVE * (limit.upper - limit.lower));
+            let range = limit.upper - limit.lower;
+            // A joint without a range is locked.
+            let holding = if range > 0.0 { effort / (GIVE * range) } else { f64::INFINITY };
             limit.stiffness = holding.clamp(of(USUAL), of(STIFFEST));
             limit.damping = 2.0 * (inertia * limit.stiffness).sqrt();
         }

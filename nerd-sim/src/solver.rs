@@ -1,6 +1,9 @@
 //! What advances a batch by one control frame, and the simulation that holds it.
 
+use std::sync::Arc;
+
 use crate::batch::Batch;
+use crate::scene::Scene;
 use nerd_core::state::wrap_state;
 
 /// Why a frame could not be stepped.
@@ -78,7 +81,7 @@ impl Solver for Box<dyn Solver> {
 }
 
 /// Refuses a batch or torques of other lengths than the system needs, and finds environments whose state or torque is no
-/// number.
+/// number, or whose scene is none.
 ///
 /// # Errors
 /// [`StepError::Solver`] or [`StepError::Torques`].
@@ -90,6 +93,18 @@ pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<
         return Err(StepError::Torques { found: torques.len(), environments: batch.len(), joints });
     }
     faults.clear();
+    let mut last: Option<(&Arc<Scene>, bool)> = None;
+    for (env, scene) in batch.scenes.iter().enumerate() {
+        // Environments mostly share one.
+        if last.is_some_and(|(known, sound)| sound && Arc::ptr_eq(known, scene)) {
+            continue;
+        }
+        let checked = scene.check();
+        last = Some((scene, checked.is_ok()));
+        if let Err(reason) = checked {
+            faults.push(Fault { env, frame: batch.frames[env], reason });
+        }
+    }
     let names = [&system.spec.state_columns, &system.spec.torque_columns];
     for ((numbers, width), names) in [(&*batch.states, d), (torques, joints)].into_iter().zip(names) {
         if numbers.iter().all(|x| x.is_finite()) {

@@ -153,3 +153,19 @@ fn shards_of_an_older_form_are_refused_in_a_line() {
     let error = read_shard(&path).expect_err("old").to_string();
     assert!(error.contains("format 1, not 2") && !error.contains('\n'), "{error}");
 }
+
+#[test]
+fn a_damaged_shard_is_refused_and_made_anew() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let manifest = make(folder.path(), 3, 20);
+    let path = folder.path().join("shard-00000.safetensors");
+    let whole = std::fs::read(&path).expect("read");
+    let mut bytes = whole.clone();
+    let last = bytes.len() - 9;
+    bytes[last] ^= 1;
+    std::fs::write(&path, bytes).expect("written");
+    let error = read_shard(&path).expect_err("one bit").to_string();
+    assert!(error.contains("shard-00000.safetensors") && error.contains("SHA-256"), "{error}");
+    assert_eq!(make(folder.path(), 3, 20), manifest, "its manifest is that of the undamaged one");
+    assert_eq!(std::fs::read(&path).expect("read"), whole, "made anew to the byte");
+}

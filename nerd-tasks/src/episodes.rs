@@ -184,11 +184,16 @@ impl Episodes {
         });
     }
 
-    /// One frame. An environment that cannot be stepped is marked and begun anew; the others have been stepped.
+    /// One frame. An environment that cannot be stepped is marked and begun anew; the others have been stepped. One that fails in
+    /// the first frame of an episode is an error.
     fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
         self.past.push(&self.simulation.batch.states, &self.torques);
         if let Err(error) = self.simulation.step(&self.torques) {
             for fault in error.faults()? {
+                // A start that cannot be stepped would begin anew for ever.
+                if fault.frame == 0 && !failed[fault.env] {
+                    return Err(StepError::Environments(vec![fault]));
+                }
                 failed[fault.env] = true;
                 self.restart(fault.env);
             }

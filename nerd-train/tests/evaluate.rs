@@ -18,3 +18,27 @@ fn a_solver_against_itself_has_no_error() {
         }
     }
 }
+
+/// Fails from the first frame on, in every second environment.
+struct Fails(Articulated);
+
+impl Solver for Fails {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        let torques: Vec<f64> = torques.iter().enumerate().map(|(i, t)| if i / 2 % 2 == 1 { f64::NAN } else { *t }).collect();
+        self.0.step(batch, &torques)
+    }
+}
+
+/// A rollout that cannot be gone on with is no good one: it stands where it stood and is held against the truth there.
+#[test]
+fn what_fails_is_counted_and_errs_as_what_stands_still() {
+    let system = System::named("pendulum").expect("built in");
+    let truth = || Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+    let config = PassiveConfig { starts: 6, steps: 30, seed: 4, action: Action::Zero };
+    let scene = system.scene("ground1").expect("scene");
+    let report = passive(&system, &scene, &mut truth(), &mut Fails(truth()), config, &mut |_| ()).expect("the others go on");
+    assert_eq!((report.failed, report.diverged, report.first_divergence), (3, 3, Some(1)));
+    let standing = |k: usize| report.error[k] / report.hold[k];
+    println!("errors over those of standing still {:.2}, {:.2}", standing(0), standing(1));
+    assert!((0.2..0.8).contains(&standing(0)) && (0.2..0.8).contains(&standing(1)), "half of the rollouts stand: {:?}", report.error);
+}

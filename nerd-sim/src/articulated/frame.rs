@@ -58,7 +58,6 @@ impl Frame for Workspace {
 
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
-        scene.check()?;
         // The environment stepped before this one may have touched something.
         self.data.external.fill(Wrench::default());
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();

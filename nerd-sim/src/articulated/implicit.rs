@@ -178,7 +178,7 @@ impl Workspace {
             touches.push(Touch { index, columns, material, normal, gap, velocity, ..Default::default() });
         }
         for (i, joint) in robot.joints().enumerate() {
-            let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0) else { continue };
+            let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
             let x = q[robot.root_coords() + i];
             for (end, side) in [(limit.lower, 1.0), (limit.upper, -1.0)] {
                 let n = Vector3::x();

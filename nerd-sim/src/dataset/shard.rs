@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::Recording;
+use super::{Recording, sha256_of};
 use crate::solver::StepError;
 
 /// Why data could not be made, written or read.
@@ -51,11 +51,13 @@ const ENTRY: &str = "recording";
 /// Form of shards and their manifest. The first had f32 arrays and did not know the system.
 pub const FORMAT: u32 = 2;
 const FORMAT_KEY: &str = "format";
+/// Of the recording, so that a damaged file is known for one.
+const HASH_KEY: &str = "sha256";
 
 /// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary name first, then renamed.
 pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), DatasetError> {
-    let format = [(FORMAT_KEY.to_string(), FORMAT.to_string())];
-    let metadata: BTreeMap<_, _> = metadata.clone().into_iter().chain(format).collect();
+    let own = [(FORMAT_KEY.to_string(), FORMAT.to_string()), (HASH_KEY.to_string(), sha256_of([recording.sha256()]))];
+    let metadata: BTreeMap<_, _> = metadata.clone().into_iter().chain(own).collect();
     let text = serde_json::to_string(&metadata).map_err(|e| DatasetError::Format { path: path.into(), reason: e.to_string() })?;
     let metadata = HashMap::from([(ENTRY.to_string(), text)]);
     let wrong = |e: safetensors::SafeTensorError| DatasetError::Format { path: path.into(), reason: e.to_string() };
@@ -68,7 +70,7 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
     crate::files::write(path, &bytes).map_err(file_error(path))
 }
 
-/// Reads a shard and its metadata.
+/// Reads a shard and its metadata; refuses one whose numbers were changed since.
 pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), DatasetError> {
     let bytes = std::fs::read(path).map_err(file_error(path))?;
     let wrong = |reason: String| DatasetError::Format { path: path.into(), reason };
@@ -98,6 +100,9 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         depths: depths?.1,
         gravity: gravity?.1,
     };
+    if metadata.remove(HASH_KEY) != Some(sha256_of([recording.sha256()])) {
+        return Err(wrong("its numbers are not those it was written with (SHA-256 differs); make the data set anew".into()));
+    }
     Ok((recording, metadata))
 }
 

@@ -42,7 +42,6 @@ impl Frame for Workspace {
 
     fn step(&mut self, system: &System, scene: &Scene, config: &RapierConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
-        scene.check()?;
         if !state.iter().chain(tau).all(|x| x.is_finite()) {
             return Err("the state or a torque is not finite before the step".into());
         }

@@ -82,6 +82,10 @@ pub struct PassiveReport {
     pub diverged: usize,
     /// First step at which a rollout diverged.
     pub first_divergence: Option<usize>,
+    /// Of those, rollouts that the solver could not go on with: no number stands for where they went. They stay where they were, and
+    /// are held against the truth there.
+    #[serde(default)]
+    pub failed: usize,
 }
 
 /// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.
@@ -130,7 +134,7 @@ pub fn watched(
     let mut sums = [vec![0.0; n * width], vec![0.0; n * width], vec![0.0; n * width]];
     let mut curve = Vec::with_capacity(config.steps);
     let (mut fastest, mut speeds) = ([0.0f64; 3], vec![[0.0f64; 3]; n]);
-    let mut gone: Vec<Option<usize>> = vec![None; n];
+    let (mut gone, mut failed): (Vec<Option<usize>>, Vec<Option<usize>>) = (vec![None; n], vec![None; n]);
     // |difference| of a rollout that is gone, as it was when it went: it stays in the mean at that.
     let mut last = vec![0.0; n * width];
     let (mut gap, mut glided) = (vec![0.0; width], Vec::new());
@@ -153,7 +157,7 @@ pub fn watched(
         }
         truth.step(&mut real, &torques[0])?;
         if let Err(error) = solver.step(&mut learned, &torques[1]) {
-            error.faults()?.iter().for_each(|fault| gone[fault.env] = gone[fault.env].or(Some(step)));
+            error.faults()?.iter().for_each(|fault| failed[fault.env] = failed[fault.env].or(Some(step)));
         }
         let time = step as f64 * system.frame_time;
         let mut total = 0.0;
@@ -196,7 +200,9 @@ pub fn watched(
         let square = |s: &f64| (s / config.steps as f64 - m).powi(2);
         (sums[0].iter().skip(k).step_by(width).map(square).sum::<f64>() / (n.max(2) - 1) as f64 / n as f64).sqrt()
     };
-    let fast = |env: &usize| gone[*env].is_some() || speeds[*env].iter().zip(fastest).any(|(v, most)| *v > 3.0 * most.max(1e-3));
+    let fast = |env: &usize| {
+        gone[*env].is_some() || failed[*env].is_some() || speeds[*env].iter().zip(fastest).any(|(v, most)| *v > 3.0 * most.max(1e-3))
+    };
     Ok(PassiveReport {
         error: (0..width).map(|k| mean(&sums[0], k)).collect(),
         standard_error: (0..width).map(spread).collect(),
@@ -204,6 +210,7 @@ pub fn watched(
         glide: (0..width).map(|k| mean(&sums[2], k)).collect(),
         curve,
         diverged: (0..n).filter(fast).count(),
-        first_divergence: gone.iter().flatten().min().copied(),
+        first_divergence: gone.iter().chain(&failed).flatten().min().copied(),
+        failed: failed.iter().flatten().count(),
     })
 }

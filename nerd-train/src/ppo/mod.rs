@@ -2,6 +2,9 @@
 //! critic, with running normalisation of observations and returns, generalised advantages, clipped ratio (and value, if asked
 //! for: see [`PpoConfig::value_clip`]), a learning rate that follows the divergence, and values in place of what time-outs cut off.
 //!
+//! Unlike there, moments of observations move after an update, not before it, so that its first ratio is 1. The shipped policies
+//! learned in the order of rl_games.
+//!
 //! Networks are small and environments many, so all of it is plain f32 on the CPU, over faer's products: an update of 65 536
 //! steps costs tenths of a second on two cores. Whatever the number of threads, the same seed gives the same bytes.
 //!

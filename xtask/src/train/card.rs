@@ -32,6 +32,9 @@ pub struct Run {
     pub network: TransformerConfig,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
+    /// Of the targets, where it is not the usual one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epsilon: Option<f64>,
     /// Engine and precision.
     pub arithmetic: String,
     /// Starts of the rollouts that choose the weights.

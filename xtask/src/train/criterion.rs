@@ -17,7 +17,7 @@ use super::engine::network;
 use crate::paper;
 
 /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
-/// all grounds.
+/// all grounds. Infinite if a rollout failed.
 pub fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, weights: Weights, args: &TrainArgs) -> Result<f64> {
     let steps = paper::horizon(&system.name);
     let config = PassiveConfig { starts: args.rollouts, steps, seed: 1_000 + args.seed, action: Action::Zero };
@@ -32,6 +32,10 @@ pub fn rollout_error(system: &Arc<System>, run: &Run, normalizer: &Normalizer, w
         let network = network(&model.weights, args.device, args.rollouts)?;
         let mut learned = Neural::new(model, system, network);
         let report = passive(system, &system.scene(scene)?, &mut *args.truth.solver(system), &mut learned, config, &mut |_| ())?;
+        if report.failed > 0 {
+            // Where they stood when they failed says nothing of how far they would have gone.
+            return Ok(f64::INFINITY);
+        }
         total += report.error.iter().sum::<f64>() / report.error.len() as f64;
     }
     Ok(total / scenes.len() as f64)

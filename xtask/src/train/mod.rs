@@ -122,6 +122,7 @@ fn one(args: &TrainArgs) -> Result<Option<PathBuf>> {
         network,
         learner,
         trainer,
+        epsilon: args.epsilon,
         arithmetic,
         rollouts: args.rollouts,
         frames: args.frames,
