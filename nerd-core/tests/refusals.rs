@@ -188,3 +188,29 @@ proptest! {
         read(&pieces.join("\""))?;
     }
 }
+
+#[test]
+fn a_misspelt_word_is_no_other_robot() {
+    let good = r#"<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 1"/><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+        <joint name="j" type="continuous"><origin xyz="1 0 0"/><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics damping="1"/></joint>
+        <gazebo><orgin xzy="what a simulator makes of it"/></gazebo><transmission name="t"><axs/></transmission></robot>"#;
+    assert!(Robot::from_urdf(&format!("\u{feff}{good}"), false).is_ok(), "others' elements are theirs, and so is an editor's mark");
+    for (from, to, word) in [
+        ("origin xyz=\"1", "origin xzy=\"1", "`xzy`"),
+        ("origin xyz=\"1", "orgin xyz=\"1", "<origin>"),
+        ("<axis", "<axs", "<axis>"),
+        ("damping=", "dampening=", "`dampening`"),
+        ("<dynamics", "<dynamic", "<dynamics>"),
+        ("<mass", "<mas", "<mass>"),
+        ("type=\"continuous\"", "tpye=\"continuous\"", "`tpye`"),
+        ("<joint name", "<jont name", "<joint>"),
+    ] {
+        let bad = good.replace(from, to);
+        assert_ne!(bad, good, "{from}");
+        let error = Robot::from_urdf(&bad, false).expect_err(to).to_string();
+        assert!(error.contains(word) && !error.contains('\n'), "{to}: {error}");
+    }
+    let inertial = good.replace("<inertial>", "<inertal>").replace("</inertial>", "</inertal>");
+    let error = Robot::from_urdf(&inertial, false).expect_err("no inertia").to_string();
+    assert!(error.contains("<inertial>"), "{error}");
+}

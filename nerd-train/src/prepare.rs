@@ -160,6 +160,7 @@ pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, fo
     if prepared.sha256 != manifest.sha256 {
         return Err(wrong("the shards are not those it was written for (SHA-256 differs)".into()));
     }
+    manifest.holds(prepared.windows.trajectories(), prepared.windows.frames).map_err(wrong)?;
     Ok(prepared)
 }
 

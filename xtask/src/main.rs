@@ -5,6 +5,11 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
 
+/// Standard `println!` panics where nobody reads.
+macro_rules! println {
+    ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
+}
+
 mod ablations;
 mod campaign;
 mod chart;
@@ -19,6 +24,7 @@ mod horizons;
 mod inspect;
 mod mujoco;
 mod numbers;
+mod out;
 mod paper;
 mod plot;
 mod policy;
@@ -119,7 +125,7 @@ fn main() -> ExitCode {
         Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
-    match done {
+    match done.and_then(|()| out::check()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             // Many errors already say their cause.

@@ -5,6 +5,7 @@ mod lump;
 mod model;
 mod shape;
 mod urdf;
+mod words;
 mod xml;
 
 pub use joint::{Joint, JointKind, Limit};

@@ -58,7 +58,8 @@ impl Robot {
     /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are those of
     /// [`Robot::default_contact_points`].
     pub fn from_urdf(xml: &str, floating: bool) -> Result<Self, UrdfError> {
-        let plain = without_materials(xml).map_err(|e| UrdfError::Parse(one_line(&e)))?;
+        // An editor's mark of its encoding is no text.
+        let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::Parse(one_line(&e)))?;
         // urdf-rs may panic on text that is no URDF at all; user input never does here.
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;

@@ -1,16 +1,19 @@
 //! What is done to a URDF's text before urdf-rs reads it.
 
 use quick_xml::Reader;
-use quick_xml::events::Event;
+use quick_xml::events::{BytesStart, Event};
+
+use super::words::check;
 
 /// Elements of a URDF may stand in each other this deep; urdf-rs recurses and would overflow the stack far beyond it.
 const DEEPEST: usize = 64;
 
 /// The text without its <material> elements: nothing here looks at what things look like, and files leave them unfinished,
-/// which urdf-rs minds. Refuses a text that is not well-formed, or nested too deep.
+/// which urdf-rs minds. Refuses a text that is not well-formed, nested too deep, or misspelt where it matters.
 pub(super) fn without_materials(text: &str) -> Result<String, String> {
     let mut reader = Reader::from_str(text);
     let (mut out, mut depth) = (String::with_capacity(text.len()), 0usize);
+    let mut path: Vec<String> = Vec::new();
     // How deep the <material> stands that is being left out.
     let mut left_out = None;
     loop {
@@ -26,12 +29,20 @@ pub(super) fn without_materials(text: &str) -> Result<String, String> {
                 if depth > DEEPEST {
                     return Err(format!("elements nested more than {DEEPEST} deep"));
                 }
+                path.push(name(&tag));
+                check(&path, attributes(&tag))?;
                 if kept && tag.name().as_ref() == b"material" {
                     (left_out, kept) = (Some(depth), false);
                 }
             }
-            Event::Empty(tag) => kept &= tag.name().as_ref() != b"material",
+            Event::Empty(tag) => {
+                path.push(name(&tag));
+                check(&path, attributes(&tag))?;
+                path.pop();
+                kept &= tag.name().as_ref() != b"material";
+            }
             Event::End(_) => {
+                path.pop();
                 left_out = left_out.filter(|at| *at != depth);
                 depth -= 1;
             }
@@ -41,4 +52,13 @@ pub(super) fn without_materials(text: &str) -> Result<String, String> {
             out += text.get(start..end).unwrap_or_default();
         }
     }
+}
+
+fn name(tag: &BytesStart) -> String {
+    String::from_utf8_lossy(tag.name().as_ref()).into_owned()
+}
+
+fn attributes(tag: &BytesStart) -> impl Iterator<Item = String> {
+    let names: Vec<String> = tag.attributes().flatten().map(|a| String::from_utf8_lossy(a.key.as_ref()).into_owned()).collect();
+    names.into_iter()
 }

@@ -77,10 +77,10 @@ impl Model {
         Ok(Self { config, normalizer, weights })
     }
 
-    /// SHA-256 of all that decides its predictions, as lower-case hex: base and view, shape of the network, moments, weights.
+    /// SHA-256 of all that decides its predictions, as lower-case hex: truth, base and view, shape of the network, moments, weights.
     pub fn sha256(&self) -> String {
-        let ModelConfig { base, view, network, .. } = &self.config;
-        let shape = serde_json::to_string(&(base, view, network)).unwrap_or_default();
+        let ModelConfig { truth, base, view, network, .. } = &self.config;
+        let shape = serde_json::to_string(&(truth, base, view, network)).unwrap_or_default();
         let mut hash = Sha256::new();
         hash.update((shape.len() as u64).to_le_bytes());
         hash.update(shape);

@@ -109,6 +109,10 @@ pub fn generate(
     config.check(system)?;
     let total = config.trajectories();
     let identity = manifest::header(system, truth);
+    if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
+        let reason = format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
+        return Err(DatasetError::Format { path: folder.into(), reason });
+    }
     let mut hashes = Vec::new();
     let mut shards = Vec::new();
     let mut first = 0;

@@ -11,6 +11,7 @@ use crate::system::System;
 
 /// `manifest.json` of a folder of shards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// [`super::FORMAT`] of the shards.
     #[serde(default)]
@@ -49,6 +50,9 @@ impl Manifest {
         let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
         let manifest: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         check_format(manifest.format).map_err(wrong)?;
+        if let Some(name) = manifest.shards.iter().find(|name| Path::new(name).file_name().is_none_or(|file| file != name.as_str())) {
+            return Err(wrong(format!("shard `{name}` is no name of a file in this folder")));
+        }
         Ok(manifest)
     }
 
@@ -59,6 +63,20 @@ impl Manifest {
     pub fn check(&self, system: &System, truth: &str) -> Result<(), String> {
         same_system(system, &self.robot, &self.robot_sha256, &self.system_sha256)?;
         same_truth(truth, &self.truth)
+    }
+}
+
+impl Manifest {
+    /// Refuses shards of other lengths than it says.
+    ///
+    /// # Errors
+    /// What it says and what there is.
+    pub fn holds(&self, trajectories: usize, frames: usize) -> Result<(), String> {
+        if (self.trajectories, self.frames) == (trajectories, frames) {
+            return Ok(());
+        }
+        let (t, f) = (self.trajectories, self.frames);
+        Err(format!("says {t} trajectories of {f} frames, its shards hold {trajectories} of {frames}; make the data set anew"))
     }
 }
 

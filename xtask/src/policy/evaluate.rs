@@ -98,7 +98,7 @@ pub fn row(args: &EvaluateArgs) -> Result<Row> {
     }
     let arena = Arena { solver: SolverName::Neural, model: args.model.clone(), device: args.device };
     let model = arena.folder(robot);
-    let truth = if args.truth_only && !model.exists() { Truth::default() } else { Truth::of(&model)? };
+    let truth = if args.truth_only && args.model.is_none() && !model.exists() { Truth::default() } else { Truth::of(&model)? };
     let real = match truth {
         Truth::Articulated => SolverName::Articulated,
         Truth::Rapier => SolverName::Rapier,

@@ -28,7 +28,7 @@ pub struct TrainArgs {
     pub stream: bool,
     /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six layers
     /// and windows of 10, and at least 32]
-    #[arg(long, value_parser = count::<usize>(1..=8192))]
+    #[arg(long, requires = "stream", value_parser = count::<usize>(1..=8192))]
     pub sequence: Option<usize>,
     /// Width of the network, in place of the preset's
     #[arg(long, value_parser = count::<usize>(EMBEDDING))]
@@ -74,7 +74,7 @@ pub struct TrainArgs {
     #[arg(long, value_delimiter = ',')]
     pub policy: Vec<PathBuf>,
     /// Share of the trajectories that policies act in
-    #[arg(long, default_value_t = 0.5, value_parser = share)]
+    #[arg(long, default_value_t = 0.5, requires = "policy", value_parser = share)]
     pub policy_share: f64,
     /// Optimiser updates in the whole run
     #[arg(long, value_parser = count::<u64>(UPDATES))]

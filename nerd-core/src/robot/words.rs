@@ -1,0 +1,60 @@
+//! Elements and attributes of a URDF that decide how a robot moves: a misspelt one would be passed over in silence, and the robot
+//! would be another. What else a file holds (transmissions, sensors, simulators' own) is nobody's business here.
+
+/// Attributes of the elements that hold numbers or names we read.
+const ATTRIBUTES: [(&str, &[&str]); 15] = [
+    ("origin", &["xyz", "rpy"]),
+    ("axis", &["xyz"]),
+    ("limit", &["lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"]),
+    ("dynamics", &["damping", "friction"]),
+    ("mass", &["value"]),
+    ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]),
+    ("parent", &["link"]),
+    ("child", &["link"]),
+    ("mimic", &["joint", "multiplier", "offset"]),
+    ("box", &["size"]),
+    ("cylinder", &["radius", "length"]),
+    ("capsule", &["radius", "length"]),
+    ("sphere", &["radius"]),
+    ("link", &["name", "type"]),
+    ("joint", &["name", "type"]),
+];
+
+/// Elements that stand in an element and matter.
+const CHILDREN: [(&str, &[&str]); 5] = [
+    ("robot", &["link", "joint", "material", "gazebo", "transmission", "sensor", "group"]),
+    ("link", &["inertial", "collision", "visual", "contact", "sensor", "gazebo", "self_collision"]),
+    ("joint", &["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"]),
+    ("inertial", &["origin", "mass", "inertia"]),
+    ("collision", &["origin", "geometry", "material", "verbose", "contact_coefficients"]),
+];
+
+/// Letters by which a misspelt word differs.
+const SLIPS: usize = 2;
+
+fn of<'a>(table: &'a [(&str, &'a [&'a str])], element: &str) -> Option<&'a [&'a str]> {
+    table.iter().find(|(name, _)| *name == element).map(|(_, words)| *words)
+}
+
+/// Refuses an element, whose path of names from the root ends with it, if it or an attribute of it looks like a slip.
+pub(super) fn check(path: &[String], attributes: impl Iterator<Item = String>) -> Result<(), String> {
+    let [root, rest @ ..] = path else { return Ok(()) };
+    let Some(element) = rest.last() else { return Ok(()) };
+    let [.., parent, _] = path else { return Ok(()) };
+    // Only what stands in links and joints of the robot itself.
+    if root != "robot" || rest.len() > 1 && !matches!(rest[0].as_str(), "link" | "joint") || rest.iter().any(|e| e == "visual") {
+        return Ok(());
+    }
+    if let Some(known) = of(&CHILDREN, parent).filter(|known| !known.contains(&element.as_str())) {
+        if let Some(meant) = known.iter().find(|k| strsim::osa_distance(k, element) <= SLIPS) {
+            return Err(format!("<{element}> in <{parent}> is no element of a URDF; is <{meant}> meant?"));
+        }
+    }
+    let Some(known) = of(&ATTRIBUTES, element) else { return Ok(()) };
+    for name in attributes.filter(|name| !name.contains(':') && name != "xmlns") {
+        if !known.contains(&name.as_str()) {
+            return Err(format!("<{element}> in <{parent}> has an attribute `{name}`; it may have {}", known.join(", ")));
+        }
+    }
+    Ok(())
+}
