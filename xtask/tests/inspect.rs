@@ -91,3 +91,21 @@ fn no_data_and_other_data_get_one_line() {
         refused(&args, culprit);
     }
 }
+
+#[test]
+fn a_manifest_that_says_other_lengths_than_its_shards_have_is_refused() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    data("pendulum", folder.path());
+    let place = folder.path().to_str().expect("utf-8");
+    let manifest = folder.path().join("manifest.json");
+    let whole = std::fs::read_to_string(&manifest).expect("manifest");
+    for key in ["trajectories", "frames"] {
+        let mut said: serde_json::Value = serde_json::from_str(&whole).expect("JSON");
+        said[key] = (said[key].as_u64().expect("a count") + 1).into();
+        std::fs::write(&manifest, said.to_string()).expect("written");
+        refused(&["inspect", place], "its shards hold");
+        let out = folder.path().join("run");
+        let train = ["train", "--robot", "pendulum", "--preset", "small", "--data", place, "--out", out.to_str().expect("utf-8")];
+        refused(&train, "its shards hold");
+    }
+}

@@ -74,6 +74,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
     let wrong = |reason: String| anyhow!("{}: {reason}", folder.display());
     manifest.check(&system, &manifest.truth).map_err(wrong)?;
     let (mut all, mut counts, mut hashes) = (columns(&system), Counts::default(), Vec::new());
+    let mut held = (0, manifest.frames);
     let bar = crate::common::bar("shards, twice", 2 * manifest.shards.len() as u64);
     for pass in 0..2 {
         for (k, name) in manifest.shards.iter().enumerate() {
@@ -83,6 +84,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
             if pass == 0 {
                 count(&system, &recording, &kept, &mut counts);
                 hashes.push(recording.sha256());
+                held = (held.0 + recording.trajectories, recording.frames);
             }
             each(&system, &recording, &kept, &mut all, if pass == 0 { Column::add } else { Column::bin })?;
             bar.set((pass * manifest.shards.len() + k + 1) as u64);
@@ -93,6 +95,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
             bail!("{}: the shards are not those it was written for (SHA-256 differs); make the data set anew", manifest.display());
         }
         if pass == 0 {
+            manifest.holds(held.0, held.1).map_err(wrong)?;
             all.iter_mut().for_each(|c| c.close(counts.tokens));
         }
     }
