@@ -7,6 +7,11 @@
 //!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
 //! ```
 
+mod cost;
+pub mod games;
+pub mod policies;
+pub mod transfer;
+
 use std::path::Path;
 
 use serde::Serialize;
