@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
-use nerd_train::Result;
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::NERD;
-use super::report::{Errors, Row, gap, here, one_frame};
-use crate::plot::{COLOURS, Picture, save};
+use super::bars::NERD;
+use super::rows::{Errors, GAP, ONE_FRAME, ROLLED, Row, robots};
+use crate::error::Result;
+use crate::report::plot::{COLOURS, Picture, failed, save};
 
 const SIZE: (u32, u32) = (1400, 900);
 /// Gap between columns, in bars' places.
