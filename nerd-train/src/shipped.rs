@@ -33,3 +33,9 @@ pub fn model(truth: Truth, robot: &str) -> PathBuf {
 pub fn results() -> PathBuf {
     root().join("results")
 }
+
+/// A path as it is given, or if there is nothing, from the workspace's root.
+pub fn find(path: &Path) -> PathBuf {
+    let other = root().join(path);
+    if !path.exists() && other.exists() { other } else { path.into() }
+}

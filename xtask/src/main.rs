@@ -22,6 +22,7 @@ mod flags;
 mod grow;
 mod horizons;
 mod inspect;
+mod keys;
 mod mujoco;
 mod numbers;
 mod out;

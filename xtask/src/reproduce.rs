@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use nerd_model::folder::ModelConfig;
+use nerd_train::run::{Run, RunConfig};
 
 use crate::ablations::{self, AblationArgs};
 use crate::chart::{self, ChartArgs};
@@ -18,7 +19,6 @@ use crate::policy::transfer::{self, TransferArgs};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
 use crate::sweep::{self, SweepArgs};
-use crate::train::{self, TrainArgs};
 use crate::truth::Truth;
 
 /// Robots, the names of their models in `models/`, the first of them the default, and the scenes whose charts are drawn.
@@ -138,7 +138,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
 fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
     let out = Path::new(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
-    match train::train(&TrainArgs::small(robot, out, args.device))? {
+    let mut run = RunConfig::recipe("quick", robot, out)?;
+    run.device = args.device;
+    match Run::new(&run)?.train()? {
         Some(folder) => Ok(folder),
         None => bail!("training of {robot} did not finish"),
     }
