@@ -10,11 +10,11 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod ablations;
 mod campaign;
 mod chart;
 mod check;
 mod common;
+mod conduct;
 mod dataset;
 mod evaluate;
 mod files;
@@ -22,6 +22,7 @@ mod flags;
 mod grow;
 mod horizons;
 mod inspect;
+mod keys;
 mod mujoco;
 mod numbers;
 mod out;
@@ -33,7 +34,6 @@ mod shake;
 mod solvers;
 mod stability;
 mod stamp;
-mod sweep;
 mod tosses;
 mod train;
 mod urdf;

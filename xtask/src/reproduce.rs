@@ -6,18 +6,20 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use nerd_model::folder::ModelConfig;
+use nerd_train::experiments::ablations::Ablations;
+use nerd_train::experiments::policies::Policies;
+use nerd_train::experiments::sweep::Sweep;
+use nerd_train::experiments::transfer::Transfer;
+use nerd_train::run::{Run, RunConfig};
 
-use crate::ablations::{self, AblationArgs};
 use crate::chart::{self, ChartArgs};
 use crate::common::{DEVICES, Device, word};
+use crate::conduct::ConductArgs;
 use crate::evaluate::{self, EvaluateArgs};
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
-use crate::policy::reproduce::{PoliciesArgs, TransferArgs, policies, transfer};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
-use crate::sweep::{self, SweepArgs};
-use crate::train::{self, TrainArgs};
 use crate::truth::Truth;
 
 /// Robots, the names of their models in `models/`, the first of them the default, and the scenes whose charts are drawn.
@@ -65,25 +67,25 @@ pub struct ReproduceArgs {
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
     /// The paper's Figure A.2: NeRD against itself with one design decision taken back
-    Ablations(AblationArgs),
+    Ablations(ConductArgs<Ablations>),
     /// Error against time of the shipped models, over 1000 frames
     Horizons(HorizonArgs),
     /// One run's options changed one at a time, over several seeds
-    Sweep(SweepArgs),
+    Sweep(ConductArgs<Sweep>),
     /// The shipped policies in the truth and in the simulator that learned it
-    Policies(PoliciesArgs),
+    Policies(ConductArgs<Policies>),
     /// Policies' gaps by the size of the network they were trained in
-    Transfer(TransferArgs),
+    Transfer(ConductArgs<Transfer>),
 }
 
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
-        Some(Part::Ablations(args)) => return ablations::run(args),
+        Some(Part::Ablations(args)) => return args.run(),
         Some(Part::Horizons(args)) => return horizons::run(args),
-        Some(Part::Sweep(args)) => return sweep::run(args),
-        Some(Part::Policies(args)) => return policies(args),
-        Some(Part::Transfer(args)) => return transfer(args),
+        Some(Part::Sweep(args)) => return args.run(),
+        Some(Part::Policies(args)) => return args.run(),
+        Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }
     let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });
@@ -137,7 +139,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
 fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
     let out = Path::new(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
-    match train::train(&TrainArgs::small(robot, out, args.device))? {
+    let mut run = RunConfig::recipe("quick", robot, out)?;
+    run.device = args.device;
+    match Run::new(&run)?.train()? {
         Some(folder) => Ok(folder),
         None => bail!("training of {robot} did not finish"),
     }

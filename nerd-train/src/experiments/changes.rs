@@ -69,10 +69,7 @@ pub fn trained(run: &RunConfig) -> Result<ModelConfig> {
 ///
 /// # Errors
 /// The first of a training or a measurement.
-pub fn each<T>(
-    runs: &[(&Change, RunConfig)],
-    mut measure: impl FnMut(&Change, &RunConfig, &ModelConfig) -> Result<T>,
-) -> Result<Vec<T>> {
+pub fn each<T>(runs: &[(&Change, RunConfig)], mut measure: impl FnMut(&Change, &RunConfig, &ModelConfig) -> Result<T>) -> Result<Vec<T>> {
     let (started, mut all) = (Instant::now(), Vec::new());
     for (k, (change, run)) in runs.iter().enumerate() {
         let left = started.elapsed().as_secs_f64() / k as f64 * (runs.len() - k) as f64 / 60.0;

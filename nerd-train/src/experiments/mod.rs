@@ -7,15 +7,21 @@
 //!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
 //! ```
 
-mod cost;
+pub mod ablations;
+pub mod changes;
+pub mod cost;
 pub mod games;
 pub mod policies;
+mod redraw;
+pub mod sweep;
 pub mod transfer;
 
 use std::path::Path;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+pub use redraw::redraw;
 
 use crate::error::Result;
 use crate::report::artifact::{Artifact, may_write};

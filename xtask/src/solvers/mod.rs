@@ -109,6 +109,6 @@ pub fn describe(model: &ModelConfig) -> String {
 /// A model as a solver for `n` environments.
 pub fn neural(folder: &Path, system: &Arc<System>, truth: Option<&str>, device: Device, n: usize) -> Result<Neural> {
     let model = Model::load(folder, system, truth)?;
-    let network = crate::train::network(&model.weights, device, n)?;
+    let network = device.network(&model.weights, n)?;
     Ok(Neural::new(model, system, network))
 }

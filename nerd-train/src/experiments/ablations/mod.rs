@@ -26,42 +26,41 @@ use super::Experiment;
 use super::changes::{Change, chosen, each, model, moved};
 use super::games::gap;
 use super::transfer::{Runner, runners};
-use crate::bounds;
+use crate::bounds::{SEEDS, STARTS, TRANSITIONS, UPDATES, figures};
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::evaluate::summary;
 use crate::report::{Input, Inputs, Table};
 use crate::run::RunConfig;
+use crate::settings::settings;
 
 /// Where trained variants are kept.
 const RUNS: &str = "out/ablations";
 /// Windows in an update of NeRD.
 const BATCH: usize = 64;
 /// Seed of the games' starts.
-const SEED: u64 = 500;
+const GAMES: u64 = 500;
 
-/// Which variants of which robots, and for how long.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ablations {
-    /// Robots: pendulum, ant.
-    #[serde(skip)]
-    pub robots: Vec<String>,
-    /// Variants beside NeRD (`gru`, `abs-pred`, `h-1`); all if there is none.
-    #[serde(skip)]
-    pub only: Vec<String>,
-    /// Optimiser updates of each variant, at least 80, since a loss is noted every 20 and its fall is told by quarters.
-    pub updates: u64,
-    /// Transitions of the training data.
-    pub transitions: usize,
-    /// Trajectories of the evaluation (the paper: 2048).
-    pub starts: usize,
-    /// Games of each running policy (the paper: 2048).
-    pub games: usize,
-    /// Seeds of data, weights and windows; bars are means over them.
-    pub seeds: Vec<u64>,
-    /// Where Transformers are computed; the other networks are always computed on the CPU.
-    #[serde(skip)]
-    pub device: Device,
+settings! {
+    /// The paper's ablations (Figure A.2).
+    pub struct Ablations {
+        /// Robots, comma-separated [default: pendulum,ant]
+        robots: Vec<String> = vec!["pendulum".into(), "ant".into()], Texts;
+        /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
+        only: Vec<String> = Vec::new(), Texts;
+        /// Optimiser updates of each variant, at least 80, since a loss is noted every 20 and its fall is told by quarters
+        updates: u64 = 1200, Whole(80..=*UPDATES.end());
+        /// Transitions of the training data
+        transitions: usize = 200_000, Whole(TRANSITIONS);
+        /// Trajectories of the evaluation (the paper: 2048)
+        starts: usize = 256, Whole(STARTS);
+        /// Games of each running policy (the paper: 2048)
+        games: usize = 128, Whole(STARTS);
+        /// Seeds of data, weights and windows, comma-separated; bars are means over them [default: 0]
+        seeds: Vec<u64> = vec![0], Wholes(SEEDS);
+        /// Where Transformers are computed (cpu or cuda); the other networks are always computed on the CPU
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+    }
 }
 
 /// All variants.
@@ -84,11 +83,11 @@ impl Ablations {
     /// Refuses what is none of the paper's test cases, and anything twice.
     fn check(&self) -> Result<()> {
         if let Some(robot) = self.robots.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
-            refuse!("--robot {robot}: the paper's test cases are of pendulum and ant");
+            refuse!("--robots {robot}: the paper's test cases are of pendulum and ant");
         }
         let (robots, seeds): (HashSet<_>, HashSet<_>) = (self.robots.iter().collect(), self.seeds.iter().collect());
         if robots.len() < self.robots.len() || seeds.len() < self.seeds.len() {
-            refuse!("--robot and --seed: each once");
+            refuse!("--robots and --seeds: each once");
         }
         Ok(())
     }
@@ -127,7 +126,7 @@ impl Ablations {
         let report = moved(&mut learned, &system, scene(&system), (self.starts, frames(&run.robot)))?;
         let folder = run.out.join("model");
         let share = |runner: &Runner| -> Result<f64> {
-            let played = runner.play(&folder, run.device, self.games, SEED)?;
+            let played = runner.play(&folder, run.device, self.games, GAMES)?;
             Ok(gap(played.real.mean, played.learned.mean).abs() / 100.0)
         };
         let gaps = if run.robot == "ant" { runners.iter().map(share).collect::<Result<Vec<f64>>>()? } else { Vec::new() };
@@ -147,7 +146,7 @@ impl Ablations {
 }
 
 /// Where a robot's variants are rolled out.
-fn scene(system: &System) -> &'static str {
+fn scene(system: &System) -> &str {
     system.usual_scenes().first().copied().unwrap_or("free")
 }
 
@@ -165,7 +164,7 @@ fn record(run: &Path) -> Result<(f64, f64)> {
     };
     let Some(validation) = validation else { refuse!("{}: no validation loss; remove the run and train it anew", path.display()) };
     let falling = quarter(2) / quarter(3);
-    bounds::figures(&format!("{}: fall of the training loss", path.display()), &[falling])?;
+    figures(&format!("{}: fall of the training loss", path.display()), &[falling])?;
     Ok((validation, falling))
 }
 
@@ -202,7 +201,7 @@ impl Experiment for Ablations {
         self.check()?;
         let ant = self.robots.iter().any(|r| r == "ant");
         let paths = if ant { runners()? } else { Vec::new() };
-        let runners = paths.into_iter().map(|path| Runner::new(path, self.games, SEED)).collect::<Result<Vec<_>>>()?;
+        let runners = paths.into_iter().map(|path| Runner::new(path, self.games, GAMES)).collect::<Result<Vec<_>>>()?;
         let runs = self.runs()?;
         let measured = each(&runs, |_, run, config| Ok((config.clone(), self.measured(run, &runners)?)))?;
         let mut rows: Vec<Row> = Vec::new();

@@ -128,7 +128,9 @@ fn reasons(data: &Ablated) -> Table {
     };
     let named = |rows: &[&Row], name: &str| rows.iter().find(|r| r.name == name).map(|r| Row::clone(r));
     let fell = |name: &'static str| {
-        line(&format!("training loss of the third quarter over that of the last, {name}"), &|rows| Some(shown(&named(rows, name)?, FALLING)))
+        line(&format!("training loss of the third quarter over that of the last, {name}"), &|rows| {
+            Some(shown(&named(rows, name)?, FALLING))
+        })
     };
     let lines = vec![
         line("error of a predictor that repeats the start / NeRD's", &|rows| Some(digits(rows.first()?.ceiling(&data.rows)?))),

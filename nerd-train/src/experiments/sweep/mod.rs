@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +16,7 @@ use entries::{BASE, entries};
 use super::Experiment;
 use super::changes::{chosen, each, model, moved};
 use super::cost::microseconds;
-use super::games::truth_in;
+use crate::bounds::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES};
 use crate::device::Device;
 use crate::error::Result;
 use crate::evaluate::summary;
@@ -25,41 +26,42 @@ use crate::report::plot::{Figure, Series};
 use crate::report::table::{digits, pair};
 use crate::report::{Input, Inputs, Table};
 use crate::run::{BaseName, RunConfig};
+use crate::settings::settings;
 
 /// Where runs are kept.
 const RUNS: &str = "out/sweep";
 /// Frames that errors are given at.
 const AT: [usize; 3] = [10, 100, 1000];
 
-/// Which runs, of what length.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Sweep {
-    /// Set of runs: switches, sizes, forms, sameness.
-    pub set: String,
-    /// Robot.
-    pub robot: String,
-    /// Runs beside the base; all if there is none.
-    #[serde(skip)]
-    pub only: Vec<String>,
-    /// Seeds of data, weights and windows.
-    pub seeds: Vec<u64>,
-    /// Updates of each run.
-    pub updates: u64,
-    /// Sequences of 32 tokens in an update.
-    pub batch: usize,
-    /// Width of the base's network.
-    pub embedding: usize,
-    /// Its layers.
-    pub layers: usize,
-    /// Transitions that a run starts with.
-    pub transitions: usize,
-    /// Transitions recorded while it goes on.
-    pub fresh: usize,
-    /// Trajectories of the evaluation.
-    pub starts: usize,
-    /// Where networks are trained and evaluated; a frame is timed on the CPU.
-    #[serde(skip)]
-    pub device: Device,
+settings! {
+    /// One run's settings changed one at a time.
+    pub struct Sweep {
+        /// Set of runs: switches (one decision of training taken back, or added, at a time), sizes (width, depth and window of the
+        /// network), forms (the paper's form, optimiser and loss beside ours), sameness (what rollouts differ in from training)
+        set: String = "switches".into(), Text;
+        /// Robot
+        robot: String = "pendulum".into(), Text;
+        /// Runs, comma-separated, beside `base` [default: all of the set]
+        only: Vec<String> = Vec::new(), Texts;
+        /// Seeds of data, weights and windows, comma-separated [default: 0,1,2]
+        seeds: Vec<u64> = vec![0, 1, 2], Wholes(SEEDS);
+        /// Updates of each run
+        updates: u64 = 1500, Whole(UPDATES);
+        /// Sequences of 32 tokens in an update
+        batch: usize = 32, Whole(BATCH);
+        /// Width of the base's network
+        embedding: usize = 48, Whole(EMBEDDING);
+        /// Its layers
+        layers: usize = 2, Whole(LAYERS);
+        /// Transitions that a run starts with
+        transitions: usize = 100_000, Whole(TRANSITIONS);
+        /// Transitions recorded while it goes on
+        fresh: usize = 200_000, Whole(0..=*TRANSITIONS.end());
+        /// Trajectories of the evaluation
+        starts: usize = 128, Whole(STARTS);
+        /// Where networks are trained and evaluated (cpu or cuda); a frame is timed on the CPU
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+    }
 }
 
 /// One run of one seed.
@@ -131,7 +133,7 @@ impl Sweep {
             at: far.as_ref().map(|r| AT.map(|frame| r.curve[frame - 1])),
             error: near.map(|r| summary(&system, &r.error)),
             diverged: far.map_or(self.starts, |r| r.diverged),
-            microseconds: microseconds(&run.out.join("model"), &system, &*system.scene(&scene)?)?,
+            microseconds: microseconds(&run.out.join("model"), &system, &system.scene(&scene)?)?,
         })
     }
 }
@@ -153,7 +155,7 @@ impl Experiment for Sweep {
     }
 
     fn inputs(&self) -> Result<Inputs> {
-        Ok(Inputs(vec![Input::robot(&*System::named(&self.robot)?), truth_in(&self.robot, &self.scene()?)?]))
+        Ok(Inputs(vec![Input::robot(&*System::named(&self.robot)?), Input::motion(&self.robot, &self.scene()?, &Setting::Paper)?]))
     }
 
     fn measure(&self) -> Result<Swept> {
