@@ -1,13 +1,18 @@
 //! Where figures come from and where they go: provenance, what was measured, tables, pictures, files.
 
 pub mod artifact;
+#[cfg(feature = "report")]
+pub mod film;
 pub mod inputs;
 pub mod manifest;
 pub mod marks;
+pub mod motions;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
 pub mod replay;
+#[cfg(feature = "report")]
+pub mod scene;
 pub mod table;
 
 use std::path::Path;
