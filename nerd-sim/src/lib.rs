@@ -38,6 +38,7 @@ pub mod spec;
 #[cfg(feature = "suite")]
 pub mod suite;
 pub mod system;
+pub mod truth;
 mod validate;
 pub mod worlds;
 
@@ -50,4 +51,5 @@ pub mod prelude {
     pub use crate::scene::{Collider, Material, Plane, Scene};
     pub use crate::solver::{Simulation, Solver, StepError};
     pub use crate::system::{System, SystemError};
+    pub use crate::truth::Truth;
 }
