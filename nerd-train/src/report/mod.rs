@@ -4,15 +4,19 @@ pub mod artifact;
 #[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
+pub mod manifest;
+pub mod marks;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
+pub mod replay;
 pub mod table;
 
 use std::path::Path;
 
 pub use artifact::Artifact;
 pub use inputs::{Input, Inputs};
+pub use manifest::{Manifest, Status};
 pub use provenance::Provenance;
 pub use table::Table;
 
