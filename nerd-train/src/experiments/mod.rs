@@ -7,6 +7,9 @@
 //!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
 //! ```
 
+pub mod learned;
+pub mod stability;
+
 use std::path::Path;
 
 use serde::Serialize;

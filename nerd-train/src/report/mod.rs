@@ -3,6 +3,8 @@
 pub mod artifact;
 #[cfg(feature = "report")]
 pub mod film;
+#[cfg(feature = "report")]
+pub mod heat;
 pub mod inputs;
 pub mod manifest;
 pub mod marks;
