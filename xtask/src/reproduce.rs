@@ -13,8 +13,7 @@ use crate::common::{DEVICES, Device, word};
 use crate::evaluate::{self, EvaluateArgs};
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
-use crate::policy::reproduce::{PoliciesArgs, run as policies};
-use crate::policy::transfer::{self, TransferArgs};
+use crate::policy::reproduce::{PoliciesArgs, TransferArgs, policies, transfer};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverArgs, SolverName};
 use crate::sweep::{self, SweepArgs};
@@ -84,7 +83,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         Some(Part::Horizons(args)) => return horizons::run(args),
         Some(Part::Sweep(args)) => return sweep::run(args),
         Some(Part::Policies(args)) => return policies(args),
-        Some(Part::Transfer(args)) => return transfer::run(args),
+        Some(Part::Transfer(args)) => return transfer(args),
         None => {}
     }
     let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });

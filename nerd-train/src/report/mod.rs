@@ -2,8 +2,12 @@
 
 pub mod artifact;
 #[cfg(feature = "report")]
+mod axis;
+#[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
+#[cfg(feature = "report")]
+mod pixels;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
