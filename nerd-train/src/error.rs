@@ -40,6 +40,10 @@ pub enum Error {
     /// A data set.
     #[error(transparent)]
     Data(#[from] nerd_sim::dataset::DatasetError),
+    /// Real motions.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Measured(#[from] nerd_sim::measured::MeasuredError),
     /// A setting.
     #[error(transparent)]
     Range(#[from] OutOfRange),

@@ -5,13 +5,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
+use nerd_sim::mjcf::{Referee, Scheme};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
 use serde::Serialize;
 
-use super::{Referee, Scheme};
 use crate::chart::{Point, Replay, mean};
 use crate::common::bar;
 
@@ -30,7 +30,7 @@ pub struct Against {
 /// MuJoCo at the starts of an evaluation.
 pub fn referee(python: &Path, system: &System, scene: &Scene, config: PassiveConfig) -> Result<Referee> {
     let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
-    Referee::new(python, system, scene, &starts, config.steps)
+    Referee::new(python, system, scene, &starts, config.steps).with_context(|| format!("--mujoco {}", python.display()))
 }
 
 /// Its points at powers of two of substeps up to `most`; `truth` are the frames of our reference, named `reference`.

@@ -2,25 +2,27 @@
 
 use std::sync::Arc;
 
-use anyhow::{Result, anyhow};
 use nalgebra::{Isometry3, Vector3};
-use nerd_sim::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::stability::worlds::Body;
+use super::bodies::Body;
+use crate::system::{System, SystemError};
 
-/// Edge (m), mass (kg) and inertia about each axis (kg m^2), as published.
+/// Published edge (m).
 pub const EDGE: f64 = 0.1048;
+/// Published mass (kg).
 pub const MASS: f64 = 0.37;
+/// Published inertia about each axis (kg m^2).
 pub const INERTIA: f64 = 8.1e-4;
 /// Inertia of a solid cube of that mass (kg m^2).
 pub const SOLID: f64 = MASS * EDGE * EDGE / 6.0;
-/// Published friction and restitution.
+/// Published friction coefficient.
 pub const FRICTION: f64 = 0.18;
+/// Published restitution.
 pub const RESTITUTION: f64 = 0.125;
 
 /// The published cube on a compliant table.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cube {
     /// Normal stiffness (N/m).
     pub stiffness: f64,
@@ -43,17 +45,20 @@ impl Default for Cube {
 }
 
 impl Cube {
-    /// Its system; the table is scene `ground`.
-    pub fn system(&self) -> Result<Arc<System>> {
-        let body = Body {
+    /// Its system, of 1/148 s a frame; the table is scene `ground`.
+    ///
+    /// # Errors
+    /// [`SystemError`] where a field cannot be honoured, such as a negative stiffness.
+    pub fn system(&self) -> Result<Arc<System>, SystemError> {
+        Body {
             shape: format!(r#"<box size="{EDGE} {EDGE} {EDGE}"/>"#),
             mass: MASS,
             inertia: [self.inertia; 3],
             frame: "1/148",
             material: [self.stiffness, self.damping(), self.friction_damping, self.friction],
             ..Default::default()
-        };
-        body.system().map_err(|e| anyhow!(e))
+        }
+        .system()
     }
 
     /// Damping (N s/m) at which the law throws a corner back with `restitution` of its speed.
@@ -96,6 +101,7 @@ pub fn lowest(pose: &Isometry3<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prelude::*;
 
     /// A ball with the mass a corner shows, dropped on the table, against the restitution asked for.
     #[test]

@@ -1,17 +1,21 @@
 //! The tosses as they were measured: tosses.csv and tosses_meta.csv of one folder.
 //!
-//! tosses.csv: `toss, step, p? (m), q? (w first), v? (m/s, world), w? (rad/s, BODY axes)`, one row every 1/148 s. A row's
-//! velocity is the difference to the row before it. tosses_meta.csv: `toss, duplicate_of, first_contact_step`. A toss that
+//! `tosses.csv`: `toss, step, p? (m), q? (w first), v? (m/s, world), w? (rad/s, BODY axes)`, one row every 1/148 s. A row's
+//! velocity is the difference to the row before it. `tosses_meta.csv`: `toss, duplicate_of, first_contact_step`. A toss that
 //! is another's copy, turned and shifted, is left out: it would weigh twice, and sit on both sides of a split.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+
+use super::MeasuredError;
+use crate::table::Table;
 
 /// Seconds between two rows.
 pub const DT: f64 = 1.0 / 148.0;
+/// Largest number of a row in its toss.
+const LENGTH: u64 = 1_000_000;
 
 /// One measured moment; everything in world axes.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +33,7 @@ pub struct Sample {
 pub struct Toss {
     /// Its number in the file.
     pub id: u64,
-    /// First sample with a corner below 2 mm.
+    /// First sample with a corner below 2 mm over the table.
     pub first_contact: usize,
     /// What was measured.
     pub samples: Vec<Sample>,
@@ -51,72 +55,47 @@ impl Sample {
 }
 
 /// The tosses of a folder, by id, copies left out.
-pub fn read(folder: &Path) -> Result<Vec<Toss>> {
+///
+/// # Errors
+/// [`MeasuredError::Absent`], or what is wrong in the files, with line and column.
+pub fn read(folder: &Path) -> Result<Vec<Toss>, MeasuredError> {
     let (path, meta) = (folder.join("tosses.csv"), folder.join("tosses_meta.csv"));
     if let Some(absent) = [&path, &meta].into_iter().find(|p| !p.exists()) {
-        bail!("no toss data: {} is absent; name the folder that holds tosses.csv and tosses_meta.csv with --data", absent.display());
+        return Err(MeasuredError::Absent(absent.clone()));
     }
+    let mut table = Table::open(&meta)?;
+    let columns = table.columns(&["toss", "duplicate_of", "first_contact_step"])?;
     let mut tosses = BTreeMap::new();
-    let columns = ["toss", "duplicate_of", "first_contact_step"];
-    rows(&meta, &columns, &mut |line, cells| {
-        if cells[1].is_empty() {
-            let [id, first_contact] = [cells[0], cells[2]].map(|c| whole(&meta, line, c));
-            let (id, first_contact) = (id?, first_contact? as usize);
+    table.rows(|row| {
+        if row.cell(columns[1]).is_empty() {
+            let (id, first_contact) = (row.whole(columns[0], u64::MAX)?, row.whole(columns[2], LENGTH)? as usize);
             tosses.insert(id, Toss { id, first_contact, samples: Vec::new() });
         }
         Ok(())
     })?;
-    let columns = ["toss", "step", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"];
-    rows(&path, &columns, &mut |line, cells| {
-        let Some(toss) = tosses.get_mut(&whole(&path, line, cells[0])?) else { return Ok(()) };
-        let step = whole(&path, line, cells[1])? as usize;
-        if step != toss.samples.len() {
-            bail!("{}: line {line}: step {step} of toss {}, step {} was due", path.display(), toss.id, toss.samples.len());
+    if tosses.is_empty() {
+        return Err(table.wrong("no tosses".into()).into());
+    }
+    let mut table = Table::open(&path)?;
+    let columns = table.columns(&["toss", "step", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"])?;
+    table.rows(|row| {
+        let Some(toss) = tosses.get_mut(&row.whole(columns[0], u64::MAX)?) else { return Ok(()) };
+        let (step, due) = (row.whole(columns[1], LENGTH)? as usize, toss.samples.len());
+        if step != due {
+            return Err(row.wrong(&format!(": step {step} of toss {}, step {due} was due", toss.id)));
         }
-        let mut x = [0.0; 13];
-        for (x, cell) in x.iter_mut().zip(&cells[2..]) {
-            *x = cell
-                .parse::<f64>()
-                .ok()
-                .filter(|x| x.is_finite())
-                .with_context(|| format!("{}: line {line}: `{cell}` is no finite number", path.display()))?;
-        }
+        let x = row.numbers(&columns[2..])?;
+        row.unit(&columns[5..9], &x[3..7])?;
         let vector = |k: usize| Vector3::new(x[k], x[k + 1], x[k + 2]);
-        let turn = Quaternion::new(x[3], x[4], x[5], x[6]);
-        if (turn.norm() - 1.0).abs() > 1e-3 {
-            bail!("{}: line {line}: the quaternion's length is {:.4}, not 1", path.display(), turn.norm());
-        }
-        let turn = UnitQuaternion::new_normalize(turn);
+        let turn = UnitQuaternion::new_normalize(Quaternion::new(x[3], x[4], x[5], x[6]));
         let pose = Isometry3::from_parts(vector(0).into(), turn);
         toss.samples.push(Sample { pose, velocity: vector(7), spin: turn * vector(10) });
         Ok(())
     })?;
     if let Some(toss) = tosses.values().find(|t| t.samples.is_empty()) {
-        bail!("{}: no rows of toss {}, which {} names", path.display(), toss.id, meta.display());
-    }
-    if tosses.is_empty() {
-        bail!("{}: no tosses", meta.display());
+        return Err(table.wrong(format!("no rows of toss {}, which {} names", toss.id, meta.display())).into());
     }
     Ok(tosses.into_values().collect())
-}
-
-/// Hands the named columns of every row to `take`, with the row's line.
-fn rows(path: &Path, columns: &[&str], take: &mut dyn FnMut(usize, &[&str]) -> Result<()>) -> Result<()> {
-    let name = path.display();
-    let mut reader = csv::Reader::from_path(path).with_context(|| format!("cannot read {name}"))?;
-    let header = reader.headers().with_context(|| format!("{name}: no header"))?.clone();
-    let at = |wanted: &&str| header.iter().position(|h| h.trim() == *wanted).with_context(|| format!("{name}: no column `{wanted}`"));
-    let at = columns.iter().map(at).collect::<Result<Vec<_>>>()?;
-    for (i, record) in reader.records().enumerate() {
-        let record = record.with_context(|| format!("{name}: line {}", i + 2))?;
-        let cells: Vec<&str> = at.iter().map(|&c| record.get(c).unwrap_or_default().trim()).collect();
-        take(i + 2, &cells)?;
-    }
-    Ok(())
-}
-
-fn whole(path: &Path, line: usize, cell: &str) -> Result<u64> {
-    cell.parse().ok().with_context(|| format!("{}: line {line}: `{cell}` is no whole number", path.display()))
 }
 
 #[cfg(test)]
@@ -175,7 +154,7 @@ mod tests {
     fn what_is_wrong_is_named_in_one_line() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let error = |what: &str| {
-            let error = format!("{:#}", read(folder.path()).expect_err("an error"));
+            let error = read(folder.path()).expect_err("an error").to_string();
             assert!(error.contains(what) && !error.contains('\n'), "`{error}` does not name {what}");
         };
         error("no toss data");

@@ -3,12 +3,9 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use nerd_sim::prelude::*;
-
-mod states;
-
-use states::{States, read};
+use nerd_sim::rollout::States;
 
 use crate::flags::unused;
 use crate::numbers::{self, FRAMES, count};
@@ -59,35 +56,18 @@ pub fn run(args: RolloutArgs) -> Result<()> {
         unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
     }
     let bytes = choice.bytes()?.saturating_add(1024 * system.robot.state_dim());
-    let file = read(&args.states, &system)?;
+    let file = States::read(&args.states, &system)?;
     let steps = steps(&args, &file)?;
-    let (n, joints) = (file.trajectories.len(), system.robot.joint_count());
+    let n = file.trajectories.len();
     // The table is written whole, so it is kept until then: some 20 characters a number.
     numbers::memory(&[("trajectories", n), ("--steps", steps)], 24 * (system.robot.state_dim() + 2))?;
     numbers::memory(&[("trajectories", n)], bytes)?;
     numbers::time(&[("trajectories", n), ("--steps", steps), ("substeps", choice.substeps())])?;
-    let mut batch = Batch::new(&system, &scene, n);
-    file.trajectories.values().enumerate().for_each(|(env, t)| batch.reset(env, &t.start));
     let mut solver = choice.build(&system, &scene.name, n)?;
-    let ids: Vec<&u64> = file.trajectories.keys().collect();
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)))?;
-    write_rows(&mut out, &ids, 0, &batch)?;
-    let mut torques = vec![0.0; n * joints];
     let bar = crate::common::bar("frames", steps as u64);
-    for step in 0..steps {
-        for (t, torques) in file.trajectories.values().zip(torques.chunks_exact_mut(joints.max(1))) {
-            if let Some(given) = t.torques(step) {
-                torques.copy_from_slice(given);
-            }
-        }
-        solver.step(&mut batch, &torques)?;
-        write_rows(&mut out, &ids, step + 1, &batch)?;
-        bar.set(step as u64 + 1);
-    }
+    let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
     bar.finish();
-    let bytes = out.into_inner().context("cannot finish the table")?;
-    crate::files::write(&args.out, &bytes)
+    crate::files::write(&args.out, &table)
 }
 
 /// Frames over all trajectories that a file may ask for by the number of its last step alone: it may be a slip.
@@ -103,14 +83,6 @@ fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     if steps == 0 {
         bail!("{name}: there are starts alone, no row after step 0; say with --steps how many frames are wanted");
     }
-    file.check(steps).with_context(|| name.to_string())?;
+    file.check(steps)?;
     Ok(steps)
-}
-
-fn write_rows(out: &mut csv::Writer<Vec<u8>>, ids: &[&u64], step: usize, batch: &Batch) -> Result<()> {
-    for (env, id) in ids.iter().enumerate() {
-        let state = batch.state(env).iter().map(|x| x.to_string());
-        out.write_record([id.to_string(), step.to_string()].into_iter().chain(state))?;
-    }
-    Ok(())
 }

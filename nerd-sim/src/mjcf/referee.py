@@ -1,4 +1,4 @@
-"""Steps a model with MuJoCo for `cargo xtask chart --mujoco`.
+"""Steps a model with MuJoCo for `nerd_sim::mjcf::Referee`.
 
 JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames` and `starts` as [qpos, qvel]; the answer is
 MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the
@@ -22,7 +22,7 @@ def main():
     try:
         import mujoco
     except ImportError as error:
-        return say({"error": f"no MuJoCo here ({error}); give --mujoco a Python that has it"})
+        return say({"error": f"no MuJoCo here ({error}); name a Python that has it"})
     # What blows up is counted, and need not be written to a file.
     mujoco.set_mju_user_warning(lambda text: None)
     model = mujoco.MjModel.from_xml_string(request["mjcf"])

@@ -1,15 +1,18 @@
 //! The model written for MuJoCo holds all of the robot; states come back as they went; and where there is a MuJoCo
 //! (`NERD_MUJOCO`, the path of a Python that has it), it moves as ours does.
 
-use nerd_core::robot::Limit;
-use nerd_core::state::wrap;
-use nerd_sim::sampling::{Start, start, stream};
+use std::io::Write;
+use std::path::Path;
 
-use super::*;
+use nerd_core::robot::Limit;
+use nerd_core::wrap;
+use nerd_sim::mjcf::{Referee, Scheme, from_mujoco, mjcf, to_mujoco};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
 
 fn text(robot: &str, scene: &str) -> String {
     let system = System::named(robot).expect("built in");
-    mjcf::mjcf(&system, &system.scene(scene).expect("scene")).expect("written")
+    mjcf(&system, &system.scene(scene).expect("scene")).expect("written")
 }
 
 fn count(text: &str, what: &str) -> usize {
@@ -46,7 +49,7 @@ fn states_come_back_as_they_went() {
         let system = System::named(robot).expect("built in");
         for k in 0..20 {
             let ours = start(&system, Start::Sample, &mut stream(3, k));
-            let back = state::from_mujoco(&system.robot, &state::to_mujoco(&system.robot, &ours));
+            let back = from_mujoco(&system.robot, &to_mujoco(&system.robot, &ours));
             let gap = ours.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(gap < 1e-13, "{robot}: {gap:.1e}");
         }
@@ -55,7 +58,7 @@ fn states_come_back_as_they_went() {
     let system = System::named("cube").expect("built in");
     let half = 0.5f64.sqrt();
     let ours = [1.0, 0.0, 0.0, half, 0.0, 0.0, half, 0.0, 0.0, 2.0, 0.0, -2.0, 0.0];
-    let theirs = state::to_mujoco(&system.robot, &ours);
+    let theirs = to_mujoco(&system.robot, &ours);
     let expected = [1.0, 0.0, 0.0, half, half, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0];
     assert!(theirs.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{theirs:?}");
 }

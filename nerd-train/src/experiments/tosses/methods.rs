@@ -2,20 +2,32 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
 use nerd_sim::articulated::Refresh;
+use nerd_sim::measured::{Cube, MeasuredError, Motion, RESTITUTION, Trial, microseconds, roll};
 use nerd_sim::prelude::*;
 use nerd_sim::rapier::FrictionModel;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::cube::{Cube, RESTITUTION};
+type Result<T> = std::result::Result<T, MeasuredError>;
 
 /// A solver and its settings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Setting {
+    /// `articulated`.
     Articulated(ArticulatedConfig),
+    /// rapier.
     Rapier(RapierConfig),
+}
+
+impl Setting {
+    /// The solver.
+    pub fn solver(&self) -> Box<dyn Solver> {
+        match *self {
+            Self::Articulated(config) => Box::new(Articulated::new(config)),
+            Self::Rapier(config) => Box::new(Rapier::new(config)),
+        }
+    }
 }
 
 /// A solver of one body.
@@ -35,12 +47,14 @@ impl Method {
         Ok(Self { name: name.into(), system: cube.system()?, setting })
     }
 
-    /// The solver.
-    pub fn solver(&self) -> Box<dyn Solver> {
-        match self.setting {
-            Setting::Articulated(config) => Box::new(Articulated::new(config)),
-            Setting::Rapier(config) => Box::new(Rapier::new(config)),
-        }
+    /// Its motions, and how many it lost.
+    pub fn roll(&self, trials: &[Trial]) -> Result<(Vec<Motion>, usize)> {
+        roll(&self.system, &|_| self.setting.solver(), trials)
+    }
+
+    /// Microseconds a frame.
+    pub fn microseconds(&self, trials: &[Trial]) -> Result<f64> {
+        microseconds(&self.system, &|_| self.setting.solver(), trials)
     }
 }
 
@@ -64,7 +78,7 @@ fn untouched() -> RapierConfig {
     RapierConfig { steps: 1, contact_frequency_hz: 60.0, friction: FrictionModel::Simplified, length_unit: 1.0, ..Default::default() }
 }
 
-/// The two that are taken apart in `sources`, for a cube; `finer` times their substeps, `other` friction than theirs.
+/// The two that are taken apart in [`super::changes`], for a cube; `finer` times their substeps, `other` friction than theirs.
 pub fn pair(cube: &Cube, finer: usize, other: bool) -> Result<[Method; 2]> {
     let friction = if other { FrictionModel::Simplified } else { FrictionModel::Coulomb };
     let rapier = RapierConfig { restitution: cube.restitution, friction, ..rapier(4, finer) };

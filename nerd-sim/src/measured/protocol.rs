@@ -4,18 +4,18 @@
 //! of |dp| and of the angle between the orientations over all samples of a rollout, then over rollouts. The whole toss is one
 //! more rollout, from the first sample to the last.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::state::{quaternion, vector};
-use nerd_sim::prelude::*;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+use super::MeasuredError;
 use super::cube::lowest;
 use super::data::{DT, Sample, Toss};
-use super::method::Method;
+use crate::prelude::*;
 
 /// Samples of a window.
 pub const WINDOW: usize = 80;
@@ -24,9 +24,11 @@ pub const METRIC: f64 = 0.979;
 
 /// Poses, one a frame.
 pub type Motion = Vec<Isometry3<f64>>;
+/// Makes a solver for a system, in any thread.
+pub type Make<'a> = dyn Fn(&Arc<System>) -> Box<dyn Solver> + Sync + 'a;
 
 /// A start and what was measured from there on.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Trial {
     /// Toss it is of.
     pub toss: u64,
@@ -41,7 +43,7 @@ pub struct Trial {
 /// Windows of all tosses that begin at every `every`-th sample; lengths divided by `scale`.
 pub fn windows(tosses: &[Toss], every: usize, scale: f64) -> Vec<Trial> {
     let cut = |toss: &Toss| {
-        let all = (0..(toss.samples.len() + 1).saturating_sub(WINDOW)).step_by(every);
+        let all = (0..(toss.samples.len() + 1).saturating_sub(WINDOW)).step_by(every.max(1));
         all.map(|first| trial(toss, first, WINDOW, scale)).collect::<Vec<_>>()
     };
     tosses.iter().flat_map(cut).collect()
@@ -69,22 +71,26 @@ pub fn lifted(trials: &[Trial]) -> Vec<Trial> {
 }
 
 /// Distance of two sets of motions.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Score {
-    /// Mean |dp| (m) and mean angle (rad).
+    /// Mean |dp| (m).
     pub position: f64,
+    /// Mean angle (rad).
     pub rotation: f64,
-    /// Standard deviations over rollouts.
+    /// Standard deviation of |dp| over rollouts.
     pub position_spread: f64,
+    /// Standard deviation of the angle over rollouts.
     pub rotation_spread: f64,
-    /// Medians over rollouts.
+    /// Median of |dp| over rollouts.
     pub position_median: f64,
+    /// Median of the angle over rollouts.
     pub rotation_median: f64,
-    /// Share of rollouts that end on another face, and their share of all the angles.
+    /// Share of rollouts that end on another face.
     pub other_face: f64,
+    /// Their share of all the angles.
     pub other_face_angles: f64,
     /// Both means by sample, of motions of equal length.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub by_step: Vec<[f64; 2]>,
 }
 
@@ -95,7 +101,7 @@ impl Score {
     }
 }
 
-/// The distance of each motion from its like.
+/// The distance of each motion from its like; of none, zeros.
 pub fn score<'a>(pairs: impl Iterator<Item = (&'a Motion, &'a Motion)>) -> Score {
     let (mut each, mut steps, mut equal) = (Vec::new(), Vec::<[f64; 2]>::new(), true);
     let (mut others, mut angles) = (0.0, 0.0);
@@ -111,6 +117,9 @@ pub fn score<'a>(pairs: impl Iterator<Item = (&'a Motion, &'a Motion)>) -> Score
             (others, angles) = (others + 1.0, angles + means[1]);
         }
         each.push(means);
+    }
+    if each.is_empty() {
+        return Score::default();
     }
     let n = each.len() as f64;
     let [(position, position_spread, position_median), (rotation, rotation_spread, rotation_median)] = [0, 1].map(|k| {
@@ -147,10 +156,15 @@ pub fn against(trials: &[Trial], motions: &[Motion]) -> Score {
     score(motions.iter().zip(trials.iter().map(|t| &t.measured)))
 }
 
-/// Rolls every trial out. A rollout that the solver cannot finish stands still from there on; how many did.
-pub fn roll(method: &Method, trials: &[Trial]) -> Result<(Vec<Motion>, usize)> {
-    let scene = method.system.scene("ground").context("the cube has no table")?;
-    let begin = || (method.solver(), Batch::new(&method.system, &scene, 1));
+/// Rolls every trial out with the cube and the table of `system` ([`Cube::system`](super::Cube::system)) under the solver that
+/// `make` makes, in as many threads as there are. A rollout that the solver cannot finish stands still from there on; how many
+/// did.
+///
+/// # Errors
+/// If `system` has no scene `ground`.
+pub fn roll(system: &Arc<System>, make: &Make<'_>, trials: &[Trial]) -> Result<(Vec<Motion>, usize), MeasuredError> {
+    let scene = system.scene("ground")?;
+    let begin = || (make(system), Batch::new(system, &scene, 1));
     let done: Vec<(Motion, bool)> = trials
         .par_iter()
         .map_init(begin, |(solver, batch), trial| {
@@ -171,14 +185,17 @@ pub fn roll(method: &Method, trials: &[Trial]) -> Result<(Vec<Motion>, usize)> {
 }
 
 /// Microseconds a frame on one core: the fastest of three passes over some of the trials.
-pub fn microseconds(method: &Method, trials: &[Trial]) -> Result<f64> {
-    let some: Vec<Trial> = trials.iter().step_by(trials.len().div_ceil(64)).cloned().collect();
+///
+/// # Errors
+/// As [`roll`], and if no thread can be started.
+pub fn microseconds(system: &Arc<System>, make: &Make<'_>, trials: &[Trial]) -> Result<f64, MeasuredError> {
+    let some: Vec<Trial> = trials.iter().step_by(trials.len().div_ceil(64).max(1)).cloned().collect();
     let frames: usize = some.iter().map(|t| t.measured.len() - 1).sum();
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| MeasuredError::Thread(e.to_string()))?;
     let mut best = f64::MAX;
     for _ in 0..3 {
         let started = Instant::now();
-        one.install(|| roll(method, &some))?;
+        one.install(|| roll(system, make, &some))?;
         best = best.min(started.elapsed().as_secs_f64());
     }
     Ok(best * 1e6 / frames as f64)

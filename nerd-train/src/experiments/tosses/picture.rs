@@ -2,30 +2,30 @@
 
 use std::path::Path;
 
-use nerd_train::Result;
+use nerd_sim::measured::Score;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::protocol::Score;
-use crate::plot::COLOURS;
+use crate::error::Result;
+use crate::report::plot::{COLOURS, Picture, failed, save};
 
 /// A curve: name, errors by step, and whether it is a floor or a bound, which is dashed.
 pub struct Curve<'a> {
-    pub name: String,
+    pub name: &'a str,
     pub score: &'a Score,
     pub dashed: bool,
 }
 
 /// Writes `stem`.svg and `stem`.png.
 pub fn draw(curves: &[Curve], stem: &Path) -> Result<()> {
-    crate::plot::save(stem, (1200, 600), &Panels(curves))
+    save(stem, (1200, 600), &Panels(curves))
 }
 
 struct Panels<'a>(&'a [Curve<'a>]);
 
-impl crate::plot::Picture for Panels<'_> {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
-        let failed = nerd_train::report::plot::failed::<B>;
+impl Picture for Panels<'_> {
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
+        let failed = failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let (body, legend) = area.split_vertically(500);
         for (k, (panel, what)) in
@@ -70,7 +70,7 @@ impl crate::plot::Picture for Panels<'_> {
             for (from, to) in parts {
                 legend.draw(&PathElement::new([(x + from, y), (x + to, y)], style)).map_err(failed)?;
             }
-            legend.draw(&Text::new(curve.name.clone(), (x + 40, y - 8), ("sans-serif", 14))).map_err(failed)?;
+            legend.draw(&Text::new(curve.name.to_string(), (x + 40, y - 8), ("sans-serif", 14))).map_err(failed)?;
         }
         area.present().map_err(failed)
     }

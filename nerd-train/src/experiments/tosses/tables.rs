@@ -1,55 +1,18 @@
-//! The figures as text, JSON and a picture.
+//! The figures as people read them.
 
-use std::path::Path;
+use nerd_sim::measured::{EDGE, Score};
 
-use anyhow::Result;
+use super::{Effect, Measured};
+use crate::report::Table;
+use crate::report::table::digits;
 
-use super::cube::EDGE;
-use super::{Curve, Effect, Fit, Line, Noise, Row, Score, figure};
-use crate::provenance::Provenance;
-use crate::table::{digits, markdown};
-
-/// All that was measured.
-#[derive(serde::Serialize)]
-pub struct Report {
-    pub tosses: usize,
-    pub windows: usize,
-    pub rows: Vec<Row>,
-    pub lines: Vec<Line>,
-    pub noise: Noise,
-    /// Prediction with noise on its start against that without.
-    pub floor: Score,
-    pub fit: Fit,
-}
-
-/// Rows of the picture.
-const DRAWN: [&str; 6] = [
-    "articulated implicit x16",
-    "articulated implicit x1",
-    "rapier 4 x 1",
-    "articulated paper, its own cube",
-    "no motion",
-    "flight, frozen at the first touch",
-];
-
-impl Report {
-    /// For the terminal and tosses.md.
-    pub fn text(&self) -> String {
-        format!(
-            "# Real cube tosses\n\n{} tosses, {} windows of 80 samples; error: mean |dp| (m) / mean angle (rad); whole tosses: % of the \
-             cube's width / degrees, mean ± standard deviation over tosses. Nothing is fitted here.\n\n{}\n\
-             ## What the errors come from\n\nOne change at a time, windows with lifted starts. Left: error against the measurement; right: distance \
-             from the prediction of the first line.\n\n{}\n{}\n## Fitted\n\n{}",
-            self.tosses,
-            self.windows,
-            self.methods(),
-            self.changes(),
-            self.words(),
-            self.fitted()
-        )
+impl Measured {
+    /// Methods, changes, and the fitted table.
+    pub(super) fn tables(&self) -> Vec<Table> {
+        vec![self.methods(), self.changes(), self.fitted()]
     }
 
-    fn methods(&self) -> String {
+    fn methods(&self) -> Table {
         let rows = self.rows.iter().map(|r| {
             let some = |s: &Option<Score>, text: fn(&Score) -> String| s.as_ref().map_or("-".into(), text);
             vec![
@@ -64,10 +27,14 @@ impl Report {
             ]
         });
         let header = ["method", "as measured", "lifted", "lifted, metric", "whole toss", "whole toss, metric", "us a frame", "lost"];
-        markdown(&header, &rows.collect::<Vec<_>>())
+        Table::new("methods", &header).with(rows).noted(&format!(
+            "{} real tosses of a cube, {} windows of 80 samples; error: mean |dp| (m) / mean angle (rad); whole tosses: % of the cube's \
+             width / degrees, mean ± standard deviation over tosses. Nothing is fitted here.",
+            self.tosses, self.windows
+        ))
     }
 
-    fn changes(&self) -> String {
+    fn changes(&self) -> Table {
         let rows = self.lines.iter().map(|line| {
             let cells = line.by_method.iter().flat_map(|effect| {
                 let error = effect.as_ref().map_or("-".into(), |e| window(&e.error));
@@ -75,7 +42,12 @@ impl Report {
             });
             std::iter::once(line.change.clone()).chain(cells).collect()
         });
-        markdown(&["change", "rapier 4 x 1", "parts by", "articulated implicit x16", "parts by"], &rows.collect::<Vec<_>>())
+        let header = ["change", "rapier 4 x 1", "it parts by", "articulated implicit x16", "this parts by"];
+        Table::new("changes", &header).with(rows).noted(&format!(
+            "What the errors come from: one change at a time, windows with lifted starts. Error against the measurement, and distance from \
+             the prediction of the first line.\n\n{}",
+            self.words()
+        ))
     }
 
     /// What follows from the figures.
@@ -97,7 +69,7 @@ impl Report {
              with all else that is different between them. **Length**: metric {}, half a frame's age of the velocities {}. \
              **Stiffness**, ten times: {}. **Starts in the table**: the measured cube rests about 1 mm deep in it (the length scale and \
              noise), and a spring throws it out: {} as measured. What is left after noise and the difference of two solvers is what \
-             both have in common, most likely a perfect cube with one friction and one restitution everywhere.\n",
+             both have in common, most likely a perfect cube with one friction and one restitution everywhere.",
             window(base),
             n.flights,
             1e3 * n.velocity,
@@ -128,41 +100,25 @@ impl Report {
         )
     }
 
-    fn fitted(&self) -> String {
-        let fit = &self.fit;
+    fn fitted(&self) -> Table {
+        let (fit, before) = (&self.fit.fit, &self.fit.odd_before);
         let row = |name: &str, even: Option<&Score>, odd: &Score| vec![name.into(), even.map_or("-".into(), window), window(odd)];
-        let table = markdown(
-            &["setting", "even tosses (chosen on)", "odd tosses (scored on)"],
-            &[
-                row("rapier 4 x 1, published, starts as measured", None, &fit.odd_before[0]),
-                row("rapier 4 x 1, published, lifted", None, &fit.odd_before[1]),
-                row("articulated implicit x16, as above, lifted", None, &fit.odd_before[2]),
-                row("articulated implicit x16, FITTED, lifted", Some(&fit.even), &fit.odd),
-            ],
-        );
-        format!(
-            "The best of {} settings of the compliant table: stiffness {} N/m, damping {} N s/m (restitution {}), friction damping {} N s/m; \
-             friction stays 0.18.\n\n{table}",
+        let header = ["setting", "even tosses (chosen on)", "odd tosses (scored on)"];
+        let rows = [
+            row("rapier 4 x 1, published, starts as measured", None, &before[0]),
+            row("rapier 4 x 1, published, lifted", None, &before[1]),
+            row("articulated implicit x16, as above, lifted", None, &before[2]),
+            row("articulated implicit x16, FITTED, lifted", Some(&fit.even), &fit.odd),
+        ];
+        Table::new("fitted", &header).with(rows).noted(&format!(
+            "The best of {} settings of the compliant table: stiffness {} N/m, damping {} N s/m (restitution {}), friction damping {} \
+             N s/m; friction stays 0.18.",
             fit.tried,
             digits(fit.cube.stiffness),
             digits(fit.damping),
             fit.cube.restitution,
             digits(fit.cube.friction_damping)
-        )
-    }
-
-    /// Writes tosses.json, .md, .svg and .png.
-    pub fn write(&self, text: &str, out: &Path, stamp: Provenance) -> Result<()> {
-        let json = serde_json::json!({ "provenance": stamp, "measured": self });
-        crate::files::write(&out.join("tosses.json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
-        let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
-        crate::files::write(&out.join("tosses.md"), (text.to_string() + &from).as_bytes())?;
-        let row = |name: &&str| self.rows.iter().find(|r| r.method == **name);
-        let curve = |r: &'_ Row| (r.method.clone(), r.lifted.clone(), r.microseconds.is_none());
-        let mut curves: Vec<_> = DRAWN.iter().filter_map(row).map(curve).collect();
-        curves.push(("what noise on velocities does".into(), self.floor.clone(), true));
-        let curves: Vec<Curve> = curves.iter().map(|(name, score, dashed)| Curve { name: name.clone(), score, dashed: *dashed }).collect();
-        Ok(figure::draw(&curves, &out.join("tosses"))?)
+        ))
     }
 }
 

@@ -1,30 +1,15 @@
 //! What the error comes from: one thing is changed at a time, under two solvers, and two figures are taken: the error
 //! against the measurement, and how far the prediction parted from the unchanged one.
 
-use anyhow::Result;
-use nalgebra::{Matrix3, Vector3};
-use nerd_sim::sampling::stream;
-use rand::RngExt;
-use serde::Serialize;
+use nerd_sim::measured::*;
+use serde::{Deserialize, Serialize};
 
-use super::cube::{Cube, SOLID, lowest};
-use super::data::{DT, Sample, Toss};
-use super::method::pair;
-use super::protocol::{METRIC, Motion, Score, Trial, against, lifted, roll, score, windows};
-
-/// Noise of measured velocities, by axis.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Noise {
-    /// m/s.
-    pub velocity: f64,
-    /// rad/s.
-    pub spin: f64,
-    /// Flights it was taken from.
-    pub flights: usize,
-}
+use super::methods::pair;
+use crate::error::Result;
+use crate::progress::bar;
 
 /// One changed thing.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Line {
     /// What.
     pub change: String,
@@ -33,7 +18,7 @@ pub struct Line {
 }
 
 /// What a change does.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Effect {
     /// Distance from the measurement.
     pub error: Score,
@@ -55,63 +40,11 @@ struct Change {
 /// The line whose motions are not of the first line's scale.
 const METRES: &str = "lengths metric (divided by 0.979)";
 
-/// In flight the velocity is linear in time and the spin of a cube constant; what is left is noise.
-pub fn noise(tosses: &[Toss]) -> Noise {
-    let (mut v2, mut w2, mut v_free, mut w_free, mut flights) = (0.0, 0.0, 0.0, 0.0, 0);
-    for toss in tosses {
-        // The filter on the velocities looks one sample ahead.
-        let flight = &toss.samples[..toss.first_contact.saturating_sub(2).min(toss.samples.len())];
-        if flight.len() < 6 {
-            continue;
-        }
-        let n = flight.len() as f64;
-        let middle = 0.5 * (n - 1.0);
-        let (mut v, mut slope, mut w, mut square) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros(), 0.0);
-        for (k, s) in flight.iter().enumerate() {
-            let t = k as f64 - middle;
-            (v, slope, w, square) = (v + s.velocity / n, slope + s.velocity * t, w + s.spin / n, square + t * t);
-        }
-        slope /= square;
-        for (k, s) in flight.iter().enumerate() {
-            v2 += (s.velocity - v - slope * (k as f64 - middle)).norm_squared();
-            w2 += (s.spin - w).norm_squared();
-        }
-        (v_free, w_free, flights) = (v_free + 3.0 * (n - 2.0), w_free + 3.0 * (n - 1.0), flights + 1);
-    }
-    Noise { velocity: f64::sqrt(v2 / v_free), spin: f64::sqrt(w2 / w_free), flights }
-}
-
-/// Puts noise on the velocities of every start; trial k draws from stream k of the seed.
-pub fn disturbed(trials: &[Trial], noise: Noise, seed: u64) -> Vec<Trial> {
-    let mut all = trials.to_vec();
-    for (k, trial) in all.iter_mut().enumerate() {
-        let mut rng = stream(seed, k as u64);
-        // Box and Muller's normal numbers, by the column.
-        let normal =
-            Matrix3::from_fn(|_, _| (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt() * (std::f64::consts::TAU * rng.random::<f64>()).cos());
-        trial.start.velocity += normal.column(0) * noise.velocity;
-        trial.start.spin += normal.column(1) * noise.spin;
-    }
-    all
-}
-
-/// A measured velocity is the mean of the frame before it; in flight, half a frame of gravity makes it that of its moment.
-fn moments(trials: &[Trial]) -> Vec<Trial> {
-    let mut all = trials.to_vec();
-    for Trial { start: Sample { pose, velocity, .. }, .. } in &mut all {
-        if lowest(pose) > 0.002 {
-            velocity.z -= 0.5 * 9.81 * DT;
-        }
-    }
-    all
-}
-
 /// The lines, the noise behind some of them, and the prediction of the second solver with noise against that without.
 pub fn lines(tosses: &[Toss], every: usize, seed: u64) -> Result<(Vec<Line>, Noise, Score)> {
     let raw = windows(tosses, every, 1.0);
     let trials = lifted(&raw);
     let noise = noise(tosses);
-    let little = Noise { velocity: 1e-3 * noise.velocity, spin: 1e-3 * noise.spin, ..noise };
     let cube = Cube::default();
     let kept = |flying: bool| trials.iter().filter(|t| t.flying == flying).cloned().collect::<Vec<_>>();
     let metric = lifted(&windows(tosses, every, METRIC));
@@ -128,8 +61,8 @@ pub fn lines(tosses: &[Toss], every: usize, seed: u64) -> Result<(Vec<Line>, Noi
         starts("only windows that begin in flight", kept(true)),
         starts("only windows that begin after the first touch", kept(false)),
         starts(&words, disturbed(&trials, noise, seed)),
-        starts("a thousandth of that noise", disturbed(&trials, little, seed)),
-        starts("velocities in flight half a frame older", moments(&trials)),
+        starts("a thousandth of that noise", disturbed(&trials, noise.times(1e-3), seed)),
+        starts("velocities in flight half a frame older", aged(&trials)),
         starts(METRES, metric),
         restitution(0.06),
         restitution(0.25),
@@ -145,7 +78,7 @@ pub fn lines(tosses: &[Toss], every: usize, seed: u64) -> Result<(Vec<Line>, Noi
         damped("a fourth of", 0.25),
         damped("four times", 4.0),
     ];
-    let bar = crate::common::bar("changes", changes.len() as u64);
+    let bar = bar("changes", changes.len() as u64);
     let (mut base, mut lines, mut floor): ([Vec<Motion>; 2], Vec<Line>, Score) = Default::default();
     for (k, Change { what, starts, cube, finer, other }) in changes.into_iter().enumerate() {
         // rapier's table does not give way.
@@ -157,7 +90,7 @@ pub fn lines(tosses: &[Toss], every: usize, seed: u64) -> Result<(Vec<Line>, Noi
                 by_method.push(None);
                 continue;
             }
-            let (motions, _) = roll(method, &starts)?;
+            let (motions, _) = method.roll(&starts)?;
             let error = against(&starts, &motions).brief();
             let same = k > 0 && motions.len() == base[m].len() && what != METRES;
             let parted = same.then(|| score(motions.iter().zip(&base[m])));
