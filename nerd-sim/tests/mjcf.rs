@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use nerd_core::robot::Limit;
-use nerd_core::wrap;
+use nerd_core::state::wrap;
 use nerd_sim::mjcf::{Referee, Scheme, from_mujoco, mjcf, to_mujoco};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};

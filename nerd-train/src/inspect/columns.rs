@@ -3,18 +3,25 @@
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_sim::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a column is part of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Block {
+    /// The state, without what is the same under all motions of the world.
     State,
+    /// Normals of contact points.
     Normal,
+    /// Contact points of the scene.
     Point,
+    /// Distances of contact points.
     Depth,
+    /// Joint torques.
     Torque,
+    /// Direction of gravity.
     Gravity,
+    /// Change of the state over the frame.
     Target,
 }
 
@@ -37,28 +44,35 @@ impl Block {
 }
 
 /// Bars of a histogram.
-pub const BINS: usize = 40;
+pub(super) const BINS: usize = 40;
 
 /// One number of a token or of a target.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Column {
+    /// The table's name of it, `\u{394}` before a target's.
     pub name: String,
+    /// What it is part of.
     pub block: Block,
     /// Contact point whose mask decides whether the number is there.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<usize>,
     /// Numbers that are there, of all tokens.
     pub count: u64,
-    /// Of the numbers that are there.
+    /// Least of the numbers that are there.
     pub min: f64,
+    /// Largest of them.
     pub max: f64,
+    /// Their mean.
     pub mean: f64,
-    /// Standard deviation of the numbers that are there, and of all, with zeros for the others, which a normaliser divides by.
+    /// Their standard deviation.
     pub std: f64,
+    /// That of all, with zeros for those that are not there: what a normaliser divides by.
     pub std_of_all: f64,
-    /// Ends of the histogram: 4 standard deviations about the mean, at most the range. Numbers beyond are in its end bars.
+    /// Lower end of the histogram: 4 standard deviations below the mean, at most the range. Numbers beyond are in its end bars.
     pub low: f64,
+    /// Upper end.
     pub high: f64,
+    /// Numbers by bar.
     pub bars: Vec<u64>,
     #[serde(skip)]
     square: f64,
@@ -84,7 +98,7 @@ impl Column {
     }
 
     /// Takes a number into range, mean and spread.
-    pub fn add(&mut self, x: f64) {
+    pub(super) fn add(&mut self, x: f64) {
         self.count += 1;
         (self.min, self.max) = (self.min.min(x), self.max.max(x));
         // Welford's update: stable at millions of rows.
@@ -94,7 +108,7 @@ impl Column {
     }
 
     /// After the last [`Self::add`] of `tokens` tokens: spreads, and the histogram's ends.
-    pub fn close(&mut self, tokens: u64) {
+    pub(super) fn close(&mut self, tokens: u64) {
         if self.count == 0 {
             (self.min, self.max) = (0.0, 0.0);
         }
@@ -106,7 +120,7 @@ impl Column {
     }
 
     /// Takes a number into the histogram.
-    pub fn bin(&mut self, x: f64) {
+    pub(super) fn bin(&mut self, x: f64) {
         let share = if self.high > self.low { (x - self.low) / (self.high - self.low) } else { 0.5 };
         self.bars[((share * BINS as f64) as usize).min(BINS - 1)] += 1;
     }
@@ -118,7 +132,7 @@ impl Column {
 }
 
 /// The columns of a token, then those of a target, in [`Features`]' order.
-pub fn columns(system: &System) -> Vec<Column> {
+pub(super) fn columns(system: &System) -> Vec<Column> {
     let (spec, robot) = (&system.spec, &system.robot);
     let (mut out, axes) = (Vec::new(), ["x", "y", "z"]);
     let mut push = |name: String, block: Block, contact: Option<usize>| out.push(Column::new(name, block, contact));

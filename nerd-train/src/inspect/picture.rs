@@ -2,25 +2,24 @@
 
 use std::path::Path;
 
-use nerd_train::Result;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::columns::{BINS, Block, Column};
-use crate::plot::COLOURS;
-use crate::table::digits;
+use crate::error::Result;
+use crate::report::plot::{COLOURS, Picture, failed, save};
+use crate::report::table::digits;
 
 const CELL: (i32, i32) = (150, 92);
 const TOP: i32 = 62;
 const MARGIN: i32 = 16;
 
-/// Writes `stem`.svg and `stem`.png.
-pub fn draw(title: &str, columns: &[Column], tokens: u64, stem: &Path) -> Result<()> {
+pub(super) fn draw(title: &str, columns: &[Column], tokens: u64, stem: &Path) -> Result<()> {
     let sheet = Sheet { title, columns, tokens, across: across(columns.len()) };
     let down = columns.len().div_ceil(sheet.across);
     let width = (2 * MARGIN + CELL.0 * sheet.across as i32).max(1130);
-    crate::plot::save(stem, (width as u32, (TOP + CELL.1 * down as i32 + 12) as u32), &sheet)
+    save(stem, (width as u32, (TOP + CELL.1 * down as i32 + 12) as u32), &sheet)
 }
 
 /// Cells in a row: a sheet that is wider than high, but no wider than a screen can show.
@@ -35,9 +34,9 @@ struct Sheet<'a> {
     across: usize,
 }
 
-impl crate::plot::Picture for Sheet<'_> {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
-        let failed = nerd_train::report::plot::failed::<B>;
+impl Picture for Sheet<'_> {
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
+        let failed = failed::<B>;
         let style = |size: i32, h: HPos| ("sans-serif", size).into_font().color(&BLACK.mix(0.85)).pos(Pos::new(h, VPos::Center));
         let text =
             |words: &str, at: (i32, i32), size: i32, h: HPos| area.draw(&Text::new(words.to_string(), at, style(size, h))).map_err(failed);
