@@ -18,11 +18,13 @@
 
 pub mod articulated;
 pub mod batch;
+pub mod bodies;
 mod collider;
 pub mod control;
 pub mod dataset;
 pub mod files;
 mod identity;
+pub mod instruments;
 pub mod law;
 mod limits;
 mod material;
@@ -39,6 +41,8 @@ pub mod sampling;
 pub mod scene;
 pub mod solver;
 pub mod spec;
+#[cfg(feature = "suite")]
+pub mod suite;
 pub mod survey;
 pub mod system;
 #[cfg(feature = "csv")]

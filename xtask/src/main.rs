@@ -28,7 +28,6 @@ mod out;
 mod policy;
 mod reproduce;
 mod rollout;
-mod shake;
 mod solvers;
 mod stability;
 mod stamp;

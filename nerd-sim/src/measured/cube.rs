@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::bodies::Body;
+use crate::bodies::Body;
 use crate::system::{System, SystemError};
 
 /// Published edge (m).

@@ -15,7 +15,6 @@
 //! # Ok::<(), MeasuredError>(())
 //! ```
 
-mod bodies;
 mod cube;
 mod data;
 mod fit;

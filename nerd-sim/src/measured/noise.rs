@@ -1,13 +1,12 @@
 //! What the measurement itself is not sure of.
 
 use nalgebra::{Matrix3, Vector3};
-use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::cube::lowest;
 use super::data::{DT, Sample, Toss};
 use super::protocol::Trial;
-use crate::sampling::stream;
+use crate::sampling::{normal, stream};
 
 /// Noise of measured velocities, by axis: standard deviations.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -58,9 +57,8 @@ pub fn disturbed(trials: &[Trial], noise: Noise, seed: u64) -> Vec<Trial> {
     let mut all = trials.to_vec();
     for (k, trial) in all.iter_mut().enumerate() {
         let mut rng = stream(seed, k as u64);
-        // Box and Muller's normal numbers, by the column.
-        let normal =
-            Matrix3::from_fn(|_, _| (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt() * (std::f64::consts::TAU * rng.random::<f64>()).cos());
+        // By the column.
+        let normal = Matrix3::from_fn(|_, _| normal(&mut rng));
         trial.start.velocity += normal.column(0) * noise.velocity;
         trial.start.spin += normal.column(1) * noise.spin;
     }

@@ -2,78 +2,96 @@
 
 use std::sync::Arc;
 
-use nerd_sim::control::Controller;
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 use rand::RngExt;
 
-use super::row::Row;
-use super::trial::{Fault::*, Trial};
+use crate::control::Controller;
+use crate::sampling::{Start, start, stream};
+use crate::suite::error::Error;
+use crate::suite::fault::Fault::*;
+use crate::suite::row::Row;
+use crate::suite::trial::Trial;
+use crate::system::System;
 
 /// What ANYmal's URDF allows its joints (rad/s).
 const SPEED: f64 = 20.0;
 
-pub const ROWS: [Row; 9] = [
+pub(super) static ROWS: [Row; 9] = [
     Row {
         name: "driven Ant",
-        figure: "worst violation of a joint limit, full random torques, 5 s (rad)",
+        figure: "worst violation of a joint limit, full random torques, 5 s",
+        unit: "rad",
         source: "2 tau / k, a spring under a sudden load",
+        why: "Training data is made by full random torques; limits must hold against them.",
         limit: 0.8,
         reddens: &[BodyAngularVelocity],
         measure: ant,
     },
     Row {
         name: "ANYmal kp 85",
-        figure: "largest joint speed, armature 0.06, PD at 60 Hz, 2 s (rad/s)",
+        figure: "largest joint speed, armature 0.06, PD at 60 Hz, 2 s",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "The robot with its rotors' inertia and moderate gains: it must stand.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.06, [85.0, 2.0], false),
     },
     Row {
         name: "ANYmal kp 200",
-        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
+        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [200.0, 0.5], false),
     },
     Row {
         name: "ANYmal kp 2000",
-        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
+        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "The same, ten times stiffer: what each solver makes of an impossible demand.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [2000.0, 0.5], false),
     },
     Row {
         name: "ANYmal kp 5000",
-        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s (rad/s)",
+        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "The same, stiffer still: here some give up, which is better than a wrong answer.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [5000.0, 0.5], false),
     },
     Row {
         name: "kp 200 ahead",
-        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second (rad/s)",
+        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [200.0, 0.5], true),
     },
     Row {
         name: "kp 2000 ahead",
-        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second (rad/s)",
+        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "The same, ten times stiffer.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [2000.0, 0.5], true),
     },
     Row {
         name: "kp 5000 ahead",
-        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second (rad/s)",
+        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second",
+        unit: "rad/s",
         source: "speed limit of its URDF",
+        why: "The same, at gains of a position-controlled arm.",
         limit: SPEED,
         reddens: &[FrozenWorld],
         measure: |trial| anymal(trial, 0.0, [5000.0, 0.5], true),
@@ -81,20 +99,22 @@ pub const ROWS: [Row; 9] = [
     Row {
         name: "no number",
         figure: "0 if a state that is no number is refused, 1 if not",
+        unit: "",
         source: "an error, with its place",
+        why: "A state that is no number must be refused where it stands, before it spreads.",
         limit: 0.0,
         reddens: &[SwallowedErrors],
         measure: no_number,
     },
 ];
 
-fn ant(trial: &Trial) -> Result<f64, String> {
-    let system = System::named("ant").map_err(|e| e.to_string())?;
+fn ant(trial: &Trial) -> Result<f64, Error> {
+    let system = System::named("ant")?;
     let mut worst = 0.0f64;
     for seed in 0..4 {
         let state = start(&system, Start::Reset, &mut stream(11, seed));
         let mut rng = stream(12, seed);
-        let mut push = |_: usize, _: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
+        let mut push = |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
         let motion = trial.driven(&system, "ground", &state, 300, &mut push)?;
         for (i, limit) in system.robot.joints().enumerate().filter_map(|(i, j)| j.limit.map(|l| (i, l))) {
             let q = motion.states.iter().map(|s| s[7 + i]);
@@ -104,15 +124,15 @@ fn ant(trial: &Trial) -> Result<f64, String> {
     Ok(worst)
 }
 
-fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Result<f64, String> {
-    let mut system = (*System::named("anymal").map_err(|e| e.to_string())?).clone();
+fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Result<f64, Error> {
+    let mut system = (*System::named("anymal")?).clone();
     system.robot.joints_mut().for_each(|j| j.armature = armature);
     let system = Arc::new(system);
     let mut controller = Controller::with_ahead(&system, ahead);
     controller.gains.fill([kp, kd]);
     let state = start(&system, Start::Reset, &mut stream(13, 0));
     let hold = vec![0.0; 12];
-    let motion = trial.driven(&system, "ground", &state, 120, &mut |_, state, tau| controller.torques(state, &hold, tau))?;
+    let motion = trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
     // A law that looks ahead closes the first gap in a frame, however large the speed; then it must stand.
     let judged = &motion.states[if ahead { 60 } else { 0 }..];
     let speed = judged.iter().flat_map(|s| &s[25..]).fold(0.0f64, |a, b| a.max(b.abs()));
@@ -122,8 +142,8 @@ fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Resu
     Ok(if held || speed > SPEED { speed } else { f64::INFINITY })
 }
 
-fn no_number(trial: &Trial) -> Result<f64, String> {
-    let system = System::named("pendulum").map_err(|e| e.to_string())?;
+fn no_number(trial: &Trial) -> Result<f64, Error> {
+    let system = System::named("pendulum")?;
     trial.passive(&system, "ground1", &[f64::NAN, 0.0, 0.0, 0.0], 1)?;
     Ok(if trial.lost.take().is_some() { 0.0 } else { 1.0 })
 }
