@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_train::experiments::conduct;
 use nerd_train::experiments::tosses::Tosses;
+use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, count};
 
@@ -21,14 +22,14 @@ pub struct TossesArgs {
     /// Seed of the noise that is put on velocities
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
-    /// Folder for tosses.json, .md, .svg and .png
-    #[arg(long, default_value = "results")]
-    pub out: PathBuf,
+    /// Folder for tosses.json, .md, .svg and .png [default: results]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: TossesArgs) -> Result<()> {
-    let measured = conduct(&Tosses::new(&args.data, args.every, args.seed)?, &args.out)?;
+    let measured = conduct(&Tosses::new(&args.data, args.every, args.seed)?, &args.out.unwrap_or_else(results))?;
     println!("{}", measured.markdown());
     Ok(())
 }
