@@ -4,6 +4,8 @@ pub mod artifact;
 #[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
+pub mod manifest;
+pub mod marks;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
@@ -13,6 +15,7 @@ use std::path::Path;
 
 pub use artifact::Artifact;
 pub use inputs::{Input, Inputs};
+pub use manifest::{Manifest, Status};
 pub use provenance::Provenance;
 pub use table::Table;
 
