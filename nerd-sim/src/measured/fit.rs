@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::MeasuredError;
 use super::cube::Cube;
-use super::protocol::{Make, Score, Trial, against, roll};
+use super::protocol::{Make, Trial, roll};
+use super::score::{Score, against};
 
 /// What was chosen, and what it is worth.
 #[derive(Clone, Debug, Serialize, Deserialize)]

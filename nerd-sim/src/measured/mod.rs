@@ -20,6 +20,7 @@ mod data;
 mod fit;
 mod noise;
 mod protocol;
+mod score;
 
 use std::path::PathBuf;
 
@@ -27,7 +28,8 @@ pub use cube::{Cube, EDGE, FRICTION, INERTIA, MASS, RESTITUTION, SOLID, lowest};
 pub use data::{DT, Sample, Toss, read};
 pub use fit::{Fit, fit, half};
 pub use noise::{Noise, aged, disturbed, noise};
-pub use protocol::{METRIC, Make, Motion, Score, Trial, WINDOW, against, flight, lifted, microseconds, roll, score, still, whole, windows};
+pub use protocol::{METRIC, Make, Motion, Trial, WINDOW, flight, lifted, microseconds, roll, still, whole, windows};
+pub use score::{Score, against, score};
 
 use crate::system::SystemError;
 use crate::table::TableError;
