@@ -10,6 +10,7 @@ pub mod error;
 pub mod evaluate;
 #[cfg(feature = "report")]
 pub mod experiments;
+pub mod inspect;
 pub mod learner;
 pub mod metrics;
 pub mod paper;

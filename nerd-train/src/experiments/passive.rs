@@ -79,7 +79,8 @@ impl Case {
     /// If one of them cannot be read.
     pub fn shipped(starts: usize, device: Device) -> Result<Vec<Self>> {
         let mut cases = Vec::new();
-        for (robot, folder) in MODELS.iter().flat_map(|(robot, names)| names.iter().map(move |name| (*robot, shipped::models().join(name)))) {
+        for (robot, folder) in MODELS.iter().flat_map(|(robot, names)| names.iter().map(move |name| (*robot, shipped::models().join(name))))
+        {
             // rapier as a truth costs a hundred times what ours does.
             let starts = if ModelConfig::truth_of(&folder)? == Truth::default() { starts } else { starts.div_ceil(4) };
             // A held arm does not move: Franka's model is for driven ones.

@@ -6,6 +6,8 @@ mod axis;
 #[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
+pub mod manifest;
+pub mod marks;
 #[cfg(feature = "report")]
 mod pixels;
 #[cfg(feature = "report")]
@@ -17,6 +19,7 @@ use std::path::Path;
 
 pub use artifact::Artifact;
 pub use inputs::{Input, Inputs};
+pub use manifest::{Manifest, Status};
 pub use provenance::Provenance;
 pub use table::Table;
 

@@ -4,10 +4,9 @@
 use std::path::Path;
 
 use ab_glyph::{Font, FontRef, Glyph, ScaleFont, point};
-use plotters::backend::{BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 use plotters::prelude::BitMapBackend;
-use plotters::style::text_anchor::{HPos, VPos};
-use plotters::style::{BackendColor};
+use plotters_backend::text_anchor::{HPos, VPos};
+use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 
 /// Pixels by unit of length.
 const FINE: i32 = 2;
@@ -112,11 +111,12 @@ impl<'a> DrawingBackend for Canvas<'a> {
             HPos::Right => -width,
             HPos::Center => -width / 2.0,
         };
-        let down = em * match style.anchor().v_pos {
-            VPos::Top => 0.76,
-            VPos::Center => 0.27,
-            VPos::Bottom => -0.27,
-        };
+        let down = em
+            * match style.anchor().v_pos {
+                VPos::Top => 0.76,
+                VPos::Center => 0.27,
+                VPos::Bottom => -0.27,
+            };
         let ((x, y), (w, h)) = (fine(at), self.pixels.get_size());
         for mut glyph in glyphs {
             glyph.position += point(left, down);

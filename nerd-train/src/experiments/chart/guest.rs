@@ -4,10 +4,10 @@
 
 use std::path::Path;
 
+use nerd_sim::instruments::Replay;
 use nerd_sim::mjcf::{Referee, Scheme};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::instruments::Replay;
 use serde::{Deserialize, Serialize};
 
 use super::{Chart, Point};

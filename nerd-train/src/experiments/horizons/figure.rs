@@ -6,7 +6,7 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
-use super::{Horizon, Trace, Quantity};
+use super::{Horizon, Quantity, Trace};
 use crate::error::Result;
 use crate::report::plot::{COLOURS, Log, Picture, failed, save, stroke};
 
@@ -74,7 +74,13 @@ impl Horizon {
 type Drawn<B, T = ()> = Result<T, DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
 /// A panel's axes.
-fn axes<'a, B: DrawingBackend, X, Y>(panel: &Panel<B>, x: X, y: Y, under: &str, beside: &str) -> Drawn<B, Chart<'a, B, X::CoordDescType, Y::CoordDescType>>
+fn axes<'a, B: DrawingBackend, X, Y>(
+    panel: &Panel<B>,
+    x: X,
+    y: Y,
+    under: &str,
+    beside: &str,
+) -> Drawn<B, Chart<'a, B, X::CoordDescType, Y::CoordDescType>>
 where
     X: AsRangedCoord<Value = f64>,
     Y: AsRangedCoord<Value = f64>,
@@ -88,8 +94,8 @@ where
     Ok(chart)
 }
 
-fn lines<B: DrawingBackend, X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
-    chart: &mut Chart<B, X, Y>,
+fn lines<'a, B: DrawingBackend + 'a, X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
+    chart: &mut Chart<'a, B, X, Y>,
     lines: Vec<Line>,
 ) -> Drawn<B> {
     for (points, colour, width, name) in lines {

@@ -1,0 +1,51 @@
+//! `cargo xtask chart --robot pendulum --scene ground1`: every solver of a scene on one picture, by speed and accuracy
+//! ([`nerd_train::experiments::chart`]). Some minutes on one core.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use nerd_train::experiments::chart::{Chart, ChartSettings};
+use nerd_train::shipped::results;
+
+use crate::numbers::{FRAMES, SEEDS, STARTS, SUBSTEPS, count};
+
+/// Draw speed against accuracy.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ChartArgs {
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
+    #[arg(long, default_value = "free")]
+    pub scene: String,
+    /// Model folders, comma-separated [default: models/ROBOT and models/ROBOT-rapier, if they are there]
+    #[arg(long, value_delimiter = ',')]
+    pub model: Vec<PathBuf>,
+    /// Trajectories
+    #[arg(long, default_value_t = 64, value_parser = count::<usize>(STARTS))]
+    pub starts: usize,
+    /// Frames over which the error is the mean
+    #[arg(long, default_value_t = 100, value_parser = count::<usize>(FRAMES))]
+    pub horizon: usize,
+    /// Largest number of substeps
+    #[arg(long, default_value_t = 256, value_parser = count::<usize>(SUBSTEPS))]
+    pub substeps: usize,
+    /// Seed of the starts
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
+    pub seed: u64,
+    /// Python that has MuJoCo, to draw that engine too [default if no value is given: python3]
+    #[arg(long, value_name = "PYTHON", num_args = 0..=1, default_missing_value = "python3")]
+    pub mujoco: Option<PathBuf>,
+    /// Folder for chart-ROBOT-SCENE.json, .md, .svg and .png [default: results]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the verb.
+pub fn run(args: ChartArgs) -> Result<()> {
+    let ChartArgs { robot, scene, model, starts, horizon, substeps, seed, mujoco, out } = args;
+    crate::out::conduct(
+        &Chart::new(ChartSettings { robot, scene, models: model, starts, horizon, substeps, seed, mujoco })?,
+        &out.unwrap_or_else(results),
+    )
+}
