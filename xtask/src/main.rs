@@ -23,7 +23,6 @@ mod gif;
 mod grow;
 mod horizons;
 mod inspect;
-mod mujoco;
 mod numbers;
 mod out;
 mod policy;

@@ -2,6 +2,8 @@
 
 pub mod artifact;
 #[cfg(feature = "report")]
+mod axis;
+#[cfg(feature = "report")]
 pub mod film;
 #[cfg(feature = "report")]
 pub mod heat;
@@ -9,6 +11,8 @@ pub mod inputs;
 pub mod manifest;
 pub mod marks;
 pub mod motions;
+#[cfg(feature = "report")]
+mod pixels;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
