@@ -1,51 +1,44 @@
-//! The stability map's question for learned models: each against the truth it learned, from starts in and out of the box it
-//! learned in, beside two predictors that know no dynamics and another engine.
-//!
-//! Errors are shares of the hold-last floor's: 1 is a predictor that knows nothing.
+//! What is asked of a learned model, and how it is measured.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::robot::Base;
-use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::neural::Neural;
-use nerd_model::pick::Setting;
 use nerd_sim::dataset::Drive;
-use nerd_sim::instruments::{Glide, Hold};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::suite::{Cell, Line, known};
 use nerd_sim::truth::Truth;
 
-use super::Experiment;
-use super::stability::StabilityMap;
 use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, passive};
-use crate::progress::bar;
-use crate::report::{Input, Inputs, Table, heat};
 
 const STARTS: usize = 32;
 
-/// A model asked where it holds.
-pub struct Learned {
-    case: Case,
-    asks: Vec<&'static Ask>,
-}
-
 /// A robot in the scene it is judged in.
-struct Case {
-    system: Arc<System>,
-    scene: Arc<Scene>,
-    model: PathBuf,
-    truth: Truth,
+pub(super) struct Case {
+    pub system: Arc<System>,
+    pub scene: Arc<Scene>,
+    pub model: PathBuf,
+    pub truth: Truth,
 }
 
-/// What is asked: name, figure, unit, source of the limit, reason, limit, measure.
-type Ask = (&'static str, &'static str, &'static str, &'static str, &'static str, f64, fn(&Case, &Maker) -> Result<f64>);
+/// What is asked.
+pub(super) struct Ask {
+    pub name: &'static str,
+    pub figure: &'static str,
+    pub unit: &'static str,
+    /// Of the limit.
+    pub source: &'static str,
+    pub why: &'static str,
+    pub limit: f64,
+    pub measure: Measure,
+}
+
+type Measure = fn(&Case, &Maker) -> Result<f64>;
 /// Makes the solver under test for a system like the case's.
-type Maker<'a> = dyn Fn(&Arc<System>) -> Result<Box<dyn Solver>> + 'a;
+pub(super) type Maker<'a> = dyn Fn(&Arc<System>) -> Result<Box<dyn Solver>> + 'a;
 
 const HELD: &str = "of hold-last's";
 const FLOOR: &str = "a tenth of what knowing nothing gives";
@@ -53,100 +46,36 @@ const ROUND: &str = "rounding of f32";
 const FASTER: &str = "Faster than anything in its training data.";
 const PLACE: &str = "The world has no centre: what a robot does depends on what is around it.";
 
+const fn ask(
+    name: &'static str,
+    figure: &'static str,
+    unit: &'static str,
+    source: &'static str,
+    why: &'static str,
+    limit: f64,
+    measure: Measure,
+) -> Ask {
+    Ask { name, figure, unit, source, why, limit, measure }
+}
+
 #[rustfmt::skip]
-static ASKS: [Ask; 14] = [
-    ("10 frames", "error", HELD, FLOOR, "As far as a controller looks ahead.", 0.1, |c, m| horizon(c, m, 10)),
-    ("100 frames", "error", HELD, FLOOR, "The paper's horizon.", 0.1, |c, m| horizon(c, m, 100)),
-    ("1000 frames", "error", HELD, FLOOR, "As long as an episode: is anything still known then?", 0.1, |c, m| horizon(c, m, 1000)),
-    ("gone in 1000 frames", "rollouts that left, of 32", "", "none may", "A mean hides the one that leaves.", 0.0, gone),
-    ("velocities x 1.25", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 1.25, 0.0)),
-    ("velocities x 1.5", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 1.5, 0.0)),
-    ("velocities x 2", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 2.0, 0.0)),
-    ("random torques", "error of 50 frames", HELD, FLOOR, "Driven as in its training data.", 0.1, |c, m| outside(c, m, 1.0, 1.0)),
-    ("torques x 2", "error of 50 frames", HELD, FLOOR, "Driven twice as hard.", 0.1, |c, m| outside(c, m, 1.0, 2.0)),
-    ("moved 1 m", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1.0)),
-    ("moved 1 km", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1e3)),
-    ("moved 100 km", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1e5)),
-    ("history", "after a reset, and after a gap, against fresh", "", ROUND, "What it remembers must be of this motion.", 1e-4, history),
-    ("energy in flight", "change beyond the truth's in 100 frames", "of the largest kinetic", "energy is the truth's",
+pub(super) static ASKS: [Ask; 14] = [
+    ask("10 frames", "error", HELD, FLOOR, "As far as a controller looks ahead.", 0.1, |c, m| horizon(c, m, 10)),
+    ask("100 frames", "error", HELD, FLOOR, "The paper's horizon.", 0.1, |c, m| horizon(c, m, 100)),
+    ask("1000 frames", "error", HELD, FLOOR, "As long as an episode: is anything still known then?", 0.1, |c, m| horizon(c, m, 1000)),
+    ask("gone in 1000 frames", "rollouts that left, of 32", "", "none may", "A mean hides the one that leaves.", 0.0, gone),
+    ask("velocities x 1.25", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 1.25, 0.0)),
+    ask("velocities x 1.5", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 1.5, 0.0)),
+    ask("velocities x 2", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 2.0, 0.0)),
+    ask("random torques", "error of 50 frames", HELD, FLOOR, "Driven as in its training data.", 0.1, |c, m| outside(c, m, 1.0, 1.0)),
+    ask("torques x 2", "error of 50 frames", HELD, FLOOR, "Driven twice as hard.", 0.1, |c, m| outside(c, m, 1.0, 2.0)),
+    ask("moved 1 m", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1.0)),
+    ask("moved 1 km", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1e3)),
+    ask("moved 100 km", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1e5)),
+    ask("history", "after a reset, and after a gap, against fresh", "", ROUND, "What it remembers must be of this motion.", 1e-4, history),
+    ask("energy in flight", "change beyond the truth's in 100 frames", "of the largest kinetic", "energy is the truth's",
         "In the air motion is simple: nothing may be gained or lost.", 0.05, flight),
 ];
-
-impl Learned {
-    /// The model of a folder, asked the questions with one of `words` in their names, or all.
-    ///
-    /// # Errors
-    /// If the folder holds no model, or a word is in no name.
-    pub fn new(folder: &Path, words: &[String]) -> Result<Self> {
-        known(words, &ASKS.each_ref().map(|a| a.0))?;
-        let config = ModelConfig::read(folder)?;
-        let system = System::named(&config.robot)?;
-        let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
-        let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth)? };
-        Ok(Self { case, asks: ASKS.iter().filter(|a| words.is_empty() || words.iter().any(|w| a.0.contains(w.as_str()))).collect() })
-    }
-
-    /// The model, its scene and its truth, in words.
-    pub fn title(&self) -> String {
-        let Case { scene, model, truth, .. } = &self.case;
-        format!("{} in {}, learned from {}", model.display(), scene.name, truth.name())
-    }
-}
-
-impl Experiment for Learned {
-    type Data = StabilityMap;
-
-    fn name(&self) -> String {
-        let folder = self.case.model.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
-        format!("stability-{folder}")
-    }
-
-    fn seed(&self) -> u64 {
-        0
-    }
-
-    fn effort(&self) -> f64 {
-        self.asks.len() as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
-        let Case { system, scene, model, truth } = &self.case;
-        let truth = if *truth == Truth::Articulated { Setting::Paper } else { Setting::RapierSteps(Truth::rapier().steps) };
-        let motion = |setting| Input::motion(&system.name, &scene.name, setting);
-        Ok(Inputs(vec![Input::robot(system), Input::model(model)?, motion(&truth)?, motion(&Setting::RapierSteps(4))?]))
-    }
-
-    fn measure(&self) -> Result<StabilityMap> {
-        let case = &self.case;
-        let makers: [(&str, &Maker); 4] = [
-            ("learned", &|system| Ok(Box::new(Neural::on_cpu(Model::load(&case.model, system, None)?, system)))),
-            ("hold last", &|_| Ok(Box::new(Hold))),
-            ("constant velocity", &|_| Ok(Box::new(Glide))),
-            ("rapier 4x4", &|_| Ok(Box::new(Rapier::new(RapierConfig::default())))),
-        ];
-        let bar = bar(&format!("{}: cells", case.system.name), (self.asks.len() * makers.len()) as u64);
-        let mut rows = Vec::new();
-        for (name, figure, unit, source, why, limit, measure) in self.asks.iter().map(|a| **a) {
-            let mut cells = Vec::new();
-            for (_, maker) in &makers {
-                cells.push(Cell::new(measure(case, *maker), None, limit));
-                bar.set((rows.len() * makers.len() + cells.len()) as u64);
-            }
-            let [row, figure, unit, source, why] = [name, figure, unit, source, why].map(String::from);
-            rows.push(Line { row, figure, unit, source, why, limit, cells });
-        }
-        bar.finish();
-        Ok(StabilityMap { methods: makers.map(|m| m.0.to_string()).into(), rows })
-    }
-
-    fn tables(&self, data: &StabilityMap) -> Result<Vec<Table>> {
-        Ok(vec![data.table()])
-    }
-
-    fn pictures(&self, data: &StabilityMap, stem: &Path) -> Result<()> {
-        heat::draw(&format!("Where it holds: {}", self.title()), &data.methods, &data.rows, stem)
-    }
-}
 
 fn horizon(case: &Case, maker: &Maker, steps: usize) -> Result<f64> {
     let config = PassiveConfig { starts: STARTS, steps, seed: 21, action: Action::Zero };
