@@ -23,6 +23,7 @@ mod gif;
 mod grow;
 mod horizons;
 mod inspect;
+mod keys;
 mod numbers;
 mod out;
 mod policy;

@@ -1,21 +1,22 @@
 //! What a run takes of the machine's memory, refused before it begins where there is not as much.
 
-use anyhow::Result;
 use nerd_model::transformer::{Positions, TransformerConfig};
 
-use super::TrainArgs;
-use crate::common::Device;
-use crate::numbers::memory;
+use super::RunConfig;
+use crate::bounds::memory;
+use crate::device::Device;
+use crate::error::Result;
 
 /// Windows that one thread of the CPU's learner passes at a time.
 const SHARD: usize = 32;
 
 /// Refuses a run that needs more memory than is free.
-pub fn check(args: &TrainArgs, network: &TransformerConfig, batch: usize, transitions: usize) -> Result<()> {
+pub fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
+    let batch = config.batch;
     // Shards, the set they are joined in, and that while it grows.
-    memory(&[("--transitions", transitions)], 3 * 4 * (network.inputs + network.outputs))?;
+    memory(&[("--transitions", config.transitions)], 3 * 4 * (network.inputs + network.outputs))?;
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let on_cpu = args.device == Device::Cpu;
+    let on_cpu = config.device == Device::Cpu;
     // Weights, average and two moments, and copies of them for checkpoints and rollouts; on the CPU a network each thread and a
     // gradient each shard.
     let copies = 10 + if on_cpu { 2 * threads + batch.div_ceil(SHARD) } else { 0 };
@@ -27,7 +28,7 @@ pub fn check(args: &TrainArgs, network: &TransformerConfig, batch: usize, transi
         Positions::Rotary => network.layers * 2 * network.embedding,
         Positions::Table => of_token(network),
     };
-    memory(&[("--rollouts", args.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
+    memory(&[("--rollouts", config.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
 }
 
 /// Numbers that a forward and backward pass keeps of a token, about.

@@ -1,14 +1,15 @@
 //! NeRD, and the designs the paper compares it with (A.3.3): each is NeRD with one decision taken back.
 
-use anyhow::{Result, bail};
 use nerd_model::base::Base;
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, TransformerConfig};
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Result, refuse};
+
 /// A design.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Variant {
     /// The paper's design.
@@ -33,6 +34,9 @@ pub enum Variant {
 }
 
 impl Variant {
+    /// Their names, as serde has them.
+    pub const WORDS: &[&str] = &["nerd", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "raw-inputs", "raw-outputs"];
+
     /// Whether it is NeRD itself.
     pub fn usual(&self) -> bool {
         *self == Self::Nerd
@@ -44,9 +48,12 @@ impl Variant {
     }
 
     /// Refuses what would be two decisions at once.
+    ///
+    /// # Errors
+    /// [`crate::Error::Refused`], naming them.
     pub fn check(self, base: Base) -> Result<()> {
         if base == Base::Flight && matches!(self, Self::Absolute | Self::EndToEnd) {
-            bail!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight out");
+            refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight out");
         }
         Ok(())
     }
@@ -83,24 +90,5 @@ impl Variant {
             _ => {}
         }
         data
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rivals_have_as_many_parameters_as_nerd() {
-        for (inputs, outputs) in [(37, 4), (215, 29)] {
-            let paper = TransformerConfig::paper(inputs, outputs, 192);
-            let nerd = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..paper };
-            for variant in [Variant::Mlp, Variant::Gru, Variant::Lstm] {
-                let rival = variant.network(nerd);
-                let share = rival.parameters() as f64 / nerd.parameters() as f64;
-                assert!((0.95..=1.0).contains(&share), "{variant:?} of {inputs} inputs has {share:.3} of NeRD's parameters");
-                rival.check().expect("a shape that can be");
-            }
-        }
     }
 }

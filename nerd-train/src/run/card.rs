@@ -3,24 +3,23 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
-use nerd_train::difference::between;
-use nerd_train::learner::{LearnerConfig, LearnerState};
-use nerd_train::trainer::TrainerConfig;
 use serde::{Deserialize, Serialize};
 
-use super::TrainArgs;
 use super::variant::Variant;
-use crate::provenance::Provenance;
+use crate::difference::between;
+use crate::error::{Error, Result, refuse};
+use crate::learner::{LearnerConfig, LearnerState};
+use crate::report::Provenance;
 use crate::sessions;
+use crate::trainer::TrainerConfig;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Run {
+pub struct Identity {
     pub robot: String,
     /// Of the robot alone, and of how it is started, driven and controlled too.
     pub robot_sha256: String,
@@ -57,14 +56,14 @@ pub struct Run {
 }
 
 /// The state to go on from, if the folder holds one of this very run. Before its data is there, that is not looked at.
-pub fn resume(out: &Path, run: &Run) -> Result<Option<LearnerState>> {
+pub fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
     let path = out.join("last.safetensors");
     if !path.exists() {
         return Ok(None);
     }
-    let (state, found) = nerd_train::checkpoint::load(&path, &run.network)?;
-    let mut found: serde_json::Value = serde_json::from_str(&found).with_context(|| format!("{}: `config`", path.display()))?;
-    let asked = serde_json::to_value(run)?;
+    let (state, found) = crate::checkpoint::load(&path, &run.network)?;
+    let mut found: serde_json::Value = serde_json::from_str(&found).map_err(Error::format(&path))?;
+    let asked = serde_json::to_value(run).map_err(Error::format(&path))?;
     if run.data_sha256.is_empty() {
         for key in ["data_sha256", "transitions"] {
             found[key] = asked[key].clone();
@@ -72,13 +71,13 @@ pub fn resume(out: &Path, run: &Run) -> Result<Option<LearnerState>> {
     }
     let said = between(&found.to_string(), &asked.to_string());
     if !said.is_empty() {
-        bail!("{} belongs to a run with other settings: {said}; use another --out, or its settings", path.display());
+        refuse!("{} belongs to a run with other settings: {said}; use another --out, or its settings", path.display());
     }
     Ok(Some(state))
 }
 
 /// What `config.json` will hold.
-pub fn model_config(run: &Run, provenance: &BTreeMap<String, String>) -> ModelConfig {
+pub fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
     let form = run.variant.form(run.base);
     ModelConfig {
         robot: run.robot.clone(),
@@ -115,18 +114,17 @@ pub fn history(config: &ModelConfig) -> String {
 pub fn export(
     folder: &Path,
     out: &Path,
-    run: &Run,
+    run: &Identity,
     normalizer: Normalizer,
     weights: Weights,
-    chosen: String,
-    args: &TrainArgs,
+    (chosen, seed): (String, u64),
 ) -> Result<()> {
     let (minutes, machine) = sessions::sum(&sessions::read(out)?);
-    let stamp = Provenance::now(args.seed);
+    let stamp = Provenance::now(seed);
     let rows = [
         ("commit", stamp.commit.clone()),
         ("command", stamp.command.clone()),
-        ("seed", args.seed.to_string()),
+        ("seed", seed.to_string()),
         ("machine", machine),
         ("minutes", minutes),
         ("date", stamp.date.clone()),
