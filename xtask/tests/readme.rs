@@ -18,9 +18,10 @@ fn files(folder: &Path, ending: &str, within: &str) -> Vec<PathBuf> {
     found
 }
 
-/// Lines with something on them, without their indentation, as one text.
+/// Lines with something on them, without their indentation, as one text; documents leave `fn main` out.
 fn plain(code: &str) -> String {
-    code.lines().map(str::trim).filter(|line| !line.is_empty()).fold(String::from("\n"), |all, line| all + line + "\n")
+    let lines = code.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("fn main"));
+    lines.fold(String::from("\n"), |all, line| all + line + "\n")
 }
 
 #[test]
