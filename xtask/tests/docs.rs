@@ -1,4 +1,4 @@
-//! The picture of the seven grounds shows the planes that the pendulum's scenes have.
+//! What docs/ says of robots: the seven grounds are drawn where they lie, and every key of a robot's TOML is explained.
 
 use std::path::Path;
 
@@ -37,5 +37,24 @@ fn grounds_lie_as_the_scenes_say() {
             let apart = shown.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(shown.len() == 4 && apart < 0.06, "{name}: `{class}` is drawn at {shown:?}, {apart} from {wanted:?}");
         }
+    }
+}
+
+#[test]
+fn every_key_of_a_robots_file_is_explained() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let read = |path: &str| std::fs::read_to_string(root.join(path)).expect(path);
+    let (spec, page) = (read("nerd-sim/src/spec.rs") + &read("nerd-sim/src/material.rs"), read("docs/your-robot.md"));
+    let keys = spec.lines().filter_map(|line| line.strip_prefix("    pub ")?.split_once(": ")).map(|(key, _)| key);
+    let keys: Vec<&str> = keys.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c == '_')).collect();
+    assert!(keys.len() > 40, "only {} keys found: has the file's form changed?", keys.len());
+    for key in keys {
+        // Lists of tables are named by one of them.
+        let key = match key {
+            "joints" | "contacts" | "scenes" => key.trim_end_matches('s'),
+            _ => key,
+        };
+        let named = [format!("`{key}`"), format!("[{key}]"), format!(".{key}`")].iter().any(|form| page.contains(form));
+        assert!(named, "docs/your-robot.md does not explain `{key}`");
     }
 }
