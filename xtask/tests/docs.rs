@@ -54,7 +54,7 @@ fn every_key_of_a_robots_file_is_explained() {
             "joints" | "contacts" | "scenes" => key.trim_end_matches('s'),
             _ => key,
         };
-        let named = [format!("`{key}`"), format!("[{key}]"), format!(".{key}`")].iter().any(|form| page.contains(form));
+        let named = [format!("`{key}`"), format!("`{key}."), format!("[{key}]"), format!(".{key}`")].iter().any(|form| page.contains(form));
         assert!(named, "docs/your-robot.md does not explain `{key}`");
     }
 }
