@@ -48,6 +48,10 @@ pub enum Error {
     #[cfg(feature = "report")]
     #[error(transparent)]
     Measured(#[from] nerd_sim::measured::MeasuredError),
+    /// MuJoCo.
+    #[cfg(feature = "report")]
+    #[error("--mujoco: {0}")]
+    Mjcf(#[from] nerd_sim::mjcf::MjcfError),
     /// A setting.
     #[error(transparent)]
     Range(#[from] OutOfRange),

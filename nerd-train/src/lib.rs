@@ -3,6 +3,7 @@
 pub mod best;
 pub mod bounds;
 pub mod checkpoint;
+pub mod choice;
 pub mod device;
 pub mod difference;
 pub mod error;
@@ -22,6 +23,7 @@ pub mod report;
 pub mod schedule;
 pub mod sessions;
 pub mod shipped;
+pub mod stats;
 pub mod supply;
 pub mod trainer;
 pub mod windows;

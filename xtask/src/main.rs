@@ -22,7 +22,6 @@ mod flags;
 mod grow;
 mod horizons;
 mod inspect;
-mod mujoco;
 mod numbers;
 mod out;
 mod policy;

@@ -2,10 +2,14 @@
 
 pub mod artifact;
 #[cfg(feature = "report")]
+mod axis;
+#[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
 pub mod manifest;
 pub mod marks;
+#[cfg(feature = "report")]
+mod pixels;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;

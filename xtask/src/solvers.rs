@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use nerd_sim::prelude::*;
+use nerd_train::choice::Choice;
 use nerd_train::shipped;
 
-use super::Choice;
 use crate::common::{DEVICES, Device, TRUTHS, word};
 use crate::flags::unused;
 use crate::numbers::{SUBSTEPS, count, positive};

@@ -1,14 +1,16 @@
 //! How the shipped policies learned, task by task, beside the released ones.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context, Result};
-use nerd_train::ppo::folder::PolicyConfig;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::Row;
+use crate::error::{Error, Result};
 use crate::paper::{policy_reward, released_curve};
-use crate::plot::{COLOURS, Picture, save, stroke};
+use crate::ppo::folder;
+use crate::report::plot::{COLOURS, Picture, failed, save, stroke};
+use crate::shipped::root;
 
 /// Columns of panels, and the size of one (px).
 const COLUMNS: usize = 2;
@@ -23,13 +25,14 @@ struct Curves {
 }
 
 /// Draws `stem`.svg and `stem`.png from the `curve.csv` of policies' folders; one that has none is left out.
-pub fn draw(policies: &[(PathBuf, PolicyConfig)], stem: &Path) -> Result<()> {
+pub fn draw(rows: &[Row], stem: &Path) -> Result<()> {
     let mut tasks: Vec<(String, Vec<Run>)> = nerd_tasks::names().iter().map(|name| (name.to_string(), Vec::new())).collect();
-    for (folder, config) in policies {
+    for row in rows {
+        let (folder, runs) = (root().join(&row.policy), tasks.iter_mut().find(|t| t.0 == row.task));
+        let (Some((_, runs)), true) = (runs, folder.join("curve.csv").exists()) else { continue };
         // Those of fewer environments learn by another clock.
-        let runs = tasks.iter_mut().find(|t| t.0 == config.task && config.ppo.environments >= 1024);
-        if let (Some((_, runs)), true) = (runs, folder.join("curve.csv").exists()) {
-            runs.push((config.solver.starts_with("neural"), read(&folder.join("curve.csv"))?));
+        if folder::load(&folder)?.0.ppo.environments >= 1024 {
+            runs.push((row.trained_in.starts_with("neural"), read(&folder.join("curve.csv"))?));
         }
     }
     tasks.retain(|t| !t.1.is_empty());
@@ -37,18 +40,23 @@ pub fn draw(policies: &[(PathBuf, PolicyConfig)], stem: &Path) -> Result<()> {
         return Ok(());
     }
     let rows = tasks.len().div_ceil(COLUMNS) as u32;
-    Ok(save(stem, (PANEL.0 * COLUMNS as u32, PANEL.1 * rows), &Curves { tasks })?)
+    save(stem, (PANEL.0 * COLUMNS as u32, PANEL.1 * rows), &Curves { tasks })
 }
 
+/// Million steps and mean reward of each line but the first.
 fn read(path: &Path) -> Result<Vec<(f64, f64)>> {
-    let mut file = csv::Reader::from_path(path).with_context(|| path.display().to_string())?;
-    let rows = file.deserialize::<(f64, f64, f64)>();
-    rows.map(|row| row.map(|(steps, reward, _)| (steps * 1e-6, reward)).with_context(|| path.display().to_string())).collect()
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let point = |line: &str| {
+        let mut numbers = line.split(',').map(str::parse::<f64>);
+        Some((numbers.next()?.ok()? * 1e-6, numbers.next()?.ok()?))
+    };
+    let points = text.lines().skip(1).map(|line| point(line).ok_or_else(|| Error::format(path)(format!("no point of a curve: {line}"))));
+    points.collect()
 }
 
 impl Picture for Curves {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
-        let failed = nerd_train::report::plot::failed::<B>;
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
+        let failed = failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let panels = area.split_evenly((self.tasks.len().div_ceil(COLUMNS), COLUMNS));
         let font = ("sans-serif", 13);

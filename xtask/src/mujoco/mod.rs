@@ -1,3 +1,0 @@
-//! MuJoCo on charts.
-
-pub mod series;
