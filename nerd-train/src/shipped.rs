@@ -22,9 +22,14 @@ pub fn from_root(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string()
 }
 
+/// Folder of the models that come with the project.
+pub fn models() -> PathBuf {
+    root().join("models")
+}
+
 /// Folder of the model of a robot that comes with the project: `models/ROBOT`, of rapier `models/ROBOT-rapier`.
 pub fn model(truth: Truth, robot: &str) -> PathBuf {
-    root().join("models").join(match truth {
+    models().join(match truth {
         Truth::Articulated => robot.to_string(),
         Truth::Rapier => format!("{robot}-rapier"),
         _ => format!("{robot}-{}", truth.name()),

@@ -48,12 +48,12 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> ConductAr
 }
 
 /// Tables on standard output, for people or as one JSON object with a list for each.
-pub fn show(tables: &[Table], json: bool) -> Result<()> {
-    if json {
-        let all: serde_json::Map<_, _> = tables.iter().map(|table| (table.name.clone(), table.json())).collect();
-        println!("{}", serde_json::to_string_pretty(&all).context("tables as JSON")?);
-    } else {
-        tables.iter().for_each(|table| println!("{}", table.markdown()));
+fn show(tables: &[Table], json: bool) -> Result<()> {
+    if !json {
+        crate::out::tables(tables);
+        return Ok(());
     }
+    let all: serde_json::Map<_, _> = tables.iter().map(|table| (table.name.clone(), table.json())).collect();
+    println!("{}", serde_json::to_string_pretty(&all).context("tables as JSON")?);
     Ok(())
 }

@@ -19,18 +19,18 @@ mod dataset;
 mod evaluate;
 mod files;
 mod flags;
+mod gif;
 mod grow;
 mod horizons;
 mod inspect;
 mod keys;
-mod mujoco;
 mod numbers;
 mod out;
 mod policy;
+mod report;
 mod reproduce;
 mod results;
 mod rollout;
-mod shake;
 mod solvers;
 mod stability;
 mod stamp;
@@ -40,9 +40,6 @@ mod urdf;
 
 /// Moved to the libraries; the verbs name them there as they move, too.
 mod moved {
-    pub mod paper {
-        pub use nerd_train::paper::*;
-    }
     pub mod plot {
         pub use nerd_train::report::plot::*;
     }
@@ -59,7 +56,7 @@ mod moved {
         pub use nerd_sim::truth::Truth;
     }
 }
-use moved::{paper, plot, provenance, sessions, table, truth};
+use moved::{plot, provenance, sessions, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -83,6 +80,10 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
+    /// Write one page with everything: tables, charts, maps, replays
+    Report(report::ReportArgs),
+    /// Draw the moving picture of README
+    Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -138,6 +139,8 @@ fn main() -> ExitCode {
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
+        Verb::Report(args) => report::run(args),
+        Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),

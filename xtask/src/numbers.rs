@@ -45,11 +45,6 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     Ok(nerd_train::bounds::time(factors)?)
 }
 
-/// [`nerd_train::bounds::figures`].
-pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
-    Ok(nerd_train::bounds::figures(whose, figures)?)
-}
-
 #[cfg(test)]
 mod tests {
     use nerd_train::bounds::LAYERS;

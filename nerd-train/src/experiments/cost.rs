@@ -1,50 +1,82 @@
-//! What a model's frame costs.
+//! What a frame costs: the shortest of some runs, on one core. Everything that is timed for a figure is timed here.
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nerd_model::folder::ModelConfig;
+use nerd_sim::instruments::Timed;
 use nerd_sim::prelude::*;
 
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::evaluate::{Action, PassiveConfig, passive};
 
+/// How often something is run to be timed. What disturbs a run makes it longer, so the shortest counts.
+#[derive(Clone, Copy, Debug)]
+pub struct Repeat {
+    /// No more runs than these.
+    pub most: usize,
+    /// These, unless they take too long.
+    pub some: usize,
+    /// As many as fit into this.
+    pub time: Duration,
+    /// Too long for another one before there are `some`.
+    pub patience: Duration,
+}
+
+impl Repeat {
+    /// So many runs, however long they take.
+    pub fn times(n: usize) -> Self {
+        Self { most: n, some: n, time: Duration::ZERO, patience: Duration::MAX }
+    }
+
+    /// As many as fit into 0.3 s, at most twenty; three if they fit into 10 s; one at least.
+    pub fn briefly() -> Self {
+        Self { most: 20, some: 3, time: Duration::from_millis(300), patience: Duration::from_secs(10) }
+    }
+
+    /// The shortest of the times that `run` says it took.
+    ///
+    /// # Errors
+    /// The first of `run`.
+    pub fn best<E>(self, mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> {
+        let (mut runs, mut total, mut best) = (0, Duration::ZERO, Duration::MAX);
+        while runs == 0 || (total < self.time && runs < self.most) || (runs < self.some && total < self.patience) {
+            let spent = run()?;
+            (runs, total, best) = (runs + 1, total + spent, best.min(spent));
+        }
+        Ok(best)
+    }
+}
+
+/// Microseconds of one of `frames` frames that took so long.
+pub fn each(spent: Duration, frames: usize) -> f64 {
+    spent.as_secs_f64() * 1e6 / frames as f64
+}
+
+/// Works with one thread, whatever else the program has.
+///
+/// # Errors
+/// Those of `work`, and if there is no thread to be had.
+pub fn on_one_core<T: Send>(work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    one.map_err(|e| Error::Refused(format!("cannot start a thread: {e}")))?.install(work)
+}
+
 /// Microseconds that a model takes for a frame of one environment on one core of the CPU, best of five.
 ///
 /// # Errors
 /// If the model cannot be read or cannot step.
 pub fn microseconds(folder: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<f64> {
-    const ENVIRONMENTS: usize = 256;
-    const FRAMES: usize = 40;
-    const REPEATS: usize = 5;
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::Refused(e.to_string()))?;
-    one.install(|| {
-        let truth = ModelConfig::truth_of(folder)?;
-        let protocol = PassiveConfig { starts: ENVIRONMENTS, steps: FRAMES, seed: 501, action: Action::Zero };
-        let mut best = f64::INFINITY;
-        for _ in 0..REPEATS {
-            let mut learned = Timed(Box::new(Device::Cpu.neural(folder, system, None, ENVIRONMENTS)?), Duration::ZERO);
+    let protocol = PassiveConfig { starts: 256, steps: 40, seed: 501, action: Action::Zero };
+    let truth = ModelConfig::truth_of(folder)?;
+    on_one_core(|| {
+        let best = Repeat::times(5).best(|| -> Result<Duration> {
+            let mut learned = Timed::new(Device::Cpu.neural(folder, system, None, protocol.starts)?);
             passive(system, scene, &mut *truth.solver(system), &mut learned, protocol, &mut |_| ())?;
-            best = best.min(learned.1.as_secs_f64() * 1e6 / (ENVIRONMENTS * FRAMES) as f64);
-        }
-        Ok(best)
+            Ok(learned.spent)
+        })?;
+        Ok(each(best, protocol.starts * protocol.steps))
     })
-}
-
-/// Adds up the time its solver takes.
-struct Timed(Box<dyn Solver>, Duration);
-
-impl Solver for Timed {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> std::result::Result<(), StepError> {
-        let start = Instant::now();
-        let done = self.0.step(batch, torques);
-        self.1 += start.elapsed();
-        done
-    }
-
-    fn reset(&mut self, env: usize) {
-        self.0.reset(env);
-    }
 }

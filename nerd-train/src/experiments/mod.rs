@@ -9,11 +9,18 @@
 
 pub mod ablations;
 pub mod changes;
+pub mod chart;
 pub mod cost;
 pub mod games;
+pub mod grow;
+pub mod horizons;
+pub mod learned;
+pub mod passive;
 pub mod policies;
 mod redraw;
+pub mod stability;
 pub mod sweep;
+pub mod tosses;
 pub mod transfer;
 
 use std::path::Path;
