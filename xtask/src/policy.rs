@@ -128,8 +128,7 @@ fn show(args: ShowArgs) -> Result<()> {
     }
     let arena = args.arena.of(&task)?;
     let title = format!("{task} on {}", arena.title()?);
-    let page = replay(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
-    let reward = page.rewards.last().copied().unwrap_or_default();
+    let (page, reward) = replay(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
     println!("{title}: {} steps, reward {reward:.1}; {}", page.frames(), args.out.display());
     crate::files::write(&args.out, page.html().as_bytes())
 }

@@ -105,7 +105,7 @@ fn a_manifest_that_says_other_lengths_than_its_shards_have_is_refused() {
         std::fs::write(&manifest, said.to_string()).expect("written");
         refused(&["inspect", place], "its shards hold");
         let out = folder.path().join("run");
-        let train = ["train", "--robot", "pendulum", "--preset", "small", "--data", place, "--out", out.to_str().expect("utf-8")];
+        let train = ["train", "--robot", "pendulum", "--recipe", "small", "--data", place, "--out", out.to_str().expect("utf-8")];
         refused(&train, "its shards hold");
     }
 }

@@ -34,11 +34,12 @@ pub fn play(policy: &Policy, environments: &mut impl Environments, progress: &mu
     Ok(games.into_iter().flatten().collect())
 }
 
-/// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards by step.
+/// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
+/// step; and its whole reward.
 ///
 /// # Errors
 /// If the solver cannot step.
-pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<Replay, StepError> {
+pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
     let bar = bar(title, episodes.task.episode_length());
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);
@@ -53,7 +54,7 @@ pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<R
         total += stepped.result.rewards[0];
         if !stepped.ended.is_empty() {
             bar.finish();
-            return Ok(page);
+            return Ok((page, total));
         }
     }
 }
