@@ -50,9 +50,6 @@ mod moved {
     pub mod provenance {
         pub use nerd_train::report::provenance::*;
     }
-    pub mod sessions {
-        pub use nerd_train::sessions::*;
-    }
     pub mod table {
         pub use nerd_train::report::table::*;
     }
@@ -60,7 +57,7 @@ mod moved {
         pub use nerd_sim::truth::Truth;
     }
 }
-use moved::{paper, plot, provenance, sessions, table, truth};
+use moved::{paper, plot, provenance, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]

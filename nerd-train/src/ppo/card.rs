@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Result;
 use nerd_tasks::Episodes;
-use nerd_train::ppo::Trainer;
-use nerd_train::ppo::folder::{PolicyConfig, save};
 
-use crate::provenance::Provenance;
+use super::folder::{PolicyConfig, save};
+use super::{Trainer, curve};
+use crate::error::Result;
+use crate::report::Provenance;
 use crate::sessions;
 
 /// Writes `<out>/policy`.
@@ -50,5 +50,5 @@ pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer:
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
     card.push_str("\nWhat it earns in the truth and in the learned simulator: `cargo xtask policy evaluate`. Written by `cargo xtask policy train`.\n");
     save(&out.join("policy"), &config, policy, &card)?;
-    super::curve::write(out, &out.join("policy"))
+    curve::write(out, &out.join("policy"))
 }

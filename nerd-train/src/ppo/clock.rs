@@ -6,17 +6,20 @@ use std::time::Instant;
 
 use nerd_model::transformer::{ForwardError, Stream};
 use nerd_sim::prelude::*;
-use nerd_train::ppo::Iteration;
+
+use super::Iteration;
 
 /// Nanoseconds in a solver, and of these in its network.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Clock {
+    /// In a solver, its network included.
     pub solver: Arc<AtomicU64>,
+    /// In its network.
     pub network: Arc<AtomicU64>,
 }
 
 /// Something whose time is added to a clock.
-pub struct Timed<T>(pub T, pub Arc<AtomicU64>);
+pub(super) struct Timed<T>(pub(super) T, pub(super) Arc<AtomicU64>);
 
 impl<T> Timed<T> {
     fn time<R>(&mut self, work: impl FnOnce(&mut T) -> R) -> R {
