@@ -12,7 +12,7 @@ pub mod muon;
 mod sharded;
 
 pub use burn::BurnLearner;
-pub use cpu::CpuLearner;
+pub use cpu::{CpuLearner, round_hidden};
 #[cfg(feature = "cuda")]
 pub mod cuda;
 
