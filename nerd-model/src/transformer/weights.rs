@@ -15,6 +15,7 @@ use super::config::{Init, TensorSpec, TransformerConfig};
 
 /// A file whose tensors do not fit the configuration.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WeightsError {
     /// Not a safetensors file.
     #[error("not a readable safetensors file: {0}")]
