@@ -2,15 +2,19 @@
 
 pub mod artifact;
 pub mod inputs;
+pub mod manifest;
+pub mod marks;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
+pub mod replay;
 pub mod table;
 
 use std::path::Path;
 
 pub use artifact::Artifact;
 pub use inputs::{Input, Inputs};
+pub use manifest::{Manifest, Status};
 pub use provenance::Provenance;
 pub use table::Table;
 
