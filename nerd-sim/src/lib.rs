@@ -2,11 +2,13 @@
 
 pub mod articulated;
 pub mod batch;
+pub mod bodies;
 mod collider;
 pub mod control;
 pub mod dataset;
 pub mod files;
 mod identity;
+pub mod instruments;
 pub mod law;
 mod limits;
 mod material;
@@ -17,6 +19,8 @@ pub mod sampling;
 pub mod scene;
 pub mod solver;
 pub mod spec;
+#[cfg(feature = "suite")]
+pub mod suite;
 pub mod system;
 pub mod truth;
 mod validate;

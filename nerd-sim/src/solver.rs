@@ -71,7 +71,7 @@ pub trait Solver: Send {
     fn reset(&mut self, _env: usize) {}
 }
 
-impl Solver for Box<dyn Solver> {
+impl<S: Solver + ?Sized> Solver for Box<S> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         (**self).step(batch, torques)
     }

@@ -31,6 +31,10 @@ pub enum Error {
     /// A model of a truth that is not there.
     #[error(transparent)]
     Truth(#[from] UnknownTruth),
+    /// A row of the stability suite.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Suite(#[from] nerd_sim::suite::Error),
     /// A choice by a chart.
     #[error(transparent)]
     Pick(#[from] PickError),

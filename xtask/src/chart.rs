@@ -8,11 +8,12 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
+use nerd_sim::instruments::{Recorder, Replay, Timed};
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
@@ -310,57 +311,4 @@ pub fn microseconds(folder: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> 
         }
         Ok(best)
     })
-}
-
-/// Adds up the time its solver takes.
-pub struct Timed {
-    /// The solver.
-    pub solver: Box<dyn Solver>,
-    /// Time it has taken.
-    pub spent: Duration,
-}
-
-impl Solver for Timed {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        let start = Instant::now();
-        let done = self.solver.step(batch, torques);
-        self.spent += start.elapsed();
-        done
-    }
-
-    fn reset(&mut self, env: usize) {
-        self.solver.reset(env);
-    }
-}
-
-/// Keeps every state its solver comes to.
-pub struct Recorder {
-    /// The solver.
-    pub solver: Box<dyn Solver>,
-    /// States by frame.
-    pub frames: Vec<Vec<f64>>,
-}
-
-impl Solver for Recorder {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        self.solver.step(batch, torques)?;
-        self.frames.push(batch.states.clone());
-        Ok(())
-    }
-}
-
-/// Plays recorded states back.
-pub struct Replay<'a> {
-    /// States by frame.
-    pub frames: &'a [Vec<f64>],
-    /// The frame to come.
-    pub next: usize,
-}
-
-impl Solver for Replay<'_> {
-    fn step(&mut self, batch: &mut Batch, _torques: &[f64]) -> Result<(), StepError> {
-        batch.states.copy_from_slice(&self.frames[self.next]);
-        self.next += 1;
-        Ok(())
-    }
 }

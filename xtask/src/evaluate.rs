@@ -9,6 +9,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use nerd_sim::instruments::Shaken;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary};
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,6 @@ use serde::{Deserialize, Serialize};
 use crate::numbers::{self, FRAMES, SEEDS, STARTS, count, within};
 use crate::paper;
 use crate::provenance::Provenance;
-use crate::shake::Shaken;
 use crate::solvers::{Choice, SolverArgs};
 use crate::table::{markdown, pair};
 use crate::truth::Truth;

@@ -17,11 +17,12 @@ use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::pick::Setting;
 use nerd_model::transformer::{Positions, TransformerConfig, Weights};
+use nerd_sim::instruments::{Recorder, Replay, Timed};
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use serde::Serialize;
 
-use crate::chart::{Recorder, Replay, Timed, mean};
+use crate::chart::mean;
 use crate::numbers::{self, FRAMES, SEEDS, STARTS, count, positive};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;

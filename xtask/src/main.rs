@@ -29,7 +29,6 @@ mod policy;
 mod reproduce;
 mod results;
 mod rollout;
-mod shake;
 mod solvers;
 mod stability;
 mod stamp;

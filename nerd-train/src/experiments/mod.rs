@@ -7,6 +7,8 @@
 //!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
 //! ```
 
+pub mod learned;
+pub mod stability;
 pub mod storage;
 
 use std::path::Path;

@@ -1,6 +1,8 @@
 //! Where figures come from and where they go: provenance, what was measured, tables, pictures, files.
 
 pub mod artifact;
+#[cfg(feature = "report")]
+pub mod heat;
 pub mod inputs;
 pub mod manifest;
 pub mod marks;

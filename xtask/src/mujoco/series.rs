@@ -6,13 +6,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
+use nerd_sim::instruments::Replay;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
 use serde::Serialize;
 
 use super::{Referee, Scheme};
-use crate::chart::{Point, Replay, mean};
+use crate::chart::{Point, mean};
 use crate::common::bar;
 
 /// What MuJoCo was held against.

@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
 use nalgebra::{Isometry3, Vector3};
+use nerd_sim::bodies::Body;
 use nerd_sim::prelude::*;
 use serde::Serialize;
-
-use crate::stability::worlds::Body;
 
 /// Edge (m), mass (kg) and inertia about each axis (kg m^2), as published.
 pub const EDGE: f64 = 0.1048;

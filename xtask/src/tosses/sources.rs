@@ -3,8 +3,7 @@
 
 use anyhow::Result;
 use nalgebra::{Matrix3, Vector3};
-use nerd_sim::sampling::stream;
-use rand::RngExt;
+use nerd_sim::sampling::{normal, stream};
 use serde::Serialize;
 
 use super::cube::{Cube, SOLID, lowest};
@@ -86,9 +85,8 @@ pub fn disturbed(trials: &[Trial], noise: Noise, seed: u64) -> Vec<Trial> {
     let mut all = trials.to_vec();
     for (k, trial) in all.iter_mut().enumerate() {
         let mut rng = stream(seed, k as u64);
-        // Box and Muller's normal numbers, by the column.
-        let normal =
-            Matrix3::from_fn(|_, _| (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt() * (std::f64::consts::TAU * rng.random::<f64>()).cos());
+        // Normal numbers, by the column.
+        let normal = Matrix3::from_fn(|_, _| normal(&mut rng));
         trial.start.velocity += normal.column(0) * noise.velocity;
         trial.start.spin += normal.column(1) * noise.spin;
     }

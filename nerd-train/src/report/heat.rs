@@ -1,22 +1,27 @@
-//! The table at a glance: green up to the limit, through amber to red, white figures.
+//! A stability map at a glance: green up to the limit, through amber to red, white figures.
 
 use std::path::Path;
 
-use nerd_train::Result;
+use nerd_sim::suite::Line;
+use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::Line;
-use crate::table::digits;
+use super::plot::{Picture, failed, save};
+use super::table::digits;
+use crate::error::Result;
 
 const LEFT: i32 = 200;
 const TOP: i32 = 70;
 const CELL: (i32, i32) = (104, 24);
 
-/// Writes `stem.svg` and `stem.png`.
+/// Writes `STEM.svg` and `STEM.png`.
+///
+/// # Errors
+/// If it cannot be drawn or written.
 pub fn draw(title: &str, columns: &[String], lines: &[Line], stem: &Path) -> Result<()> {
     let size = ((LEFT + (CELL.0 * columns.len() as i32 + 20).max(740)) as u32, (TOP + CELL.1 * lines.len() as i32 + 40) as u32);
-    crate::plot::save(stem, size, &Heat { title, columns, lines })
+    save(stem, size, &Heat { title, columns, lines })
 }
 
 struct Heat<'a> {
@@ -25,9 +30,9 @@ struct Heat<'a> {
     lines: &'a [Line],
 }
 
-impl crate::plot::Picture for Heat<'_> {
-    fn draw<B: DrawingBackend>(&self, area: &plotters::drawing::DrawingArea<B, plotters::coord::Shift>) -> nerd_train::Result<()> {
-        let failed = nerd_train::report::plot::failed::<B>;
+impl Picture for Heat<'_> {
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
+        let failed = failed::<B>;
         let style = |size: i32, colour: RGBColor, h: HPos| ("sans-serif", size).into_font().color(&colour).pos(Pos::new(h, VPos::Center));
         let text = |words: &str, at: (i32, i32), style: TextStyle| area.draw(&Text::new(words.to_string(), at, style)).map_err(failed);
         area.fill(&WHITE).map_err(failed)?;
@@ -37,14 +42,15 @@ impl crate::plot::Picture for Heat<'_> {
         }
         for (r, line) in self.lines.iter().enumerate() {
             let y = TOP + CELL.1 * r as i32;
-            text(line.row, (LEFT - 10, y + CELL.1 / 2), style(13, BLACK, HPos::Right))?;
+            text(&line.row, (LEFT - 10, y + CELL.1 / 2), style(13, BLACK, HPos::Right))?;
             for (k, cell) in line.cells.iter().enumerate() {
                 let x = LEFT + CELL.0 * k as i32;
                 let box_ = [(x + 1, y + 1), (x + CELL.0 - 1, y + CELL.1 - 1)];
-                let ratio = if line.limit > 0.0 { cell.figure / line.limit } else { 1e9 * cell.figure };
+                let Some(figure) = cell.figure else { continue };
+                let ratio = if line.limit > 0.0 { figure / line.limit } else { 1e9 * figure };
                 let ratio = if cell.lost.is_some() { f64::MAX } else { ratio };
                 area.draw(&Rectangle::new(box_, colour(ratio).filled())).map_err(failed)?;
-                let words = if cell.lost.is_some() { "lost".to_string() } else { digits(cell.figure) };
+                let words = if cell.lost.is_some() { "lost".to_string() } else { digits(figure) };
                 text(&words, (x + CELL.0 / 2, y + CELL.1 / 2), style(12, WHITE, HPos::Center))?;
             }
         }

@@ -1,97 +1,81 @@
-//! The same question for learned models (`--model FOLDER,..`): each against the truth it learned, from starts in and out of
-//! the box it learned in, beside two predictors that know no dynamics and another engine.
-//!
-//! Errors are shares of the hold-last floor's: 1 is a predictor that knows nothing.
+//! What is asked of a learned model, and how it is measured.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::Result;
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::robot::Base;
-use nerd_model::folder::ModelConfig;
 use nerd_sim::dataset::Drive;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_train::evaluate::{Action, PassiveConfig, passive};
+use nerd_sim::truth::Truth;
 
-use super::Line;
-use super::row::Cell;
-use crate::common::Device;
-use crate::solvers::neural;
-use crate::truth::Truth;
+use crate::error::Result;
+use crate::evaluate::{Action, PassiveConfig, passive};
 
 const STARTS: usize = 32;
 
 /// A robot in the scene it is judged in.
-struct Case {
-    system: Arc<System>,
-    scene: Arc<Scene>,
-    model: PathBuf,
-    truth: Truth,
+pub(super) struct Case {
+    pub system: Arc<System>,
+    pub scene: Arc<Scene>,
+    pub model: PathBuf,
+    pub truth: Truth,
 }
 
-/// What is asked: name, figure, source of the limit, limit, measure.
-type Ask = (&'static str, &'static str, &'static str, f64, fn(&Case, &Maker) -> Result<f64>);
-/// Makes the solver under test for a system like the case's.
-type Maker<'a> = dyn Fn(&Arc<System>) -> Result<Box<dyn Solver>> + 'a;
+/// What is asked.
+pub(super) struct Ask {
+    pub name: &'static str,
+    pub figure: &'static str,
+    pub unit: &'static str,
+    /// Of the limit.
+    pub source: &'static str,
+    pub why: &'static str,
+    pub limit: f64,
+    pub measure: Measure,
+}
 
+type Measure = fn(&Case, &Maker) -> Result<f64>;
+/// Makes the solver under test for a system like the case's.
+pub(super) type Maker<'a> = dyn Fn(&Arc<System>) -> Result<Box<dyn Solver>> + 'a;
+
+const HELD: &str = "of hold-last's";
 const FLOOR: &str = "a tenth of what knowing nothing gives";
 const ROUND: &str = "rounding of f32";
+const FASTER: &str = "Faster than anything in its training data.";
+const PLACE: &str = "The world has no centre: what a robot does depends on what is around it.";
 
-const ASKS: [Ask; 14] = [
-    ("10 frames", "error (of hold-last's)", FLOOR, 0.1, |c, m| horizon(c, m, 10)),
-    ("100 frames", "error (of hold-last's)", FLOOR, 0.1, |c, m| horizon(c, m, 100)),
-    ("1000 frames", "error (of hold-last's)", FLOOR, 0.1, |c, m| horizon(c, m, 1000)),
-    ("gone in 1000 frames", "rollouts that left, of 32", "none may", 0.0, gone),
-    ("velocities x 1.25", "error of 50 frames (of hold-last's)", FLOOR, 0.1, |c, m| outside(c, m, 1.25, 0.0)),
-    ("velocities x 1.5", "error of 50 frames (of hold-last's)", FLOOR, 0.1, |c, m| outside(c, m, 1.5, 0.0)),
-    ("velocities x 2", "error of 50 frames (of hold-last's)", FLOOR, 0.1, |c, m| outside(c, m, 2.0, 0.0)),
-    ("random torques", "error of 50 frames (of hold-last's)", FLOOR, 0.1, |c, m| outside(c, m, 1.0, 1.0)),
-    ("torques x 2", "error of 50 frames (of hold-last's)", FLOOR, 0.1, |c, m| outside(c, m, 1.0, 2.0)),
-    ("moved 1 m", "difference of 20 frames", ROUND, 1e-4, |c, m| moved(c, m, 1.0)),
-    ("moved 1 km", "difference of 20 frames", ROUND, 1e-4, |c, m| moved(c, m, 1e3)),
-    ("moved 100 km", "difference of 20 frames", ROUND, 1e-4, |c, m| moved(c, m, 1e5)),
-    ("history", "after a reset, and after a gap, against fresh", ROUND, 1e-4, history),
-    ("energy in flight", "change beyond the truth's in 100 frames (of the largest kinetic)", "energy is the truth's", 0.05, flight),
+const fn ask(
+    name: &'static str,
+    figure: &'static str,
+    unit: &'static str,
+    source: &'static str,
+    why: &'static str,
+    limit: f64,
+    measure: Measure,
+) -> Ask {
+    Ask { name, figure, unit, source, why, limit, measure }
+}
+
+#[rustfmt::skip]
+pub(super) static ASKS: [Ask; 14] = [
+    ask("10 frames", "error", HELD, FLOOR, "As far as a controller looks ahead.", 0.1, |c, m| horizon(c, m, 10)),
+    ask("100 frames", "error", HELD, FLOOR, "The paper's horizon.", 0.1, |c, m| horizon(c, m, 100)),
+    ask("1000 frames", "error", HELD, FLOOR, "As long as an episode: is anything still known then?", 0.1, |c, m| horizon(c, m, 1000)),
+    ask("gone in 1000 frames", "rollouts that left, of 32", "", "none may", "A mean hides the one that leaves.", 0.0, gone),
+    ask("velocities x 1.25", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 1.25, 0.0)),
+    ask("velocities x 1.5", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 1.5, 0.0)),
+    ask("velocities x 2", "error of 50 frames", HELD, FLOOR, FASTER, 0.1, |c, m| outside(c, m, 2.0, 0.0)),
+    ask("random torques", "error of 50 frames", HELD, FLOOR, "Driven as in its training data.", 0.1, |c, m| outside(c, m, 1.0, 1.0)),
+    ask("torques x 2", "error of 50 frames", HELD, FLOOR, "Driven twice as hard.", 0.1, |c, m| outside(c, m, 1.0, 2.0)),
+    ask("moved 1 m", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1.0)),
+    ask("moved 1 km", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1e3)),
+    ask("moved 100 km", "difference of 20 frames", "", ROUND, PLACE, 1e-4, |c, m| moved(c, m, 1e5)),
+    ask("history", "after a reset, and after a gap, against fresh", "", ROUND, "What it remembers must be of this motion.", 1e-4, history),
+    ask("energy in flight", "change beyond the truth's in 100 frames", "of the largest kinetic", "energy is the truth's",
+        "In the air motion is simple: nothing may be gained or lost.", 0.05, flight),
 ];
-
-/// Title, names of the columns, lines.
-type Table = (String, Vec<String>, Vec<Line>);
-
-/// Tables of all models.
-pub fn tables(models: &[PathBuf], words: &[String]) -> Result<Vec<Table>> {
-    super::known(words, &ASKS.map(|a| a.0))?;
-    models.iter().map(|folder| table(folder, words)).collect()
-}
-
-fn table(folder: &Path, words: &[String]) -> Result<Table> {
-    let config = ModelConfig::read(folder)?;
-    let system = System::named(&config.robot)?;
-    let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
-    let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth)? };
-    let makers: [(&str, &Maker); 4] = [
-        ("learned", &|system| Ok(Box::new(neural(&case.model, system, None, Device::Cpu, STARTS)?))),
-        ("hold last", &|_| Ok(Box::new(Blind { glide: false }))),
-        ("constant velocity", &|_| Ok(Box::new(Blind { glide: true }))),
-        ("rapier 4x4", &|_| Ok(Box::new(Rapier::new(RapierConfig::default())))),
-    ];
-    let asks: Vec<&Ask> = ASKS.iter().filter(|a| words.is_empty() || words.iter().any(|w| a.0.contains(w.as_str()))).collect();
-    let bar = crate::common::bar(&format!("{}: cells", case.system.name), (asks.len() * makers.len()) as u64);
-    let mut lines = Vec::new();
-    for (row, figure, source, limit, measure) in asks.iter().map(|a| **a) {
-        let mut cells = Vec::new();
-        for (_, maker) in &makers {
-            cells.push(Cell::new(measure(&case, *maker).map_err(|e| format!("{e:#}")), None, limit));
-            bar.set((lines.len() * makers.len() + cells.len()) as u64);
-        }
-        lines.push(Line { row, figure, source, limit, cells });
-    }
-    bar.finish();
-    let title = format!("{} in {}, learned from {}", folder.display(), case.scene.name, case.truth.name());
-    Ok((title, makers.iter().map(|m| m.0.to_string()).collect(), lines))
-}
 
 fn horizon(case: &Case, maker: &Maker, steps: usize) -> Result<f64> {
     let config = PassiveConfig { starts: STARTS, steps, seed: 21, action: Action::Zero };
@@ -224,22 +208,4 @@ fn distance(system: &System, a: &Batch, b: &Batch) -> f64 {
         if turns { nerd_core::state::wrap(a - b).abs() } else { (a - b).abs() }
     };
     a.states.iter().zip(&b.states).enumerate().filter(|(i, _)| i % d < nq).map(gap).sum()
-}
-
-/// A predictor without dynamics: stays where it is, or goes on as it goes.
-struct Blind {
-    glide: bool,
-}
-
-impl Solver for Blind {
-    fn step(&mut self, batch: &mut Batch, _torques: &[f64]) -> Result<(), StepError> {
-        let mut next = batch.states.clone();
-        if self.glide {
-            let (d, h) = (batch.system.robot.state_dim(), batch.system.frame_time);
-            for state in next.chunks_exact_mut(d) {
-                nerd_train::evaluate::glide(&batch.system, state, h);
-            }
-        }
-        nerd_sim::solver::commit(batch, &mut next, &mut Vec::new())
-    }
 }

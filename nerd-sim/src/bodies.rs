@@ -1,10 +1,25 @@
-//! Small systems for single questions, written as URDF and TOML; up is z.
+//! Small systems for single questions: a free body, pendulums, a slider. Written as URDF and TOML; up is z.
+//!
+//! ```
+//! use nerd_sim::bodies::Body;
+//! use nerd_sim::prelude::*;
+//! let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), ..Default::default() }.system()?;
+//! let mut batch = Batch::new(&ball, &ball.scene("ground")?, 1);
+//! batch.reset(0, &Body::at([0.0, 0.0, 0.1]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::sync::Arc;
 
-use nerd_sim::prelude::*;
+use crate::system::{System, SystemError};
+
+/// Gravity (m/s^2) where nothing else is said.
+pub const GRAVITY: f64 = 9.81;
+/// The orientation (x y z w) of what is not turned.
+pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// A free rigid body.
+#[derive(Clone, Debug)]
 pub struct Body {
     /// URDF geometry, such as `<sphere radius="0.1"/>`.
     pub shape: String,
@@ -14,14 +29,17 @@ pub struct Body {
     pub mass: f64,
     /// Principal inertia (kg m^2).
     pub inertia: [f64; 3],
-    /// Centre of mass (m) in the body frame, and the principal axes' roll, pitch, yaw.
+    /// Centre of mass (m) in the body frame.
     pub com: [f64; 3],
+    /// Roll, pitch and yaw (rad) of the principal axes.
     pub rpy: [f64; 3],
-    /// Seconds of a frame, gravity (m/s^2) down, slope of the ground (rad) about y.
+    /// Seconds of a frame, as a specification has them, such as `1/60`.
     pub frame: &'static str,
+    /// Gravity (m/s^2), downwards.
     pub gravity: f64,
+    /// Slope of the ground (rad) about y.
     pub slope: f64,
-    /// Contact stiffness, damping, tangential damping, friction.
+    /// Contact stiffness (N/m), damping (N s/m), tangential damping (N s/m), friction.
     pub material: [f64; 4],
 }
 
@@ -36,7 +54,7 @@ impl Default for Body {
             com: [0.0; 3],
             rpy: [0.0; 3],
             frame: "1/60",
-            gravity: 9.81,
+            gravity: GRAVITY,
             slope: 0.0,
             material: [1e4, 100.0, 1e3, 0.5],
         }
@@ -45,7 +63,10 @@ impl Default for Body {
 
 impl Body {
     /// The system; its scenes are `free` and `ground`.
-    pub fn system(&self) -> Result<Arc<System>, String> {
+    ///
+    /// # Errors
+    /// [`SystemError`] where a field cannot be honoured, such as a shape that is no URDF.
+    pub fn system(&self) -> Result<Arc<System>, SystemError> {
         let (i, c, r, m) = (self.inertia, self.com, self.rpy, self.material);
         let collision = |at: [f64; 3], shape: &str| {
             format!(r#"<collision><origin xyz="{} {} {}"/><geometry>{shape}</geometry></collision>"#, at[0], at[1], at[2])
@@ -66,7 +87,7 @@ impl Body {
              [[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, {:?}, 0.0] }}\n",
             self.frame, -self.gravity, m[0], m[1], m[2], m[3], self.slope
         );
-        System::from_text("body", &urdf, Some(&toml)).map(Arc::new).map_err(|e| e.to_string())
+        System::from_text("body", &urdf, Some(&toml)).map(Arc::new)
     }
 
     /// A state at position p, orientation q (x y z w), angular velocity w and velocity v of the body's origin.
@@ -75,10 +96,19 @@ impl Body {
         let twist = v_ - w_.cross(&p_);
         [&p[..], &q[..], &w[..], twist.as_slice()].concat()
     }
+
+    /// The state upright and at rest at position p.
+    pub fn at(p: [f64; 3]) -> Vec<f64> {
+        Self::state(p, UPRIGHT, [0.0; 3], [0.0; 3])
+    }
 }
 
-/// Hinges in a row, each link 1 m long along x with its mass (kg) at the end; axes along y, up is z.
-pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<Arc<System>, String> {
+/// Hinges in a row, each link 1 m long along x with its mass (kg) at the end; axes along y. `joint` is
+/// more TOML for every joint, `frame` the seconds of a frame, `gravity` (m/s^2) downwards.
+///
+/// # Errors
+/// [`SystemError`] where an argument cannot be honoured.
+pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<Arc<System>, SystemError> {
     let mut urdf = String::from(r#"<robot name="chain"><link name="l0"/>"#);
     let mut toml =
         format!("urdf = \"\"\nfloating = false\nframe_time = \"{frame}\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n", -gravity);
@@ -95,18 +125,24 @@ pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<A
             k + 1
         );
     }
-    System::from_text("chain", &(urdf + "</robot>"), Some(&toml)).map(Arc::new).map_err(|e| e.to_string())
+    System::from_text("chain", &(urdf + "</robot>"), Some(&toml)).map(Arc::new)
 }
 
-/// A 1 kg slider along x, without gravity; its limit at 0.5 m has a spring and a damper.
-pub fn slider() -> Result<Arc<System>, String> {
+/// A 1 kg slider along x, without gravity; its limit at 0.5 m is a spring of 1e4 N/m.
+///
+/// # Errors
+/// [`SystemError`], as every system; this one is sound.
+pub fn slider() -> Result<Arc<System>, SystemError> {
     let urdf = r#"<robot name="slider"><link name="rail"/><link name="box"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="slide" type="prismatic"><parent link="rail"/><child link="box"/><axis xyz="1 0 0"/><limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint></robot>"#;
     let toml = "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, 0.0]\nsubsteps = 16\n[[joint]]\nname = \"slide\"\nlimit = { stiffness = 1e4, damping = 0.0 }\nsample = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\nreset = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\n";
-    System::from_text("slider", urdf, Some(toml)).map(Arc::new).map_err(|e| e.to_string())
+    System::from_text("slider", urdf, Some(toml)).map(Arc::new)
 }
 
-/// A bob of 1 kg, 1 m below a pivot that turns about x and about y: a joint of two angular degrees of freedom; up is z.
-pub fn universal() -> Result<Arc<System>, String> {
+/// A bob of 1 kg, 1 m below a pivot that turns about x and about y: a joint of two angular degrees of freedom.
+///
+/// # Errors
+/// [`SystemError`], as every system; this one is sound.
+pub fn universal() -> Result<Arc<System>, SystemError> {
     let link = |name: &str, at: &str, mass: f64| {
         format!(
             r#"<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial></link>"#
@@ -123,5 +159,5 @@ pub fn universal() -> Result<Arc<System>, String> {
         joint("y", "cross", "bob", "0 1 0"),
         "</robot>".to_string(),
     ];
-    System::from_text("universal", &urdf.concat(), None).map(Arc::new).map_err(|e| e.to_string())
+    System::from_text("universal", &urdf.concat(), None).map(Arc::new)
 }
