@@ -16,6 +16,7 @@ pub mod learned;
 pub mod passive;
 pub mod policies;
 pub mod stability;
+pub mod storage;
 pub mod tosses;
 pub mod transfer;
 

@@ -1,14 +1,14 @@
 //! Somebody's own solver held against the stability suite:
-//! `cargo run --release -p nerd-sim --features suite --example own_solver`.
+//! `cargo run --release --manifest-path examples/Cargo.toml -p sim-only`, or with words of rows behind `--`.
 //!
 //! It is semi-implicit Euler over nerd-core's articulated-body algorithm, without contact, joint limits or damping. What flies
 //! or swings comes out right to first order; whatever touches something falls through it. The suite says which is which.
 
 use std::sync::Arc;
 
-use nerd_core::dynamics::{Data, aba, kinematics, to_local, to_world};
-use nerd_core::state::vector;
+use nerd_sim::nerd_core::dynamics::{Data, aba, kinematics, to_local, to_world};
 use nerd_sim::instruments::glide;
+use nerd_sim::nerd_core::state::vector;
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{check, commit};
 use nerd_sim::suite::{Error, Method, Suite};
@@ -29,7 +29,9 @@ impl Solver for Euler {
                 let (q, qd) = state.split_at_mut(robot.nq());
                 to_local(robot, q, qd); // a floating root's velocity is then (w, p_dot)
                 kinematics(robot, q, &mut data);
-                aba(robot, qd, &tau, &batch.scenes[env].gravity, &mut data);
+                if !aba(robot, qd, &tau, &batch.scenes[env].gravity, &mut data) {
+                    return Err(StepError::Solver("a link has no inertia".into()));
+                }
                 if robot.floating() {
                     let turning = vector(qd).cross(&vector(&qd[3..6])); // p_ddot of a spatial acceleration
                     (0..3).for_each(|k| data.qdd[3 + k] += turning[k]);
