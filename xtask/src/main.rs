@@ -27,6 +27,7 @@ mod keys;
 mod numbers;
 mod out;
 mod policy;
+mod report;
 mod reproduce;
 mod results;
 mod rollout;
@@ -83,6 +84,8 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
+    /// Write one page with everything: tables, charts, maps, replays
+    Report(report::ReportArgs),
     /// Draw the moving picture of README
     Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
@@ -140,6 +143,7 @@ fn main() -> ExitCode {
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
+        Verb::Report(args) => report::run(args),
         Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),

@@ -12,6 +12,8 @@ pub mod manifest;
 pub mod marks;
 pub mod motions;
 #[cfg(feature = "report")]
+pub mod page;
+#[cfg(feature = "report")]
 mod pixels;
 #[cfg(feature = "report")]
 pub mod plot;
