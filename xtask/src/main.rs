@@ -10,11 +10,11 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod ablations;
 mod campaign;
 mod chart;
 mod check;
 mod common;
+mod conduct;
 mod dataset;
 mod evaluate;
 mod files;
@@ -34,19 +34,12 @@ mod rollout;
 mod solvers;
 mod stability;
 mod stamp;
-mod sweep;
 mod tosses;
 mod train;
 mod urdf;
 
 /// Moved to the libraries; the verbs name them there as they move, too.
 mod moved {
-    pub mod paper {
-        pub use nerd_train::paper::*;
-    }
-    pub mod plot {
-        pub use nerd_train::report::plot::*;
-    }
     pub mod provenance {
         pub use nerd_train::report::provenance::*;
     }
@@ -57,7 +50,7 @@ mod moved {
         pub use nerd_sim::truth::Truth;
     }
 }
-use moved::{paper, plot, provenance, table, truth};
+use moved::{provenance, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]

@@ -7,7 +7,6 @@ use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
 
 pub mod arena;
 pub mod evaluate;
-pub mod reproduce;
 
 use arena::Arena;
 
