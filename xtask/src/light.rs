@@ -7,11 +7,16 @@ use nerd_train::experiments::conduct;
 use nerd_train::experiments::storage::{Rounding, Roundings};
 use nerd_train::shipped;
 
+use crate::numbers::{STARTS, count};
+
 /// Store hidden matrices as f16, and measure what that costs.
 #[derive(clap::Args, Clone, Debug)]
 pub struct LightArgs {
     /// Folder with folders of models whose weights are f32: cartpole, franka, pendulum-paper
     pub parents: PathBuf,
+    /// Rollouts
+    #[arg(long, default_value_t = 256, value_parser = count::<usize>(STARTS))]
+    pub starts: usize,
     /// Folder that the light models are written to, each into one of its own; nothing is written without
     #[arg(long)]
     pub models: Option<PathBuf>,
@@ -22,7 +27,7 @@ pub struct LightArgs {
 
 /// Runs the verb.
 pub fn run(args: LightArgs) -> Result<()> {
-    let experiment = Roundings::shipped(args.parents);
+    let experiment = Roundings::shipped(args.parents, args.starts);
     if let Some(models) = &args.models {
         experiment.subjects.iter().try_for_each(|s| experiment.write(s, Rounding::Compensated, &models.join(&s.folder)))?;
     }

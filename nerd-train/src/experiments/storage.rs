@@ -118,12 +118,12 @@ pub struct Data {
 }
 
 impl Roundings {
-    /// The three shipped models that predict whole frames, from folders with their f32 weights.
-    pub fn shipped(parents: PathBuf) -> Self {
+    /// The three shipped models that predict whole frames, from folders with their f32 weights, over so many starts.
+    pub fn shipped(parents: PathBuf, starts: usize) -> Self {
         let subject = |folder: &str, scenes: &[&str], steps, action| Subject {
             folder: folder.into(),
             scenes: scenes.iter().map(ToString::to_string).collect(),
-            protocol: PassiveConfig { starts: 2048, steps, seed: 500, action },
+            protocol: PassiveConfig { starts, steps, seed: 500, action },
         };
         let subjects = vec![
             subject("cartpole", &["free"], 1000, Action::Zero),
