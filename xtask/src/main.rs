@@ -24,6 +24,7 @@ mod grow;
 mod horizons;
 mod inspect;
 mod keys;
+mod light;
 mod numbers;
 mod out;
 mod policy;
@@ -86,6 +87,8 @@ enum Verb {
     Tosses(tosses::TossesArgs),
     /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
     Stamp(stamp::StampArgs),
+    /// Store hidden matrices as f16, and measure what that costs
+    Light(light::LightArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
     /// Try hostile input: files and command lines changed at random, runs killed
@@ -139,6 +142,7 @@ fn main() -> ExitCode {
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
+        Verb::Light(args) => light::run(args),
         Verb::Urdf(args) => urdf::run(args),
         Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),

@@ -1,6 +1,6 @@
 //! What it costs a model to be stored in half as many bytes: its passive errors with f32 weights and with three roundings of them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nerd_model::folder::Model;
@@ -22,7 +22,7 @@ use crate::report::table::pair;
 use crate::report::{Input, Inputs, Table};
 
 /// Transitions that say what a layer's inputs are like.
-const TRANSITIONS: usize = 20_000;
+const TRANSITIONS: usize = 40_000;
 
 /// How weights are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -118,12 +118,12 @@ pub struct Data {
 }
 
 impl Roundings {
-    /// The three shipped models that predict whole frames, from folders with their f32 weights.
-    pub fn shipped(parents: PathBuf) -> Self {
+    /// The three shipped models that predict whole frames, from folders with their f32 weights, over so many starts.
+    pub fn shipped(parents: PathBuf, starts: usize) -> Self {
         let subject = |folder: &str, scenes: &[&str], steps, action| Subject {
             folder: folder.into(),
             scenes: scenes.iter().map(ToString::to_string).collect(),
-            protocol: PassiveConfig { starts: 256, steps, seed: 500, action },
+            protocol: PassiveConfig { starts, steps, seed: 500, action },
         };
         let subjects = vec![
             subject("cartpole", &["free"], 1000, Action::Zero),
@@ -142,6 +142,22 @@ impl Roundings {
         let system = System::named(&nerd_model::folder::ModelConfig::read(&folder)?.robot)?;
         let model = Model::load(&folder, &system, None)?;
         Ok((system, model))
+    }
+
+    /// Writes a subject, rounded, into a folder; its card says what was done.
+    ///
+    /// # Errors
+    /// If it cannot be read, rounded or written.
+    pub fn write(&self, subject: &Subject, rounding: Rounding, folder: &Path) -> Result<()> {
+        let (system, model) = self.load(subject)?;
+        let card = self.parents.join(&subject.folder).join("README.md");
+        let text = nerd_sim::files::read_text(&card).map_err(Error::file(&card))?;
+        let note = format!("{} (`results/f16.md`), from the f32 weights of model {}", rounding.name(), &model.sha256()[..12]);
+        let (head, tail) = text.split_once("\n\nIts errors in rollouts").unwrap_or((text.trim_end(), ""));
+        let card = format!("{head}\n| storage | {note} |\n\nIts errors in rollouts{tail}");
+        let mut light = rounded(&system, &model, rounding)?;
+        light.config.provenance.insert("storage".into(), note);
+        Ok(light.save(folder, &card, rounding.storage())?)
     }
 
     fn rows(&self, subject: &Subject) -> Result<Vec<Row>> {
@@ -186,11 +202,14 @@ impl Roundings {
 pub fn rounded(system: &Arc<System>, model: &Model, rounding: Rounding) -> Result<Model> {
     let weights = match rounding {
         Rounding::Compensated => {
+            // As the model's own data were driven.
+            let law = model.config.provenance.get("torque_scale").and_then(|law| Law::try_from(law.clone()).ok());
+            let law = law.unwrap_or(Law { low: -1.0, high: 1.0 });
             let config = GenerateConfig {
                 transitions: TRANSITIONS,
                 shard_trajectories: 64,
                 resets: 0.5,
-                torque_scale: Law { low: -1.0, high: 1.0 },
+                torque_scale: law,
                 ..GenerateConfig::default()
             };
             let (truth, network) = (Truth::named(&model.config.truth)?, model.config.network);
