@@ -1,8 +1,8 @@
 //! Whether a file is whole: it ends where it should, and holds numbers where it should.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use safetensors::tensor::{Dtype, SafeTensors};
 
 /// In the words of a number that is none.
@@ -58,9 +58,12 @@ fn tensors(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Every file below a folder, in order; no link is followed.
-pub fn below(folder: &Path) -> Result<Vec<PathBuf>> {
+/// Every file below a folder, in order; no link is followed. None below one that is not there.
+pub fn below(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
+    if !folder.exists() {
+        return Ok(found);
+    }
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
         match entry.file_type()?.is_dir() {

@@ -1,21 +1,20 @@
 //! Good files that command lines name.
 
+use std::io;
 use std::path::Path;
 
-use anyhow::{Context, Result};
-
-use super::super::bench::{Bench, write};
-use super::super::case::Files;
-use super::super::robots::ROBOTS;
 use super::judge::prepare;
+use crate::bench::{Bench, write};
+use crate::case::Files;
+use crate::robots::texts;
 
 /// A robot with a specification, states, a model, a data set, a policy; and what is like them, and is not.
-pub fn files(bench: &Bench, folder: &Path) -> Result<()> {
+pub fn files(bench: &Bench, folder: &Path) -> io::Result<()> {
     let file = |folder: &'static str, name: &str, text: &str| (folder, name.to_string(), text.as_bytes().to_vec());
-    let (xml, spec) = (include_str!("../../../tests/corpus/toml/robot.urdf"), include_str!("../../../tests/corpus/toml/robot.toml"));
+    let (xml, spec) = (include_str!("../../corpus/toml/robot.urdf"), include_str!("../../corpus/toml/robot.toml"));
     let half = bench.path("half");
     // The same names, other physics.
-    let [_, (_, pendulum, urdf), ..] = ROBOTS;
+    let (pendulum, urdf) = texts("pendulum");
     let files = [
         file("", "robot.urdf", xml),
         file("", "robot.toml", spec),
@@ -40,8 +39,8 @@ pub fn files(bench: &Bench, folder: &Path) -> Result<()> {
         "dataset --robot pendulum --transitions 200 --frames 20 --out data",
         "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out run",
     ] {
-        prepare(line, &half, &bench.path("said.txt"))?;
+        prepare(line, &half, bench)?;
     }
     std::fs::rename(half.join("run/policy"), half.join("policy"))?;
-    std::fs::rename(&half, folder).context("cannot keep the good files")
+    std::fs::rename(&half, folder)
 }

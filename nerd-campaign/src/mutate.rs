@@ -2,40 +2,24 @@
 
 use rand::{Rng, RngExt};
 
-/// Numbers that programs stumble over.
-pub const ODD: [&str; 27] = [
-    "nan",
-    "inf",
-    "-inf",
-    "1e308",
-    "-1e308",
-    "1e999",
-    "-0",
-    "0",
-    "1e-308",
-    "5e-324",
-    "-1",
-    "1",
-    "2",
-    "0.5",
-    "-0.5",
-    "64",
-    "1e6",
-    "1e9",
-    "1e12",
-    "1000000",
-    "4294967296",
-    "9223372036854775807",
-    "18446744073709551615",
-    "18446744073709551616",
-    "-9223372036854775809",
-    "1/1/1",
-    "",
-];
+/// Numbers that programs stumble over; `''` is nothing.
+pub const ODD: &str = "nan inf -inf 1e308 -1e308 1e999 -0 0 1e-308 5e-324 -1 1 2 0.5 -0.5 64 1e6 1e9 1e12 1000000 4294967296 \
+                       9223372036854775807 18446744073709551615 18446744073709551616 -9223372036854775809 1/1/1 ''";
 
 /// One of a list.
 pub fn one<T: Copy>(rng: &mut impl Rng, of: &[T]) -> T {
     of[rng.random_range(0..of.len())]
+}
+
+/// One word of a text; `''` is nothing.
+pub fn pick<'a>(rng: &mut impl Rng, words: &'a str) -> &'a str {
+    let word = one(rng, &words.split_whitespace().collect::<Vec<_>>());
+    if word == "''" { "" } else { word }
+}
+
+/// One line of a text.
+pub fn pick_line<'a>(rng: &mut impl Rng, lines: &'a str) -> &'a str {
+    one(rng, &lines.lines().collect::<Vec<_>>())
 }
 
 /// How many changes: one to four, mostly one.
@@ -54,7 +38,7 @@ pub fn anything(rng: &mut impl Rng, text: &mut Vec<u8>) {
 }
 
 /// Another number in place of one.
-pub fn number(rng: &mut impl Rng, text: &mut Vec<u8>) {
+fn number(rng: &mut impl Rng, text: &mut Vec<u8>) {
     let found = spans(text, |b| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+' | b'e' | b'E'));
     let found: Vec<_> = found.into_iter().filter(|s| text[s.clone()].iter().any(u8::is_ascii_digit)).collect();
     if found.is_empty() {
@@ -68,13 +52,13 @@ pub fn number(rng: &mut impl Rng, text: &mut Vec<u8>) {
         2 => (old + rng.random_range(-2.0..2.0)).to_string(),
         3 => rng.random_range(0..20).to_string(),
         4 => (old * rng.random_range(0.5..2.0)).to_string(),
-        _ => one(rng, &ODD).to_string(),
+        _ => pick(rng, ODD).to_string(),
     };
     text.splice(span, new.into_bytes());
 }
 
 /// Two words change places, or one is there twice, or gone.
-pub fn words(rng: &mut impl Rng, text: &mut Vec<u8>) {
+fn words(rng: &mut impl Rng, text: &mut Vec<u8>) {
     let found = spans(text, |b| b.is_ascii_alphanumeric() || b == b'_');
     if found.len() < 2 {
         return;
@@ -95,7 +79,7 @@ pub fn words(rng: &mut impl Rng, text: &mut Vec<u8>) {
 }
 
 /// Lines change places, come twice, go, or end early; the text may end early, too.
-pub fn lines(rng: &mut impl Rng, text: &mut Vec<u8>) {
+fn lines(rng: &mut impl Rng, text: &mut Vec<u8>) {
     let mut all: Vec<Vec<u8>> = text.split(|b| *b == b'\n').map(<[u8]>::to_vec).collect();
     let (a, b) = (rng.random_range(0..all.len()), rng.random_range(0..all.len()));
     match rng.random_range(0..6) {

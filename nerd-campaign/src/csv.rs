@@ -1,16 +1,14 @@
 //! Tables of states, as `rollout` reads them; those that it takes are rolled out by it.
 
-use std::path::Path;
+use std::io;
 
-use anyhow::Result;
 use rand::{Rng, RngExt};
 
-use super::bench::Bench;
-use super::case::{Fault, Files, Verdict};
-use super::files::whole;
-use super::mutate::{ODD, anything, one, times};
-use crate::rollout::{RolloutArgs, run};
-use crate::solvers::SolverArgs;
+use crate::Rollout;
+use crate::bench::{Bench, write};
+use crate::case::{Fault, Files, Judged, Verdict, fault};
+use crate::files::whole;
+use crate::mutate::{ODD, anything, one, pick, times};
 
 /// Robots, with columns of theirs, and whether they are driven.
 const TABLES: [(&str, &str, usize); 4] = [
@@ -22,7 +20,7 @@ const TABLES: [(&str, &str, usize); 4] = [
 
 /// A good table, changed; the file's name is the robot's.
 pub fn make(rng: &mut impl Rng) -> Files {
-    let (robot, columns, states) = TABLES[rng.random_range(0..TABLES.len())];
+    let (robot, columns, states) = one(rng, &TABLES);
     let width = columns.split(',').count();
     let mut rows = vec![["traj", "step"].into_iter().chain(columns.split(',')).map(String::from).collect::<Vec<_>>()];
     for traj in 0..2 {
@@ -57,40 +55,26 @@ fn change(rng: &mut impl Rng, rows: &mut Vec<Vec<String>>) {
     }
     let (a, b) = (rng.random_range(0..columns), rng.random_range(0..columns));
     match rng.random_range(0..8) {
-        0..4 => rows[row][a] = one(rng, &ODD).into(),
+        0..4 => rows[row][a] = pick(rng, ODD).into(),
         4 => rows.iter_mut().filter(|r| a.max(b) < r.len()).for_each(|r| r.swap(a, b)),
         5 => rows.iter_mut().filter(|r| a < r.len()).for_each(|r| drop(r.remove(a))),
-        6 => {
-            let odd = ["traj", "step", "q1", "tau", "tau1", "tau_x", "\"", "1e9", "qx", " ", "01", "+1", "0.0"];
-            rows[row][a] = one(rng, &odd).into();
-        }
-        _ => {
-            let again = rows[row].clone();
-            rows.push(again);
-        }
+        6 => rows[row][a] = pick(rng, "traj step q1 tau tau1 tau_x \" 1e9 qx 01 +1 0.0 ''").into(),
+        _ => rows.push(rows[row].clone()),
     }
 }
 
 /// Calls the verb.
-pub fn judge(files: &Files, bench: &Bench) -> Result<Verdict> {
+pub fn judge(files: &Files, bench: &Bench) -> io::Result<Judged> {
     let folder = bench.empty("csv")?;
-    let Some((name, bytes)) = files.iter().next() else { return Ok(Verdict::Refused("nothing there".into())) };
-    let robot = name.split('.').next().unwrap_or_default().to_string();
-    let (states, out) = (folder.join(name), folder.join("out/out.csv"));
-    std::fs::write(&states, bytes)?;
+    write(&folder, files)?;
+    let name = files.keys().next().map_or("", String::as_str);
+    let robot = name.split('.').next().unwrap_or_default();
+    let (states, out) = (&folder.join(name), &folder.join("out/out.csv"));
     // Contact, where there may be.
-    let scene = if robot == "cartpole" { "free" } else { "plane" }.to_string();
-    let args = RolloutArgs { robot, scene, solver: SolverArgs::default(), states, steps: None, out: out.clone() };
-    Ok(match run(args) {
-        Ok(()) => check(&out),
-        Err(_) if out.exists() => Verdict::Fault(Fault::Untidy, "a refusal left its output".into()),
-        Err(e) => Verdict::Refused(format!("{e:#}")),
+    let scene = if robot == "cartpole" { "free" } else { "plane" };
+    Ok(match (bench.program.rollout)(&Rollout { robot, scene, states, out }) {
+        Ok(()) => whole(out).or_else(|words| fault(Fault::NotFinite, words)),
+        Err(_) if out.exists() => fault(Fault::Untidy, "a refusal left its output"),
+        Err(words) => Err(Verdict::Refused(words)),
     })
-}
-
-fn check(out: &Path) -> Verdict {
-    match whole(out) {
-        Ok(()) => Verdict::Accepted,
-        Err(words) => Verdict::Fault(Fault::NotFinite, words),
-    }
 }

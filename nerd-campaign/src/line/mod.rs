@@ -3,8 +3,8 @@
 
 use rand::{Rng, RngExt};
 
-use super::case::Files;
-use super::mutate::{one, times};
+use crate::case::Files;
+use crate::mutate::{one, times};
 
 mod good;
 mod judge;
@@ -49,43 +49,13 @@ const VERBS: [(&str, &str); 9] = [
     ("urdf f/robot.urdf", "--out out/u.md"),
 ];
 
-/// Values that no option wants. None names a place outside the case's folder.
-const ODD: [&str; 30] = [
-    "nan",
-    "inf",
-    "-inf",
-    "1e308",
-    "-1e308",
-    "1e-308",
-    "-0",
-    "0",
-    "-1",
-    "0.5",
-    "2",
-    "3",
-    "7",
-    "-0.5",
-    "18446744073709551615",
-    "18446744073709551616",
-    "9223372036854775807",
-    "1000000000000",
-    "''",
-    "x",
-    ".",
-    "f",
-    "there",
-    "null",
-    "f/absent",
-    "f/states.csv",
-    "ü",
-    "1,2",
-    "pendulum",
-    "cartpole",
-];
+/// Values that no option wants. None names a place outside the case's folder; `''` is an empty word.
+const ODD: &str = "nan inf -inf 1e308 -1e308 1e-308 -0 0 -1 0.5 2 3 7 -0.5 18446744073709551615 18446744073709551616 \
+                   9223372036854775807 1000000000000 '' x . f there null f/absent f/states.csv ü 1,2 pendulum cartpole";
 
 /// A command line, changed.
 pub fn make(rng: &mut impl Rng) -> Files {
-    let (always, beside) = VERBS[rng.random_range(0..VERBS.len())];
+    let (always, beside) = one(rng, &VERBS);
     let mut words = options(always);
     let share = rng.random::<f64>();
     words.extend(options(beside).into_iter().filter(|_| rng.random::<f64>() < 0.4 * share));
@@ -97,9 +67,9 @@ pub fn make(rng: &mut impl Rng) -> Files {
             (6, Some(flag)) if !verb => words.push(format!("{flag} {}", odd(rng, &flag))),
             (7, _) => {
                 // Somebody else's option.
-                let foreign = options(VERBS[rng.random_range(0..VERBS.len())].1);
-                let option = foreign[rng.random_range(0..foreign.len())].clone();
-                words.extend(Some(option).filter(|o| !o.starts_with("--out")));
+                let foreign = options(one(rng, &VERBS).1);
+                let option = &foreign[rng.random_range(0..foreign.len())];
+                words.extend(Some(option.clone()).filter(|o| !o.starts_with("--out")));
             }
             (8, Some(flag)) if flag == "--out" || flag == "--seed" => drop(words.remove(at)),
             (9, _) => words.push(one(rng, &["--nonsense", "-x", "extra", "--", "--help", "''"]).into()),
@@ -125,11 +95,12 @@ fn options(line: &str) -> Vec<String> {
 }
 
 fn odd(rng: &mut impl Rng, flag: &str) -> &'static str {
-    match flag {
+    let words = match flag {
         // An output may stand in its own folder only, and not in that of the good files.
-        "--out" => one(rng, &["''", "out/a/b/c", "there", "null", "there/a", "."]),
+        "--out" => "'' out/a/b/c there null there/a .",
         // The preset of a shipped model is honest work of minutes.
-        "--preset" => one(rng, &["''", "x", "0", "nan", "small", "converged"]),
-        _ => one(rng, &ODD),
-    }
+        "--preset" => "'' x 0 nan small converged",
+        _ => ODD,
+    };
+    one(rng, &words.split(' ').collect::<Vec<_>>())
 }

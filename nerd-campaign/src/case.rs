@@ -2,20 +2,21 @@
 //! that killed its process is made again to be shown.
 
 use std::collections::BTreeMap;
+use std::error::Error;
+use std::io;
 
-use anyhow::Result;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::bench::Bench;
-use super::{csv, line, model, toml, urdf};
+use crate::bench::Bench;
+use crate::{csv, line, model, toml, urdf};
 
 /// Files by name.
 pub type Files = BTreeMap<String, Vec<u8>>;
 
 /// What is mutated.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// URDFs, bare, on a fixed and on a free base.
     Urdf,
@@ -35,24 +36,13 @@ impl Kind {
 
     /// The kind of a case: of twenty in a row six, six, four, three and one, since a command line costs a process.
     pub fn of(number: u64) -> Self {
-        match number % 20 {
-            0..6 => Self::Urdf,
-            6..12 => Self::Toml,
-            12..16 => Self::Csv,
-            16..19 => Self::Model,
-            _ => Self::Line,
-        }
+        let at = [6, 12, 16, 19, 20].iter().position(|end| number % 20 < *end);
+        Self::ALL[at.unwrap_or(0)]
     }
 
     /// Its name in tables and folders.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Urdf => "urdf",
-            Self::Toml => "toml",
-            Self::Csv => "csv",
-            Self::Model => "model",
-            Self::Line => "line",
-        }
+        ["urdf", "toml", "csv", "model", "line"][self as usize]
     }
 
     /// The files of a case.
@@ -72,16 +62,20 @@ impl Kind {
     ///
     /// # Errors
     /// If the campaign itself fails: the disk is full, say.
-    pub fn judge(self, files: &Files, bench: &Bench) -> Result<Verdict> {
-        match self {
-            Self::Urdf => Ok(urdf::judge(files)),
-            Self::Toml => Ok(toml::judge(files)),
-            Self::Csv => csv::judge(files, bench),
-            Self::Model => model::judge(files, bench),
-            Self::Line => line::judge(files, bench),
-        }
+    pub fn judge(self, files: &Files, bench: &Bench) -> io::Result<Verdict> {
+        let judged = match self {
+            Self::Urdf => urdf::judge(files),
+            Self::Toml => toml::judge(files),
+            Self::Csv => csv::judge(files, bench)?,
+            Self::Model => model::judge(files, bench)?,
+            Self::Line => line::judge(files, bench)?,
+        };
+        Ok(judged.err().unwrap_or(Verdict::Accepted))
     }
 }
+
+/// Nothing, or why a case was not used to the end.
+pub type Judged = Result<(), Verdict>;
 
 /// What became of a case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,6 +86,18 @@ pub enum Verdict {
     Accepted,
     /// Neither.
     Fault(Fault, String),
+}
+
+/// An error of what is tried is a refusal.
+impl<E: Error> From<E> for Verdict {
+    fn from(error: E) -> Self {
+        Self::Refused(error.to_string())
+    }
+}
+
+/// A fault, with its words.
+pub fn fault(fault: Fault, words: impl Into<String>) -> Judged {
+    Err(Verdict::Fault(fault, words.into()))
 }
 
 /// What must not happen.
@@ -112,23 +118,17 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// All, in the order of the table.
-    pub const ALL: [Self; 6] = [Self::Panic, Self::Abort, Self::Memory, Self::Time, Self::NotFinite, Self::Untidy];
+    /// Columns of all.
+    pub const NAMES: [&str; 6] = ["panics", "aborts", "over memory", "over time", "not finite", "untidy"];
 
     /// Its column.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Panic => "panics",
-            Self::Abort => "aborts",
-            Self::Memory => "over memory",
-            Self::Time => "over time",
-            Self::NotFinite => "not finite",
-            Self::Untidy => "untidy",
-        }
+        Self::NAMES[self as usize]
     }
 }
 
-/// A file's text, as programs that read text see it; none if it is not UTF-8.
-pub fn text<'a>(files: &'a Files, name: &str) -> Option<&'a str> {
-    std::str::from_utf8(files.get(name)?).ok()
+/// A file's text, as programs that read text see it.
+pub fn text<'a>(files: &'a Files, name: &str) -> Result<&'a str, Verdict> {
+    let bytes = files.get(name).ok_or_else(|| Verdict::Refused(format!("no {name}")))?;
+    Ok(std::str::from_utf8(bytes)?)
 }
