@@ -32,7 +32,7 @@ pub struct CampaignArgs {
     #[arg(long)]
     pub replay: Vec<PathBuf>,
     /// First case of a worker, and how much further its next one stands
-    #[arg(long, hide = true, num_args = 2, value_delimiter = ',')]
+    #[arg(long, hide = true, value_delimiter = ',')]
     pub work: Option<Vec<u64>>,
 }
 
