@@ -12,6 +12,7 @@ use nerd_model::form::{Form, View};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Positions, Storage, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
 use tempfile::TempDir;
 
 use crate::Program;
@@ -83,7 +84,7 @@ fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -
     let config = ModelConfig {
         robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),
-        truth: "articulated paper coulomb".into(),
+        truth: Truth::Articulated.name(),
         base,
         view: View::Own,
         network,

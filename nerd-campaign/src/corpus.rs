@@ -1,6 +1,5 @@
 //! The corpus: one small file for each fault that was found once, tried again.
 
-use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +9,6 @@ use crate::bench::Bench;
 use crate::case::{Files, Kind, Verdict};
 use crate::files::below;
 use crate::model::{split, tree};
-use crate::source::Source;
 
 /// Every case below the paths.
 pub fn files(paths: &[PathBuf]) -> io::Result<Vec<PathBuf>> {
@@ -22,20 +20,15 @@ pub fn files(paths: &[PathBuf]) -> io::Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-/// What became of each file, a line each.
-pub fn words(source: &Source, verdicts: &BTreeMap<u64, Verdict>) -> Vec<String> {
-    let Source::Corpus(files) = source else { return Vec::new() };
-    let line = |(number, verdict): (&u64, &Verdict)| {
-        let file = &files[*number as usize];
-        let of = |path: Option<&Path>| path.and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
-        let words = match verdict {
-            Verdict::Accepted => "accepted".into(),
-            Verdict::Refused(words) => format!("refused: {}", words.replace('\n', " ")),
-            Verdict::Fault(fault, words) => format!("FAULT {}: {words}", fault.name()),
-        };
-        format!("{}/{}: {words}", of(file.parent()), of(Some(file)))
+/// What became of a file, in a line.
+pub fn words(file: &Path, verdict: Verdict) -> String {
+    let of = |path: Option<&Path>| path.and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+    let words = match verdict {
+        Verdict::Accepted => "accepted".into(),
+        Verdict::Refused(words) => format!("refused: {}", words.replace('\n', " ")),
+        Verdict::Fault(fault, words) => format!("FAULT {}: {words}", fault.name()),
     };
-    verdicts.iter().map(line).collect()
+    format!("{}/{}: {words}", of(file.parent()), of(Some(file)))
 }
 
 /// A file's kind is its folder's name, its ending that of the kind.

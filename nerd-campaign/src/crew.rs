@@ -36,14 +36,14 @@ struct Foreman<'a> {
 impl Foreman<'_> {
     /// Sees to the cases `next, next + stride, ..`.
     fn see_to(&self, mut next: u64, told: &(dyn Fn(u64, Verdict) + Sync)) -> io::Result<()> {
-        while next < self.source.len() {
+        while next < self.source.count() {
             let (mut worker, lines) = self.hire(next)?;
             loop {
                 let slack = if self.source.kind(next) == Some(Kind::Line) { SLACK } else { 0 };
                 let (verdict, gone) = match lines.recv_timeout(Duration::from_secs(SECONDS + slack)) {
                     Ok(line) => (serde_json::from_str(&line)?, false),
                     Err(RecvTimeoutError::Timeout) => (Verdict::Fault(Fault::Time, format!("over {SECONDS} s")), true),
-                    Err(RecvTimeoutError::Disconnected) if next >= self.source.len() => break,
+                    Err(RecvTimeoutError::Disconnected) if next >= self.source.count() => break,
                     Err(RecvTimeoutError::Disconnected) => (self.death(&mut worker)?, true),
                 };
                 told(next, verdict);

@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
+use nerd_train::progress::bar;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::calm;
 use crate::files::{below, whole};
-use crate::{Table, calm};
+use crate::found::Found;
 
 /// A command and the files that must come out the same; of a folder, all.
 struct Job {
@@ -44,20 +46,12 @@ const JOBS: [Job; 4] = [
 /// Kills of one run before it may end.
 const STABS: u64 = 3;
 
-/// What the kills of a command came to.
-#[derive(Default)]
-struct Count {
-    kills: u64,
-    inside: u64,
-    half: Vec<String>,
-    other: Vec<String>,
-    left: Vec<String>,
-}
+/// What is counted of a command.
+pub const KILLS: [&str; 5] = ["kills", "inside a write", "half-written", "other bytes after", "left over after"];
 
-/// Kills so many runs; `told` hears how many so far. One row a command, and the faults in words.
-pub fn kill(program: &Path, kills: u64, seed: u64, told: &dyn Fn(u64)) -> io::Result<(Table, Vec<String>)> {
-    let header = ["command", "kills", "inside a write", "half-written", "other bytes after", "left over after"].into();
-    let (mut table, mut faults, mut done) = (Table { header, rows: Vec::new() }, Vec::new(), 0);
+/// Kills so many runs.
+pub fn kill(program: &Path, kills: u64, seed: u64, found: &mut Found) -> io::Result<()> {
+    let (bar, mut done) = (bar("kills", kills), 0);
     for (k, job) in JOBS.iter().enumerate() {
         let wanted = (kills + k as u64) / JOBS.len() as u64;
         if wanted == 0 {
@@ -65,83 +59,88 @@ pub fn kill(program: &Path, kills: u64, seed: u64, told: &dyn Fn(u64)) -> io::Re
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(k as u64);
-        let mut trial = Trial { job, program, wanted, took: Duration::ZERO, unbroken: Files::new(), count: Count::default() };
-        (trial.took, trial.unbroken) = trial.finish(tempfile::tempdir()?.path())?;
-        while trial.count.kills < wanted {
+        let unbroken = job.finish(program, tempfile::tempdir()?.path())?;
+        let mut trial = Trial { job, program, wanted, unbroken, kills: 0, inside: 0, faults: Default::default() };
+        while trial.kills < wanted {
             trial.life(tempfile::tempdir()?.path(), &mut rng)?;
-            told(done + trial.count.kills);
+            bar.set(done + trial.kills);
         }
-        let Count { kills, inside, half, other, left } = trial.count;
-        done += kills;
-        let numbers = [kills, inside, half.len() as u64, other.len() as u64, left.len() as u64].map(|n| n.to_string());
-        table.rows.push([job.name.to_string()].into_iter().chain(numbers).collect());
-        faults.extend([half, other, left].into_iter().flatten().map(|words| format!("{}: {words}", job.name)));
+        done += trial.kills;
+        let [half, other, left] = trial.faults.each_ref().map(|faults| faults.len() as u64);
+        found.kills.insert(job.name.into(), [trial.kills, trial.inside, half, other, left]);
+        found.faults.extend(trial.faults.into_iter().flatten().map(|words| format!("{}: {words}", job.name)));
     }
-    Ok((table, faults))
+    bar.finish();
+    Ok(())
 }
 
 /// Files that must come out the same, by name.
 type Files = BTreeMap<PathBuf, Vec<u8>>;
 
-struct Trial<'a> {
-    job: &'a Job,
-    program: &'a Path,
-    wanted: u64,
-    /// How long an unbroken run takes.
-    took: Duration,
-    /// What it comes to.
-    unbroken: Files,
-    count: Count,
-}
-
-impl Trial<'_> {
-    fn start(&self, folder: &Path) -> io::Result<Child> {
+impl Job {
+    fn start(&self, program: &Path, folder: &Path) -> io::Result<Child> {
         std::fs::write(folder.join("states.csv"), "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n")?;
-        let mut command = Command::new(self.program);
-        calm(&mut command).env_remove("RAYON_NUM_THREADS").args(self.job.line.split_whitespace());
+        let mut command = Command::new(program);
+        calm(&mut command).env_remove("RAYON_NUM_THREADS").args(self.line.split_whitespace());
         command.current_dir(folder).stderr(File::create(folder.join("said.txt"))?).spawn()
     }
 
     /// Runs to the end: how long that takes, and what it comes to.
-    fn finish(&self, folder: &Path) -> io::Result<(Duration, Files)> {
+    fn finish(&self, program: &Path, folder: &Path) -> io::Result<(Duration, Files)> {
         let started = Instant::now();
-        if !self.start(folder)?.wait()?.success() {
+        if !self.start(program, folder)?.wait()?.success() {
             let said = std::fs::read_to_string(folder.join("said.txt"))?;
-            return Err(io::Error::other(format!("`{}` failed: {}", self.job.line, said.lines().last().unwrap_or_default())));
+            return Err(io::Error::other(format!("`{}` failed: {}", self.line, said.lines().last().unwrap_or_default())));
         }
         let (took, run) = (started.elapsed(), folder.join("run"));
         let mut files = Files::new();
         for file in below(&run)? {
             let name = file.strip_prefix(&run).unwrap_or(&file);
-            if self.job.same.iter().any(|same| name.starts_with(same)) {
+            if self.same.iter().any(|same| name.starts_with(same)) {
                 files.insert(name.into(), std::fs::read(&file)?);
             }
         }
         Ok((took, files))
     }
+}
 
+/// A command that is killed again and again.
+struct Trial<'a> {
+    job: &'a Job,
+    program: &'a Path,
+    wanted: u64,
+    /// How long an unbroken run takes, and what it comes to.
+    unbroken: (Duration, Files),
+    kills: u64,
+    inside: u64,
+    /// Faults: half-written files, other bytes after, left over after.
+    faults: [Vec<String>; 3],
+}
+
+impl Trial<'_> {
     /// One run, killed a few times and then let be.
     fn life(&mut self, folder: &Path, rng: &mut impl Rng) -> io::Result<()> {
-        let run = folder.join("run");
+        let (run, [half, other, left]) = (folder.join("run"), &mut self.faults);
+        let unbroken = &self.unbroken.1;
         for _ in 0..rng.random_range(1..=STABS) {
-            let aimed = self.count.kills % 2 == 1;
-            let moment = self.took.mul_f64(rng.random());
-            if self.count.kills >= self.wanted || !stab(self.start(folder)?, &run, moment, aimed)? {
+            let aimed = self.kills % 2 == 1;
+            let moment = self.unbroken.0.mul_f64(rng.random());
+            if self.kills >= self.wanted || !stab(self.job.start(self.program, folder)?, &run, moment, aimed)? {
                 break;
             }
             let (cut, done): (Vec<_>, Vec<_>) = below(&run)?.into_iter().partition(|f| temporary(f));
-            self.count.kills += 1;
-            self.count.inside += u64::from(!cut.is_empty());
-            self.count.half.extend(done.iter().filter_map(|f| whole(f).err()));
+            self.kills += 1;
+            self.inside += u64::from(!cut.is_empty());
+            half.extend(done.iter().filter_map(|f| whole(f).err()));
         }
-        match self.finish(folder) {
+        match self.job.finish(self.program, folder) {
             Ok((_, files)) => {
-                let names = files.keys().chain(self.unbroken.keys().filter(|name| !files.contains_key(*name)));
-                let differ = names.filter(|name| files.get(*name) != self.unbroken.get(*name));
-                self.count.other.extend(differ.map(|name| format!("{} has other bytes, or is there in one alone", name.display())));
-                self.count.left.extend(below(&run)?.iter().filter(|f| temporary(f)).map(|f| f.display().to_string()));
+                let names = files.keys().chain(unbroken.keys().filter(|name| !files.contains_key(*name)));
+                let differ = names.filter(|name| files.get(*name) != unbroken.get(*name));
+                other.extend(differ.map(|name| format!("{} has other bytes, or is there in one alone", name.display())));
+                left.extend(below(&run)?.iter().filter(|f| temporary(f)).map(|f| f.display().to_string()));
             }
-            Err(error) => self.count.other.push(error.to_string()),
+            Err(error) => other.push(error.to_string()),
         }
         Ok(())
     }

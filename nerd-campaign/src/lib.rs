@@ -4,15 +4,19 @@
 //! words or be used to the end: no panic, no abort within [`MEMORY`], nothing over [`SECONDS`], no number that is not finite.
 //! Runs that are killed must leave no half a file and go on as if nothing had been.
 //!
-//! Cases are tried in processes of the program itself: its verb `campaign` takes `--work FIRST,STRIDE` with the options of
-//! [`Source::arguments`] and calls [`work`]. What fails is kept, and belongs into `corpus/` once it is mended.
+//! Cases are tried in processes of the program itself: its verb `campaign` takes `--work FIRST,STRIDE --seed SEED --cases CASES
+//! --replay FILE ..` and calls [`work`]. What fails is kept, and belongs into `corpus/` once it is mended.
 
-#![warn(missing_docs)]
-
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
+
+use nerd_train::error::{Error, Result};
+use nerd_train::experiments::Experiment;
+use nerd_train::progress::bar;
+use nerd_train::report::{Inputs, Table};
 
 mod bench;
 mod case;
@@ -20,27 +24,26 @@ mod corpus;
 mod crew;
 mod csv;
 mod files;
+mod found;
 mod kills;
 mod line;
 mod model;
 mod mutate;
 mod robots;
 mod source;
-mod tally;
 mod toml;
 mod urdf;
 mod worker;
 
+pub use found::Found;
 pub use source::Source;
 pub use worker::work;
-
-use tally::Tally;
 
 /// What a case may take (s).
 pub const SECONDS: u64 = 10;
 /// Address space of a process (bytes).
 pub const MEMORY: u64 = 4 << 30;
-/// Faults that are written out, at most.
+/// Faults whose files are kept, at most.
 const KEPT: usize = 200;
 
 /// What is tried.
@@ -53,6 +56,7 @@ pub struct Program {
 }
 
 /// Options of a rollout.
+#[derive(Debug)]
 pub struct Rollout<'a> {
     /// A robot's name.
     pub robot: &'a str,
@@ -64,52 +68,72 @@ pub struct Rollout<'a> {
     pub out: &'a Path,
 }
 
-/// Numbers under a header, as text.
+/// Changed inputs, and kills.
 #[derive(Clone, Debug)]
-pub struct Table {
-    /// Names of the columns.
-    pub header: Vec<&'static str>,
-    /// As many cells in each as the header has.
-    pub rows: Vec<Vec<String>>,
+pub struct Campaign {
+    /// What is tried.
+    pub program: Program,
+    /// Of what is changed.
+    pub seed: u64,
+    /// Inputs over the five kinds.
+    pub cases: u64,
+    /// Runs to kill at a random moment.
+    pub kills: u64,
+    /// Folder for the files of faults.
+    pub kept: PathBuf,
 }
 
-/// What was found.
-#[derive(Debug)]
-pub struct Outcome {
-    /// Cases by kind, then kills by command, where there were any.
-    pub tables: Vec<Table>,
-    /// Every fault in words.
-    pub faults: Vec<String>,
-    /// Folders that hold the files of the first faults.
-    pub kept: Vec<PathBuf>,
+impl Experiment for Campaign {
+    type Data = Found;
+
+    fn name(&self) -> String {
+        "campaign".into()
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn effort(&self) -> f64 {
+        (self.cases + self.kills) as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        Ok(Inputs::default())
+    }
+
+    fn measure(&self) -> Result<Found> {
+        self.tried().map_err(|e| Error::Refused(e.to_string()))
+    }
+
+    fn tables(&self, data: &Found) -> Result<Vec<Table>> {
+        Ok(data.tables())
+    }
 }
 
-/// Tries `cases` changed inputs and kills `kills` runs; files of faults go to a folder. `told` hears what is done, of how
-/// many, and with how many faults.
-///
-/// # Errors
-/// If the campaign itself fails: the disk is full, say.
-pub fn campaign(
-    program: &Program,
-    (seed, cases, kills): (u64, u64, u64),
-    faults: &Path,
-    told: &(dyn Fn(&str, u64, usize) + Sync),
-) -> io::Result<Outcome> {
-    let tally = Mutex::new((Tally::default(), 0));
-    crew::try_all(&program.path, &Source::Seed { seed, cases }, &|number, verdict| {
-        let Ok(mut tally) = tally.lock() else { return };
-        tally.0.add(number, verdict);
-        tally.1 += 1;
-        told("cases", tally.1, tally.0.found.len());
-    })?;
-    let (tally, _) = tally.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let (killed, untidy) = kills::kill(&program.path, kills, seed, &|done| told("kills", done, tally.found.len()))?;
-    let tables = [(cases, tally.table()), (kills, killed)];
-    Ok(Outcome {
-        tables: tables.into_iter().filter(|(n, _)| *n > 0).map(|(_, table)| table).collect(),
-        faults: tally.words().chain(untidy).collect(),
-        kept: tally.keep(program.clone(), seed, faults, KEPT)?,
-    })
+impl Campaign {
+    fn tried(&self) -> io::Result<Found> {
+        let (found, bar) = (Mutex::new((Found::default(), BTreeMap::new(), 0)), bar("cases", self.cases));
+        let source = Source { seed: self.seed, cases: self.cases, ..Source::default() };
+        crew::try_all(&self.program.path, &source, &|number, verdict| {
+            let Ok(mut guard) = found.lock() else { return };
+            let (found, faults, done) = &mut *guard;
+            faults.extend(found.add(number, verdict).map(|fault| (number, fault)));
+            *done += 1;
+            bar.say(&format!("{} faults", faults.len()));
+            bar.set(*done);
+        })?;
+        bar.finish();
+        let (mut found, faults, _) = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let bench = bench::Bench::new(self.program.clone())?;
+        for (number, fault) in faults.into_iter().take(KEPT) {
+            let kind = case::Kind::of(number);
+            let folder = self.kept.join(kind.name()).join(format!("{}-{number}", fault.name().replace(' ', "-")));
+            bench::write(&folder, &kind.make(self.seed, number, &bench))?;
+        }
+        kills::kill(&self.program.path, self.kills, self.seed, &mut found)?;
+        Ok(found)
+    }
 }
 
 /// Tries every file of a corpus below the paths, in order: `KIND/NAME: ` and `accepted`, `refused: WORDS` or `FAULT ..`.
@@ -117,15 +141,13 @@ pub fn campaign(
 /// # Errors
 /// If a file cannot be read, or is no case.
 pub fn replay(program: &Program, paths: &[PathBuf]) -> io::Result<Vec<String>> {
-    let source = Source::corpus(paths)?;
-    let said = Mutex::new(std::collections::BTreeMap::new());
+    let source = Source { corpus: corpus::files(paths)?, ..Source::default() };
+    let said = Mutex::new(BTreeMap::new());
     crew::try_all(&program.path, &source, &|number, verdict| {
-        if let Ok(mut said) = said.lock() {
-            said.insert(number, verdict);
-        }
+        let words = corpus::words(&source.corpus[number as usize], verdict);
+        said.lock().unwrap_or_else(PoisonError::into_inner).insert(number, words);
     })?;
-    let said = said.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-    Ok(corpus::words(&source, &said))
+    Ok(said.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect())
 }
 
 /// A process that is not heard, does not ask git where results come from, and uses one thread.

@@ -8,62 +8,40 @@ use crate::bench::Bench;
 use crate::case::{Files, Kind};
 use crate::corpus;
 
-/// Cases by number.
-#[derive(Clone, Debug)]
-pub enum Source {
-    /// So many good inputs, changed.
-    Seed {
-        /// Of what is changed.
-        seed: u64,
-        /// How many.
-        cases: u64,
-    },
-    /// These files.
-    Corpus(Vec<PathBuf>),
+/// Cases by number: the files of a corpus or, if there are none, good inputs that are changed.
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// Seed of the changes.
+    pub seed: u64,
+    /// How many inputs are changed.
+    pub cases: u64,
+    /// Files of a corpus.
+    pub corpus: Vec<PathBuf>,
 }
 
 impl Source {
-    /// Every file of a corpus below the paths.
-    ///
-    /// # Errors
-    /// If a folder cannot be read.
-    pub fn corpus(paths: &[PathBuf]) -> io::Result<Self> {
-        Ok(Self::Corpus(corpus::files(paths)?))
-    }
-
     /// How many cases there are.
-    #[allow(clippy::len_without_is_empty)]
-    pub fn len(&self) -> u64 {
-        match self {
-            Self::Seed { cases, .. } => *cases,
-            Self::Corpus(files) => files.len() as u64,
-        }
+    pub(crate) fn count(&self) -> u64 {
+        if self.corpus.is_empty() { self.cases } else { self.corpus.len() as u64 }
     }
 
     /// What a case is of.
-    pub fn kind(&self, number: u64) -> Option<Kind> {
-        match self {
-            Self::Seed { .. } => Some(Kind::of(number)),
-            Self::Corpus(files) => corpus::kind(files.get(number as usize)?),
-        }
+    pub(crate) fn kind(&self, number: u64) -> Option<Kind> {
+        self.corpus.get(number as usize).map_or_else(|| Some(Kind::of(number)), |file| corpus::kind(file))
     }
 
     /// A case.
-    ///
-    /// # Errors
-    /// If a file of the corpus is no case.
-    pub fn case(&self, number: u64, bench: &Bench) -> io::Result<(Kind, Files)> {
-        match self {
-            Self::Seed { seed, .. } => Ok((Kind::of(number), Kind::of(number).make(*seed, number, bench))),
-            Self::Corpus(files) => corpus::read(&files[number as usize], bench),
+    pub(crate) fn case(&self, number: u64, bench: &Bench) -> io::Result<(Kind, Files)> {
+        match self.corpus.get(number as usize) {
+            Some(file) => corpus::read(file, bench),
+            None => Ok((Kind::of(number), Kind::of(number).make(self.seed, number, bench))),
         }
     }
 
     /// The options that name it to a worker.
-    pub fn arguments(&self) -> Vec<OsString> {
-        match self {
-            Self::Seed { seed, cases } => ["--seed", &seed.to_string(), "--cases", &cases.to_string()].map(OsString::from).into(),
-            Self::Corpus(files) => files.iter().flat_map(|file| ["--replay".into(), file.into()]).collect(),
-        }
+    pub(crate) fn arguments(&self) -> Vec<OsString> {
+        let [seed, cases] = [self.seed, self.cases].map(|n| n.to_string().into());
+        let corpus = self.corpus.iter().flat_map(|file| ["--replay".into(), file.into()]);
+        ["--seed".into(), seed, "--cases".into(), cases].into_iter().chain(corpus).collect()
     }
 }

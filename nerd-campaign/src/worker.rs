@@ -13,6 +13,9 @@ use crate::{MEMORY, Program};
 static SAID: Mutex<String> = Mutex::new(String::new());
 
 /// Tries the cases `first, first + stride, ..`, one line of JSON to stdout each.
+///
+/// # Errors
+/// If the campaign itself fails: the disk is full, say.
 pub fn work(program: Program, source: &Source, first: u64, stride: u64) -> io::Result<()> {
     #[cfg(unix)]
     rlimit::setrlimit(rlimit::Resource::AS, MEMORY, MEMORY)?;
@@ -24,7 +27,7 @@ pub fn work(program: Program, source: &Source, first: u64, stride: u64) -> io::R
     }));
     let bench = Bench::new(program)?;
     let mut out = io::stdout().lock();
-    for number in (first..source.len()).step_by(stride.max(1) as usize) {
+    for number in (first..source.count()).step_by(stride.max(1) as usize) {
         let (kind, files) = source.case(number, &bench)?;
         let verdict = catch_unwind(AssertUnwindSafe(|| kind.judge(&files, &bench))).unwrap_or_else(|_| {
             let said = SAID.lock().map(|said| said.clone()).unwrap_or_default();

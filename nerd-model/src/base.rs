@@ -15,6 +15,7 @@ use nerd_sim::batch::{Batch, contacts};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
 use nerd_sim::system::System;
+use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 /// What a prediction is added to.
@@ -34,6 +35,14 @@ pub enum Base {
 }
 
 impl Base {
+    /// The flight nearest to a truth's own, what the residual form adds to.
+    pub fn flight_of(truth: Truth) -> Self {
+        match truth {
+            Truth::Articulated => Self::Flight,
+            _ => Self::ExactFlight,
+        }
+    }
+
     /// Whether predictions are added to a frame of flight.
     pub fn flies(self) -> bool {
         matches!(self, Self::Flight | Self::ExactFlight)

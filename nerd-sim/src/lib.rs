@@ -34,6 +34,7 @@ pub mod scene;
 pub mod solver;
 pub mod spec;
 pub mod system;
+pub mod truth;
 mod validate;
 pub mod worlds;
 
@@ -46,4 +47,5 @@ pub mod prelude {
     pub use crate::scene::{Collider, Material, Plane, Scene};
     pub use crate::solver::{Simulation, Solver, StepError};
     pub use crate::system::{System, SystemError};
+    pub use crate::truth::Truth;
 }

@@ -1,17 +1,28 @@
 //! Training of NeRD models, evaluation of their rollouts, and policies learned on any solver.
 
 pub mod best;
+pub mod bounds;
 pub mod checkpoint;
+pub mod device;
 pub mod difference;
+pub mod error;
 pub mod evaluate;
+#[cfg(feature = "report")]
+pub mod experiments;
 pub mod learner;
 pub mod metrics;
+pub mod paper;
 pub mod ppo;
 pub mod prepare;
 mod product;
+pub mod progress;
 pub mod ranges;
 pub mod report;
 pub mod schedule;
+pub mod sessions;
+pub mod shipped;
 pub mod supply;
 pub mod trainer;
 pub mod windows;
+
+pub use error::{Error, Result};

@@ -15,8 +15,8 @@ use crate::best::Best;
 use crate::checkpoint::{self, CheckpointError};
 use crate::learner::{LearnError, Learner, LearnerState};
 use crate::metrics::{Line, Metrics};
+use crate::progress::bar_from;
 use crate::ranges::{OutOfRange, within};
-use crate::report::Report;
 use crate::schedule::Schedule;
 use crate::supply::{Supply, SupplyError};
 
@@ -140,7 +140,7 @@ impl Trainer {
         let mut metrics = Metrics::open(&self.folder.join("metrics.jsonl"), first)?;
         // A fresh run in an old folder starts its own comparison.
         let mut best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
-        let mut report = Report::new(first, c.updates);
+        let bar = bar_from("updates", first, c.updates);
         let (mut step, mut logged, mut since) = (first, first, Instant::now());
         while step < c.updates {
             while let Some(shard) = fresh.as_mut().and_then(|supply| supply.take(step)) {
@@ -155,7 +155,8 @@ impl Trainer {
                 let p = learner.progress()?;
                 let windows_per_second = (step - logged) as f64 * self.batch as f64 / since.elapsed().as_secs_f64();
                 metrics.write(&Line::Train { step, loss: p.loss, gradient_norm: p.gradient_norm, lr, windows_per_second })?;
-                report.progress(step, p.loss, windows_per_second);
+                bar.say(&format!("loss {:.3e}, {windows_per_second:.0} windows/s", p.loss));
+                bar.set(step);
                 (logged, since) = (step, Instant::now());
             }
             if due(step, c.validate_every, c.updates) {
@@ -169,7 +170,8 @@ impl Trainer {
                     self.save_best(learner.state()?, criterion)?;
                 }
                 metrics.write(&Line::Validation { step, loss, criterion, best: better })?;
-                report.validation(step, loss, criterion, better);
+                let star = if better { ", best so far" } else { "" };
+                bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
                 since += paused.elapsed();
             }
             if over || due(step, c.checkpoint_every, c.updates) {
@@ -179,6 +181,7 @@ impl Trainer {
                 break;
             }
         }
+        bar.finish();
         Ok(Outcome { step, finished: step >= c.updates, best })
     }
 

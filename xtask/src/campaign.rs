@@ -1,14 +1,13 @@
-//! `cargo xtask campaign --cases 1000000 --kills 500 --out results/campaign.md`: hostile input by the million, tried by
-//! [`nerd_campaign`]. About 40 minutes for a million on two cores.
+//! `cargo xtask campaign --cases 1000000 --kills 500 --out results`: hostile input by the million, tried by [`nerd_campaign`].
+//! About 40 minutes for a million on two cores.
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_campaign::{MEMORY, Program, Rollout, SECONDS, Source};
+use nerd_campaign::{Campaign, Program, Rollout, Source};
+use nerd_train::experiments::{Experiment, conduct};
 
-use crate::provenance::Provenance;
 use crate::solvers::SolverArgs;
-use crate::table::markdown;
 
 /// Try hostile input.
 #[derive(clap::Args, Clone, Debug)]
@@ -23,13 +22,13 @@ pub struct CampaignArgs {
     #[arg(long, default_value_t = 0)]
     pub kills: u64,
     /// Folder for the files of faults
-    #[arg(long, default_value = "out/campaign")]
+    #[arg(long, value_name = "FOLDER", default_value = "out/campaign")]
     pub faults: PathBuf,
-    /// Markdown file to write the counts to
-    #[arg(long)]
+    /// Folder to write the counts into, as campaign.json and campaign.md
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
-    /// Try the files of a corpus in place of mutated ones
-    #[arg(long)]
+    /// Try the files of a corpus in place of changed ones
+    #[arg(long, value_name = "FOLDER")]
     pub replay: Vec<PathBuf>,
     /// First case of a worker, and how much further its next one stands
     #[arg(long, hide = true, value_delimiter = ',')]
@@ -39,36 +38,24 @@ pub struct CampaignArgs {
 /// Runs the verb.
 pub fn run(args: CampaignArgs) -> Result<()> {
     let program = Program { path: std::env::current_exe()?, rollout };
+    let CampaignArgs { cases, seed, kills, faults: kept, .. } = args;
     if let Some([first, stride]) = args.work.as_deref() {
-        let source = match args.replay.is_empty() {
-            true => Source::Seed { seed: args.seed, cases: args.cases },
-            false => Source::corpus(&args.replay)?,
-        };
-        return Ok(nerd_campaign::work(program, &source, *first, *stride)?);
+        return Ok(nerd_campaign::work(program, &Source { seed, cases, corpus: args.replay }, *first, *stride)?);
     }
     if !args.replay.is_empty() {
         nerd_campaign::replay(&program, &args.replay)?.iter().for_each(|line| println!("{line}"));
         return Ok(());
     }
-    let bar = crate::common::bar("cases", args.cases + args.kills);
-    let found = nerd_campaign::campaign(&program, (args.seed, args.cases, args.kills), &args.faults, &|what, done, faults| {
-        bar.say(&format!("{faults} faults"));
-        bar.set(if what == "kills" { args.cases + done } else { done });
-    })?;
-    bar.finish();
-    let text = found.tables.iter().map(|t| markdown(&t.header, &t.rows)).collect::<Vec<_>>().join("\n");
-    println!("{text}");
-    if let Some(out) = &args.out {
-        let stamp = Provenance::now(args.seed);
-        let from = format!("`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
-        let what = "Good input changed at random, and used: refused in words, accepted, or a fault.";
-        let limits = format!("Limits: {SECONDS} s a case, {} GB a process.\n", MEMORY >> 30);
-        crate::files::write(out, format!("# Hostile input\n\n{what} {limits}\n{text}\n{from}").as_bytes())?;
-    }
+    let campaign = Campaign { program, seed, cases, kills, kept };
+    let found = match &args.out {
+        Some(out) => conduct(&campaign, out)?.data,
+        None => campaign.measure()?,
+    };
+    campaign.tables(&found)?.iter().for_each(|table| println!("{}", table.markdown()));
     found.faults.iter().take(20).for_each(|words| eprintln!("{words}"));
     match found.faults.len() {
         0 => Ok(()),
-        n => bail!("{n} faults; files of {} stand in {}", found.kept.len(), args.faults.display()),
+        n => bail!("{n} faults; files of the first stand in {}", campaign.kept.display()),
     }
 }
 

@@ -11,7 +11,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use clap::ValueEnum;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
@@ -113,7 +112,7 @@ pub fn run(args: ChartArgs) -> Result<()> {
     numbers::time(&[frames[0], frames[1], ("4 x --substeps", 4 * args.substeps)])?;
     let mut models = args.model.clone();
     if models.is_empty() {
-        let shipped = Truth::value_variants().iter().map(|t| t.shipped(&system.name));
+        let shipped = Truth::ALL.iter().map(|t| nerd_train::shipped::model(*t, &system.name));
         models.extend(shipped.filter(|folder| folder.join("config.json").exists()));
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
@@ -152,7 +151,7 @@ pub fn run(args: ChartArgs) -> Result<()> {
         json["mujoco"] = serde_json::to_value(mujoco)?;
     }
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
-    figure(&args, &system, &points, &base).save(&stem)
+    Ok(figure(&args, &system, &points, &base).save(&stem)?)
 }
 
 /// Every method timed and held against the reference.
@@ -268,7 +267,7 @@ fn figure(args: &ChartArgs, system: &System, points: &[Point], base: &PassiveRep
 /// What a setting is held against, if that is not the chart's reference.
 fn own(setting: &Setting) -> Result<Option<Truth>> {
     Ok(match setting {
-        Setting::Neural(folder) => Some(Truth::of(folder)?).filter(|truth| *truth != Truth::Articulated),
+        Setting::Neural(folder) => Some(ModelConfig::truth_of(folder)?).filter(|truth| *truth != Truth::Articulated),
         _ => None,
     })
 }
@@ -301,11 +300,11 @@ pub fn microseconds(folder: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> 
     const REPEATS: usize = 5;
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     one.install(|| {
-        let truth = crate::truth::Truth::of(folder)?;
+        let truth = ModelConfig::truth_of(folder)?;
         let protocol = PassiveConfig { starts: ENVIRONMENTS, steps: FRAMES, seed: 501, action: Action::Zero };
         let mut best = f64::INFINITY;
         for _ in 0..REPEATS {
-            let mut learned = Timed { solver: Box::new(neural(folder, system, None, Device::Flex, ENVIRONMENTS)?), spent: Duration::ZERO };
+            let mut learned = Timed { solver: Box::new(neural(folder, system, None, Device::Cpu, ENVIRONMENTS)?), spent: Duration::ZERO };
             passive(system, scene, &mut *truth.solver(system), &mut learned, protocol, &mut |_| ())?;
             best = best.min(learned.spent.as_secs_f64() * 1e6 / (ENVIRONMENTS * FRAMES) as f64);
         }

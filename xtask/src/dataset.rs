@@ -11,6 +11,7 @@ use nerd_sim::dataset::{GenerateConfig, generate};
 use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
 
+use crate::common::{TRUTHS, word};
 use crate::numbers::{self, FRAMES, SEEDS, TRANSITIONS, count, share};
 use crate::truth::Truth;
 
@@ -21,7 +22,7 @@ pub struct DatasetArgs {
     #[arg(long)]
     pub robot: String,
     /// What is recorded: articulated (the reference simulator's method) or rapier
-    #[arg(long, value_enum, default_value_t = Truth::Articulated)]
+    #[arg(long, default_value = "articulated", value_parser = word::<Truth>(TRUTHS))]
     pub truth: Truth,
     /// Transitions in all, rounded up to whole trajectories
     #[arg(long, default_value_t = 1_000_000, value_parser = count::<usize>(TRANSITIONS))]

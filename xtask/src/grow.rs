@@ -110,7 +110,7 @@ pub fn run(args: GrowArgs) -> Result<()> {
         front: Vec::new(),
         levels: Vec::new(),
     };
-    figure.save(&args.out.join("grow"))
+    Ok(figure.save(&args.out.join("grow"))?)
 }
 
 /// Every solver on an arm of that many links.

@@ -25,23 +25,40 @@ mod inspect;
 mod mujoco;
 mod numbers;
 mod out;
-mod paper;
-mod plot;
 mod policy;
-mod provenance;
 mod reproduce;
 mod rollout;
-mod sessions;
 mod shake;
 mod solvers;
 mod stability;
 mod stamp;
 mod sweep;
-mod table;
 mod tosses;
 mod train;
-mod truth;
 mod urdf;
+
+/// Moved to the libraries; the verbs name them there as they move, too.
+mod moved {
+    pub mod paper {
+        pub use nerd_train::paper::*;
+    }
+    pub mod plot {
+        pub use nerd_train::report::plot::*;
+    }
+    pub mod provenance {
+        pub use nerd_train::report::provenance::*;
+    }
+    pub mod sessions {
+        pub use nerd_train::sessions::*;
+    }
+    pub mod table {
+        pub use nerd_train::report::table::*;
+    }
+    pub mod truth {
+        pub use nerd_sim::truth::Truth;
+    }
+}
+use moved::{paper, plot, provenance, sessions, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]

@@ -5,10 +5,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use nerd_model::folder::ModelConfig;
 
 use crate::ablations::{self, AblationArgs};
 use crate::chart::{self, ChartArgs};
-use crate::common::Device;
+use crate::common::{DEVICES, Device, word};
 use crate::evaluate::{self, EvaluateArgs};
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
@@ -51,7 +52,7 @@ pub struct ReproduceArgs {
     #[arg(long)]
     pub tables_only: bool,
     /// Where the networks of the table are computed; those of the charts are on one CPU core
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
@@ -94,7 +95,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
             if args.train { vec![trained(robot, &args)?] } else { names.iter().map(|name| Path::new("models").join(name)).collect() };
         for model in &models {
             // rapier as a truth costs a hundred times what ours does.
-            let starts = if Truth::of(model)? == Truth::default() { args.starts } else { args.starts.div_ceil(4) };
+            let starts = if ModelConfig::truth_of(model)? == Truth::default() { args.starts } else { args.starts.div_ceil(4) };
             rows.extend(evaluate::rows(&EvaluateArgs {
                 robot: robot.to_string(),
                 scene: Vec::new(),

@@ -16,7 +16,7 @@ fn options_that_nothing_reads_are_refused() {
         ("--model models/pendulum", ["--model", "--solver neural"]),
         ("--model /nowhere", ["--model", "--solver neural"]),
         ("--solver rapier --model models/pendulum", ["--model", "--solver neural"]),
-        ("--device flex", ["--device", "--solver neural"]),
+        ("--device cpu", ["--device", "--solver neural"]),
         ("--device cuda", ["--device", "--solver neural"]),
         ("--solver neural --substeps 4", ["--substeps", "--solver neural"]),
         ("--solver rapier --preset paper", ["--preset", "--solver rapier"]),

@@ -20,7 +20,7 @@ const VERBS: [(&str, &str); 9] = [
     (
         "rollout --robot pendulum --states f/states.csv --steps 3 --out out/r.csv",
         "--scene ground1 --solver rapier --substeps 2 --preset converged --friction huber --truth rapier --model f/model --tolerance 0.1 \
-         --device flex",
+         --device cpu",
     ),
     (
         "rollout --robot f/robot.urdf --states f/robot.csv --steps 3 --out out/r.csv",
@@ -42,10 +42,7 @@ const VERBS: [(&str, &str); 9] = [
         "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --minutes 0.02 --out out",
         "--solver rapier --until 1 --seed 3 --preset small --model f/model --device cuda",
     ),
-    (
-        "policy evaluate cartpole-swingup --policy f/policy --games 2 --truth-only",
-        "--seed 3 --model f/model --device flex --out out/p.json",
-    ),
+    ("policy evaluate cartpole-swingup --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out/p.json"),
     ("urdf f/robot.urdf", "--out out/u.md"),
 ];
 

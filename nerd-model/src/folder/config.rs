@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nerd_sim::system::System;
+use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ModelError, read_json, wrong};
@@ -57,6 +58,15 @@ impl ModelConfig {
         let config: Self = read_json(&path)?;
         config.network.check().map_err(|reason| wrong(&path, format!("network: {reason}")))?;
         Ok(config)
+    }
+
+    /// The truth of the model in a folder.
+    ///
+    /// # Errors
+    /// As [`Self::read`], and if this program knows no truth of that name.
+    pub fn truth_of(folder: &Path) -> Result<Truth, ModelError> {
+        let name = Self::read(folder)?.truth;
+        Truth::named(&name).map_err(|e| wrong(&folder.join("config.json"), e.to_string()))
     }
 
     /// In which form it sees and predicts motion.

@@ -27,7 +27,7 @@ use measure::{Measured, measure};
 use report::Row;
 use runners::Runners;
 
-use crate::common::Device;
+use crate::common::{DEVICES, Device, word};
 use crate::numbers::{SEEDS, STARTS, TRANSITIONS, UPDATES, count};
 use crate::train::{self, OptimizerName, TrainArgs};
 
@@ -62,7 +62,7 @@ pub struct AblationArgs {
     #[arg(long, value_delimiter = ',', default_values_t = [0], value_parser = count::<u64>(SEEDS))]
     pub seed: Vec<u64>,
     /// Where Transformers are computed; the other networks are always computed on the CPU
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Folder to write
     #[arg(long, default_value = "results")]
@@ -134,7 +134,7 @@ fn folder(robot: &str, entry: &Entry, seed: u64, args: &AblationArgs) -> PathBuf
 
 fn device(entry: &Entry, asked: Device) -> Device {
     use train::Variant::{Gru, Lstm, Mlp};
-    if matches!(entry.variant, Mlp | Gru | Lstm) { Device::Flex } else { asked }
+    if matches!(entry.variant, Mlp | Gru | Lstm) { Device::Cpu } else { asked }
 }
 
 /// Trains a variant unless its model is there; what its folder says of it, and whether it was trained now.

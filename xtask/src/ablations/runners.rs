@@ -31,7 +31,7 @@ impl Runners {
         if folders.is_empty() {
             bail!("{FOLDER} has no {PREFIX}*: train one with `cargo xtask policy train {TASK} --solver neural`");
         }
-        let truth = Arena { solver: SolverName::Articulated, model: None, device: Device::Flex };
+        let truth = Arena { solver: SolverName::Articulated, model: None, device: Device::Cpu };
         let play = |path: &PathBuf| {
             let (_, policy) = folder::load(path)?;
             let real = reward(TASK, &truth, &policy, games, SEED)?.mean;

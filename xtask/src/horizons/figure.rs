@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use anyhow::{Result, anyhow};
 use nerd_sim::prelude::*;
+use nerd_train::Result;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -43,8 +43,8 @@ pub fn draw(horizon: &Horizon, stem: &Path) -> Result<()> {
 }
 
 impl Picture for Horizon {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
+        let failed = nerd_train::report::plot::failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let title = format!("{} ({}) on {}, {} rollouts, {} diverged", self.robot, self.method, self.scene, self.starts, self.diverged);
         let area = area.titled(&title, ("sans-serif", 18)).map_err(failed)?;

@@ -12,12 +12,11 @@ use serde::Serialize;
 
 mod figure;
 
-use crate::common::Device;
+use crate::common::{DEVICES, Device, word};
 use crate::numbers::{self, FRAMES, SEEDS, STARTS, count};
 use crate::provenance::Provenance;
 use crate::solvers::{describe, neural};
 use crate::table::{digits, markdown};
-use crate::truth::Truth;
 
 /// Draw error against time of learned models.
 #[derive(clap::Args, Clone, Debug)]
@@ -35,7 +34,7 @@ pub struct HorizonArgs {
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Where networks are computed
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Folder to write
     #[arg(long, default_value = "results")]
@@ -105,7 +104,7 @@ fn measure(folder: &Path, args: &HorizonArgs) -> Result<Horizon> {
     // Flight has no error where there is nothing to touch.
     let scenes = system.usual_scenes();
     let name = scenes.iter().find(|s| !config.base.flies() || **s != "free").copied().unwrap_or("free");
-    let (scene, truth) = (system.scene(name)?, Truth::of(folder)?);
+    let (scene, truth) = (system.scene(name)?, ModelConfig::truth_of(folder)?);
     let mut learned = neural(folder, &system, None, args.device, args.starts)?;
     let protocol = PassiveConfig { starts: args.starts, steps: args.steps, seed: args.seed, action: Action::Zero };
     let bar = crate::common::bar(&format!("frames of {}", folder.display()), args.steps as u64);

@@ -129,7 +129,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
         "{}: {} tokens, every input and target, over mean ± 4 standard deviations at most, heights by the root of the count",
         system.name, counts.tokens
     );
-    picture::draw(&title, &all, counts.tokens, &stem)
+    Ok(picture::draw(&title, &all, counts.tokens, &stem)?)
 }
 
 /// A shard, if it is of this system and of the manifest's truth.

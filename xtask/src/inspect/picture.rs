@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Result, anyhow};
+use nerd_train::Result;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -36,8 +36,8 @@ struct Sheet<'a> {
 }
 
 impl crate::plot::Picture for Sheet<'_> {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
+        let failed = nerd_train::report::plot::failed::<B>;
         let style = |size: i32, h: HPos| ("sans-serif", size).into_font().color(&BLACK.mix(0.85)).pos(Pos::new(h, VPos::Center));
         let text =
             |words: &str, at: (i32, i32), size: i32, h: HPos| area.draw(&Text::new(words.to_string(), at, style(size, h))).map_err(failed);

@@ -10,7 +10,7 @@ use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, named};
 
 use super::clock::{Clock, Timed};
-use crate::common::Device;
+use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;
 use crate::solvers::SolverName;
 use crate::truth::Truth;
@@ -25,14 +25,14 @@ pub struct Arena {
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Where `neural` is computed
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
 }
 
 impl Arena {
     /// Folder of the model for a robot.
     pub fn folder(&self, robot: &str) -> PathBuf {
-        self.model.clone().unwrap_or_else(|| Truth::Articulated.shipped(robot))
+        self.model.clone().unwrap_or_else(|| nerd_train::shipped::model(Truth::Articulated, robot))
     }
 
     /// The solver in words that tell it from any other, settings and all.
@@ -52,7 +52,7 @@ impl Arena {
         if self.solver == SolverName::Neural {
             return Ok(());
         }
-        let given = [("--model", self.model.is_some()), ("--device", self.device != Device::Flex)];
+        let given = [("--model", self.model.is_some()), ("--device", self.device != Device::Cpu)];
         unused(&given, "without --solver neural")
     }
 

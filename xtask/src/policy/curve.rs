@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use nerd_train::ppo::Iteration;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -27,7 +27,7 @@ pub fn draw(out: &Path, title: &str) -> Result<()> {
     let lines = lines(out)?;
     let points = |f: fn(&Iteration) -> Option<f64>| lines.iter().filter_map(|l| Some((l.frames as f64 / 1e6, f(l)?))).collect();
     let curve = Curve { title: title.into(), reward: points(|l| l.reward), length: points(|l| l.length) };
-    if curve.reward.is_empty() { Ok(()) } else { save(&out.join("curve"), (1000, 600), &curve) }
+    if curve.reward.is_empty() { Ok(()) } else { Ok(save(&out.join("curve"), (1000, 600), &curve)?) }
 }
 
 /// Points that a shipped curve has, about.
@@ -47,8 +47,8 @@ pub fn write(out: &Path, folder: &Path) -> Result<()> {
 }
 
 impl Picture for Curve {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
+        let failed = nerd_train::report::plot::failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let titled = area.titled(&self.title, ("sans-serif", 18)).map_err(failed)?;
         let halves = titled.split_vertically(360);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use nerd_train::ppo::folder::PolicyConfig;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -37,7 +37,7 @@ pub fn draw(policies: &[(PathBuf, PolicyConfig)], stem: &Path) -> Result<()> {
         return Ok(());
     }
     let rows = tasks.len().div_ceil(COLUMNS) as u32;
-    save(stem, (PANEL.0 * COLUMNS as u32, PANEL.1 * rows), &Curves { tasks })
+    Ok(save(stem, (PANEL.0 * COLUMNS as u32, PANEL.1 * rows), &Curves { tasks })?)
 }
 
 fn read(path: &Path) -> Result<Vec<(f64, f64)>> {
@@ -47,8 +47,8 @@ fn read(path: &Path) -> Result<Vec<(f64, f64)>> {
 }
 
 impl Picture for Curves {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
+        let failed = nerd_train::report::plot::failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let panels = area.split_evenly((self.tasks.len().div_ceil(COLUMNS), COLUMNS));
         let font = ("sans-serif", 13);

@@ -4,12 +4,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use nerd_model::folder::ModelConfig;
 use nerd_tasks::named;
 use nerd_train::ppo::{Policy, folder, play};
 use serde::{Deserialize, Serialize};
 
 use super::arena::Arena;
-use crate::common::Device;
+use crate::common::{DEVICES, Device, word};
 use crate::numbers::{SEEDS, STARTS, count};
 use crate::paper::policy_reward;
 use crate::provenance::Provenance;
@@ -38,7 +39,7 @@ pub struct EvaluateArgs {
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Where the learned simulator is computed
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// JSON file to write
     #[arg(long)]
@@ -98,10 +99,10 @@ pub fn row(args: &EvaluateArgs) -> Result<Row> {
     }
     let arena = Arena { solver: SolverName::Neural, model: args.model.clone(), device: args.device };
     let model = arena.folder(robot);
-    let truth = if args.truth_only && args.model.is_none() && !model.exists() { Truth::default() } else { Truth::of(&model)? };
+    let truth = if args.truth_only && args.model.is_none() && !model.exists() { Truth::default() } else { ModelConfig::truth_of(&model)? };
     let real = match truth {
         Truth::Articulated => SolverName::Articulated,
-        Truth::Rapier => SolverName::Rapier,
+        _ => SolverName::Rapier,
     };
     let played = |arena: &Arena| reward(&args.task, arena, &policy, args.games, args.seed);
     let real = played(&Arena { solver: real, ..arena.clone() })?;

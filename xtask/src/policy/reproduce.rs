@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use nerd_train::ppo::folder::PolicyConfig;
 
 use super::evaluate::{EvaluateArgs, Row, gap as percent, row, table, write};
-use crate::common::{Device, folders};
+use crate::common::{DEVICES, Device, folders, word};
 use crate::paper::policy_reward;
 use crate::provenance::Provenance;
 use crate::table::markdown;
@@ -22,7 +22,7 @@ pub struct PoliciesArgs {
     #[arg(long, default_value_t = 512)]
     pub games: usize,
     /// Where the learned simulators are computed
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Seed of the starts
     #[arg(long, default_value_t = 500)]

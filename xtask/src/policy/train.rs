@@ -145,7 +145,7 @@ fn settings(args: &TrainArgs) -> Result<PpoConfig> {
             PpoConfig::from_text(&text).with_context(|| path.display().to_string())?
         }
         None => {
-            let dear = args.arena.solver == SolverName::Neural && args.arena.device == Device::Flex;
+            let dear = args.arena.solver == SolverName::Neural && args.arena.device == Device::Cpu;
             match (args.preset, PpoConfig::small(&args.task)) {
                 (Some(Preset::Small), None) => bail!("task `{}` has no small settings; --config takes your own", args.task),
                 (Some(Preset::Small), Some(small)) => small,

@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::arena::Arena;
 use super::evaluate::{Reward, gap, reward};
 use crate::chart::microseconds;
-use crate::common::{Device, folders};
+use crate::common::{DEVICES, Device, folders, word};
 use crate::plot::{Figure, Series};
 use crate::provenance::Provenance;
 use crate::solvers::{SolverName, neural};
@@ -42,7 +42,7 @@ pub struct TransferArgs {
     #[arg(long, default_value_t = 128)]
     pub starts: usize,
     /// Where networks are computed; a frame is timed on the CPU
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Seed of the starts
     #[arg(long, default_value_t = 500)]
@@ -183,5 +183,5 @@ fn write(args: &TransferArgs, rows: &[Row]) -> Result<()> {
         front: Vec::new(),
         levels: vec![(TRANSFERS, "transfers".into())],
     };
-    figure.save(&stem)
+    Ok(figure.save(&stem)?)
 }

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use nerd_sim::prelude::*;
+use nerd_train::shipped;
 
 use super::Choice;
-use crate::common::Device;
+use crate::common::{DEVICES, Device, TRUTHS, word};
 use crate::flags::unused;
 use crate::numbers::{SUBSTEPS, count, positive};
 use crate::truth::Truth;
@@ -30,7 +31,7 @@ pub struct SolverArgs {
     pub substeps: Option<usize>,
     /// Truth that the model of `neural` must have learned, and that `evaluate` holds a solver against [default: the
     /// model's, else articulated]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = word::<Truth>(TRUTHS))]
     pub truth: Option<Truth>,
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
@@ -39,8 +40,8 @@ pub struct SolverArgs {
     /// from a converged motion
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     pub tolerance: Option<f64>,
-    /// Where `neural` is computed [default: flex]
-    #[arg(long, value_enum)]
+    /// Where `neural` is computed [default: cpu]
+    #[arg(long, value_parser = word::<Device>(DEVICES))]
     pub device: Option<Device>,
 }
 
@@ -111,8 +112,8 @@ impl SolverArgs {
             }
             SolverName::Neural => {
                 unused(&[substeps], "with --solver neural, which has none")?;
-                let folder = self.model.clone().unwrap_or_else(|| self.truth.unwrap_or_default().shipped(&system.name));
-                Choice::Neural { folder, truth: self.learned()?, device: self.device.unwrap_or(Device::Flex) }
+                let folder = self.model.clone().unwrap_or_else(|| shipped::model(self.truth.unwrap_or_default(), &system.name));
+                Choice::Neural { folder, truth: self.learned()?, device: self.device.unwrap_or(Device::Cpu) }
             }
         })
     }

@@ -54,7 +54,7 @@ impl Choice {
     /// The truth that it learned, if it learned one.
     pub fn learned(&self) -> Result<Option<Truth>> {
         match self {
-            Self::Neural { folder, .. } => Truth::of(folder).map(Some),
+            Self::Neural { folder, .. } => Ok(Some(ModelConfig::truth_of(folder)?)),
             _ => Ok(None),
         }
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use nerd_train::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -26,8 +26,8 @@ struct Heat<'a> {
 }
 
 impl crate::plot::Picture for Heat<'_> {
-    fn draw<B: DrawingBackend>(&self, area: &plotters::drawing::DrawingArea<B, plotters::coord::Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow::anyhow!("cannot draw: {e}");
+    fn draw<B: DrawingBackend>(&self, area: &plotters::drawing::DrawingArea<B, plotters::coord::Shift>) -> nerd_train::Result<()> {
+        let failed = nerd_train::report::plot::failed::<B>;
         let style = |size: i32, colour: RGBColor, h: HPos| ("sans-serif", size).into_font().color(&colour).pos(Pos::new(h, VPos::Center));
         let text = |words: &str, at: (i32, i32), style: TextStyle| area.draw(&Text::new(words.to_string(), at, style)).map_err(failed);
         area.fill(&WHITE).map_err(failed)?;

@@ -72,7 +72,7 @@ fn table(folder: &Path, words: &[String]) -> Result<Table> {
     let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
     let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth)? };
     let makers: [(&str, &Maker); 4] = [
-        ("learned", &|system| Ok(Box::new(neural(&case.model, system, None, Device::Flex, STARTS)?))),
+        ("learned", &|system| Ok(Box::new(neural(&case.model, system, None, Device::Cpu, STARTS)?))),
         ("hold last", &|_| Ok(Box::new(Blind { glide: false }))),
         ("constant velocity", &|_| Ok(Box::new(Blind { glide: true }))),
         ("rapier 4x4", &|_| Ok(Box::new(Rapier::new(RapierConfig::default())))),

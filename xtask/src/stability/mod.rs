@@ -119,7 +119,7 @@ fn write(stem: &Path, title: &str, columns: &[String], lines: &[Line]) -> Result
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
     let from = format!("\n`{}`, commit {}, {}, {}\n", stamp.command, stamp.commit, stamp.machine, stamp.date);
     crate::files::write(&stem.with_extension("md"), (text + &from).as_bytes())?;
-    heat::draw(title, columns, lines, stem)
+    Ok(heat::draw(title, columns, lines, stem)?)
 }
 
 /// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed, `lost` where the solver gave up.

@@ -18,7 +18,7 @@ mod report;
 use entries::{BASE, Entry, Set, base};
 
 use crate::chart::microseconds;
-use crate::common::Device;
+use crate::common::{DEVICES, Device, word};
 use crate::numbers::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES, count};
 use crate::solvers::neural;
 use crate::train::{TrainArgs, train};
@@ -66,7 +66,7 @@ pub struct SweepArgs {
     #[arg(long, default_value_t = 128, value_parser = count::<usize>(STARTS))]
     pub starts: usize,
     /// Where networks are trained and evaluated; a frame is timed on the CPU
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Folder to write
     #[arg(long, default_value = "results")]

@@ -95,5 +95,5 @@ pub fn write(args: &SweepArgs, all: &[Measured]) -> Result<()> {
         front: Vec::new(),
         levels: Vec::new(),
     };
-    figure.save(&stem)
+    Ok(figure.save(&stem)?)
 }

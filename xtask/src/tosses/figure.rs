@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Result, anyhow};
+use nerd_train::Result;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -24,8 +24,8 @@ pub fn draw(curves: &[Curve], stem: &Path) -> Result<()> {
 struct Panels<'a>(&'a [Curve<'a>]);
 
 impl crate::plot::Picture for Panels<'_> {
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> nerd_train::Result<()> {
+        let failed = nerd_train::report::plot::failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let (body, legend) = area.split_vertically(500);
         for (k, (panel, what)) in

@@ -162,7 +162,7 @@ impl Report {
         let mut curves: Vec<_> = DRAWN.iter().filter_map(row).map(curve).collect();
         curves.push(("what noise on velocities does".into(), self.floor.clone(), true));
         let curves: Vec<Curve> = curves.iter().map(|(name, score, dashed)| Curve { name: name.clone(), score, dashed: *dashed }).collect();
-        figure::draw(&curves, &out.join("tosses"))
+        Ok(figure::draw(&curves, &out.join("tosses"))?)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::variant::Variant;
-use crate::common::Device;
+use crate::common::{DEVICES, Device, TRUTHS, word};
 use crate::numbers::{BATCH, EMBEDDING, FRAMES, LAYERS, SEEDS, TRANSITIONS, UPDATES, count, positive, share, within};
 use crate::truth::Truth;
 
@@ -37,7 +37,7 @@ pub struct TrainArgs {
     #[arg(long, value_parser = count::<usize>(LAYERS))]
     pub layers: Option<usize>,
     /// What is learned: articulated (the reference simulator's method) or rapier
-    #[arg(long, value_enum, default_value_t = Truth::Articulated)]
+    #[arg(long, default_value = "articulated", value_parser = word::<Truth>(TRUTHS))]
     pub truth: Truth,
     /// What predictions are added to: state (the paper) or flight (one contact-free frame; the residual form)
     #[arg(long, value_enum, default_value_t = BaseName::State)]
@@ -122,8 +122,8 @@ pub struct TrainArgs {
     /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
     #[arg(long)]
     pub f32: bool,
-    /// Where to compute: flex (CPU) or cuda (needs a build with `--features cuda`)
-    #[arg(long, value_enum, default_value_t = Device::Flex)]
+    /// Where to compute: cpu or cuda (needs a build with `--features cuda`)
+    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Seed of data, weights and windows
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]

@@ -14,7 +14,7 @@ use crate::common::Device;
 /// A network on a device, for so many environments.
 pub fn network(weights: &Weights, device: Device, envs: usize) -> Result<Box<dyn Stream>> {
     match device {
-        Device::Flex => Ok(nerd_model::network::on_cpu(weights)),
+        Device::Cpu => Ok(nerd_model::network::on_cpu(weights)),
         Device::Cuda => on_cuda(weights, envs),
     }
 }
@@ -42,7 +42,7 @@ fn transformer_only(network: &TransformerConfig) -> Result<()> {
 /// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
 pub fn arithmetic(args: &TrainArgs, network: &TransformerConfig) -> Result<String> {
     match args.device {
-        Device::Flex => Ok("f32 on the CPU".into()),
+        Device::Cpu => Ok("f32 on the CPU".into()),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             transformer_only(network)?;
@@ -62,7 +62,7 @@ pub fn engine(
     validation: nerd_train::windows::Windows,
 ) -> Result<Box<dyn Learner>> {
     match args.device {
-        Device::Flex => {
+        Device::Cpu => {
             let (windows, validation) = (Arc::new(data.windows), Arc::new(validation));
             Ok(match state.weights.config.architecture {
                 Architecture::Transformer => Box::new(CpuLearner::new(config, state, windows, validation)?),

@@ -15,7 +15,7 @@ pub fn check(args: &TrainArgs, network: &TransformerConfig, batch: usize, transi
     // Shards, the set they are joined in, and that while it grows.
     memory(&[("--transitions", transitions)], 3 * 4 * (network.inputs + network.outputs))?;
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let on_cpu = args.device == Device::Flex;
+    let on_cpu = args.device == Device::Cpu;
     // Weights, average and two moments, and copies of them for checkpoints and rollouts; on the CPU a network each thread and a
     // gradient each shard.
     let copies = 10 + if on_cpu { 2 * threads + batch.div_ceil(SHARD) } else { 0 };

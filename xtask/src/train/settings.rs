@@ -44,7 +44,7 @@ impl Settings {
                     args.robot
                 )
             }
-            BaseName::Flight => args.truth.flight(),
+            BaseName::Flight => Base::flight_of(args.truth),
         };
         args.variant.check(base)?;
         let form = args.variant.form(base);

@@ -2,7 +2,7 @@
 //! steps, mean joint-angle error in rad); Cartpole (1000 steps) and Ant (500 steps: root position in m, orientation in rad,
 //! joints in rad) as reported from the main text; rewards of policies likewise.
 
-/// Published mean errors by quantity ([`nerd_train::evaluate::summary`]), or `None` where nothing is published.
+/// Published mean errors by quantity ([`crate::evaluate::summary`]), or `None` where nothing is published.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     let pair = match (robot, scene) {
         ("cartpole", "free") => Some([0.033, 0.075]),

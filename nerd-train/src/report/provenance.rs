@@ -25,7 +25,7 @@ impl Provenance {
     /// This very run.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
-        Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: Self::machine(), date: date() }
+        Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: machine(), date: date() }
     }
 
     /// Looks at the checkout now, so that what is edited while a long command runs is not taken for what it ran.
@@ -33,16 +33,33 @@ impl Provenance {
         LazyLock::force(&COMMIT);
     }
 
-    /// The machine, in words.
-    pub fn machine() -> String {
-        let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = text.lines().find_map(|l| l.strip_prefix("model name")).map(|l| l.trim_start_matches([' ', '\t', ':']));
-        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let cpu = format!("{} ({cores} cores)", model.unwrap_or(std::env::consts::ARCH));
-        match read("nvidia-smi", &["--query-gpu=name", "--format=csv,noheader"]) {
-            Some(gpu) => format!("{}, {cpu}", gpu.lines().next().unwrap_or_default()),
-            None => cpu,
-        }
+    /// Whether files of the checkout had been changed.
+    pub fn dirty(&self) -> bool {
+        self.commit.ends_with("-dirty")
+    }
+
+    /// Whether the run can be repeated: its commit is known.
+    pub fn traceable(&self) -> bool {
+        !self.commit.is_empty() && self.commit != "unknown" && !self.command.is_empty()
+    }
+}
+
+impl std::fmt::Display for Provenance {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { command, seed, commit, machine, date } = self;
+        write!(f, "`{command}`, seed {seed}, commit {commit}, {machine}, {date}")
+    }
+}
+
+/// The machine, in words.
+pub fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = text.lines().find_map(|l| l.strip_prefix("model name")).map(|l| l.trim_start_matches([' ', '\t', ':']));
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let cpu = format!("{} ({cores} cores)", model.unwrap_or(std::env::consts::ARCH));
+    match read("nvidia-smi", &["--query-gpu=name", "--format=csv,noheader"]) {
+        Some(gpu) => format!("{}, {cpu}", gpu.lines().next().unwrap_or_default()),
+        None => cpu,
     }
 }
 
@@ -54,7 +71,10 @@ fn commit() -> String {
         return commit;
     }
     let Some(hash) = read("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
-    let changed = read("git", &["status", "--porcelain", "--untracked-files=no", "--", ".", ":!results", ":!models", ":!README.md"]);
+    let changed = read(
+        "git",
+        &["status", "--porcelain", "--untracked-files=no", "--", ".", ":!results", ":!models", ":!README.md", ":!docs", ":!*.md"],
+    );
     if changed.is_some_and(|c| !c.is_empty()) { format!("{hash}-dirty") } else { hash }
 }
 

@@ -5,10 +5,10 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::provenance::Provenance;
+use crate::error::{Error, Result};
+use crate::report::provenance::machine;
 
 const FILE: &str = "sessions.jsonl";
 
@@ -29,19 +29,25 @@ pub struct Session {
 }
 
 /// Appends a session to the file of the run in `out`.
+///
+/// # Errors
+/// If it cannot be written.
 pub fn log(out: &Path, first: u64, last: u64, seconds: f64, spent: &str) -> Result<()> {
-    let session = Session { first, last, seconds, machine: Provenance::machine(), spent: spent.into() };
+    let session = Session { first, last, seconds, machine: machine(), spent: spent.into() };
     let path = out.join(FILE);
     let cut = std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|b| *b != b'\n'));
-    let line = format!("{}{}\n", if cut { "\n" } else { "" }, serde_json::to_string(&session)?);
+    let line = format!("{}{}\n", if cut { "\n" } else { "" }, serde_json::to_string(&session).map_err(Error::format(&path))?);
     let file = OpenOptions::new().create(true).append(true).open(&path);
-    file.and_then(|mut file| file.write_all(line.as_bytes())).with_context(|| format!("cannot write {}", path.display()))
+    file.and_then(|mut file| file.write_all(line.as_bytes())).map_err(Error::file(&path))
 }
 
 /// The sessions of the run in `out`. A line that was cut short by a killed process is left out, and said.
+///
+/// # Errors
+/// If it cannot be read.
 pub fn read(out: &Path) -> Result<Vec<Session>> {
     let path = out.join(FILE);
-    let text = nerd_sim::files::read_text(&path).with_context(|| format!("{}, the times of the run", path.display()))?;
+    let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
     let mut sessions = Vec::new();
     for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty()) {
         match serde_json::from_str(line) {

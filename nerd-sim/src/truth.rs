@@ -1,21 +1,20 @@
-//! The solvers that models are learned from (`--truth`). A model's card names its own, settings and all: the same engine at
+//! The solvers that models are learned from. A model's card names its own, settings and all: the same engine at
 //! other settings is another motion.
 
-use std::path::{Path, PathBuf};
+use serde::{Deserialize, Serialize};
 
-use anyhow::{Result, bail};
-use clap::ValueEnum;
-use nerd_model::base::Base;
-use nerd_model::folder::ModelConfig;
-use nerd_sim::prelude::*;
+use crate::prelude::*;
 
 /// What a model learns, and is held against.
-#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Truth {
     /// `articulated`, preset `paper`, Coulomb friction: the reference simulator's method.
     #[default]
     Articulated,
     /// rapier's multibodies, 16 steps of 4 iterations a frame.
+    #[cfg(feature = "rapier")]
     Rapier,
 }
 
@@ -25,58 +24,59 @@ pub enum Truth {
 /// then still fails of the suite (friction by direction, no bounce) is its contact law, and 64 steps are as far from 16 as
 /// those from 4. A world is made new every frame, so that, as for every truth, the next state is a function of
 /// this one: no warm start, nothing of another trajectory.
+#[cfg(feature = "rapier")]
 const STEPS: usize = 16;
+#[cfg(feature = "rapier")]
 const ITERATIONS: usize = 4;
 
+/// No truth has that name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no truth is called `{name}`; known are {known}")]
+pub struct UnknownTruth {
+    /// What was asked for.
+    pub name: String,
+    /// What there is.
+    pub known: String,
+}
+
 impl Truth {
+    /// All of them.
+    pub const ALL: &[Self] = &[
+        Self::Articulated,
+        #[cfg(feature = "rapier")]
+        Self::Rapier,
+    ];
+
     /// As cards and shards have it.
     pub fn name(self) -> String {
         match self {
             Self::Articulated => "articulated paper coulomb".into(),
+            #[cfg(feature = "rapier")]
             Self::Rapier => format!("rapier {STEPS} steps {ITERATIONS} iterations"),
         }
     }
 
     /// The one of that name.
-    pub fn named(name: &str) -> Result<Self> {
-        let known = Self::value_variants();
-        match known.iter().find(|t| t.name() == name) {
-            Some(truth) => Ok(*truth),
-            None => bail!("no truth is called `{name}`; known are {}", known.iter().map(|t| t.name()).collect::<Vec<_>>().join(", ")),
-        }
-    }
-
-    /// What the model of a folder learned.
-    pub fn of(folder: &Path) -> Result<Self> {
-        Self::named(&ModelConfig::read(folder)?.truth)
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn named(name: &str) -> Result<Self, UnknownTruth> {
+        let known = || Self::ALL.iter().map(|t| t.name()).collect::<Vec<_>>().join(", ");
+        Self::ALL.iter().find(|t| t.name() == name).copied().ok_or_else(|| UnknownTruth { name: name.into(), known: known() })
     }
 
     /// The solver itself.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
         match self {
             Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
+            #[cfg(feature = "rapier")]
             Self::Rapier => Box::new(Rapier::new(Self::rapier())),
         }
     }
 
     /// rapier's settings as a truth.
+    #[cfg(feature = "rapier")]
     pub fn rapier() -> RapierConfig {
         RapierConfig { steps: STEPS, iterations: ITERATIONS, ..Default::default() }
-    }
-
-    /// The flight that is nearest to its own, what the residual form adds to.
-    pub fn flight(self) -> Base {
-        match self {
-            Self::Articulated => Base::Flight,
-            Self::Rapier => Base::ExactFlight,
-        }
-    }
-
-    /// Folder of the model of a robot that comes with the project: `models/ROBOT`, of rapier `models/ROBOT-rapier`.
-    pub fn shipped(self, robot: &str) -> PathBuf {
-        Path::new("models").join(match self {
-            Self::Articulated => robot.to_string(),
-            Self::Rapier => format!("{robot}-rapier"),
-        })
     }
 }

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
+
+use super::write;
+use crate::error::{Error, Result};
 
 /// Width and height (px), without the legend.
 const SIZE: (u32, u32) = (1000, 640);
@@ -51,19 +53,31 @@ pub struct Figure {
 /// What can draw itself, on paper or on pixels.
 pub trait Picture {
     /// Draws.
+    ///
+    /// # Errors
+    /// [`Error::Draw`].
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()>;
 }
 
 /// Writes a picture as `stem`.svg and `stem`.png.
+///
+/// # Errors
+/// If it cannot be drawn or written.
 pub fn save(stem: &Path, size: (u32, u32), picture: &impl Picture) -> Result<()> {
-    register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular()).map_err(|_| anyhow!("the built-in font cannot be read"))?;
+    register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+        .map_err(|_| Error::Draw("the built-in font cannot be read".into()))?;
     let mut svg = String::new();
     picture.draw(&SVGBackend::with_string(&mut svg, size).into_drawing_area())?;
-    crate::files::write(&stem.with_extension("svg"), svg.as_bytes())?;
-    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    write(&stem.with_extension("svg"), svg.as_bytes())?;
+    let folder = tempfile::tempdir().map_err(Error::file(Path::new("a temporary folder")))?;
     let png = folder.path().join("picture.png");
     picture.draw(&BitMapBackend::new(&png, size).into_drawing_area())?;
-    crate::files::write(&stem.with_extension("png"), &std::fs::read(&png).context("cannot read the picture back")?)
+    write(&stem.with_extension("png"), &std::fs::read(&png).map_err(Error::file(&png))?)
+}
+
+/// An error of plotters; for `map_err`.
+pub fn failed<B: DrawingBackend>(error: DrawingAreaErrorKind<B::ErrorType>) -> Error {
+    Error::Draw(error.to_string())
 }
 
 /// A short line for a legend.
@@ -76,6 +90,9 @@ pub fn stroke<B: DrawingBackend>(
 
 impl Figure {
     /// Writes `stem`.svg and `stem`.png.
+    ///
+    /// # Errors
+    /// If it cannot be drawn or written.
     pub fn save(&self, stem: &Path) -> Result<()> {
         let rows = self.names().len().div_ceil(2) as u32;
         save(stem, (SIZE.0, SIZE.1 + rows * ROW as u32 + 8), self)
@@ -103,7 +120,7 @@ impl Figure {
 
 impl Picture for Figure {
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
-        let failed = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("cannot draw: {e}");
+        let failed = failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let all = || self.series.iter().flat_map(|s| &s.points);
         let (x, y) = (decades(all().map(|p| p.0)), decades(all().map(|p| p.1).chain(self.levels.iter().map(|l| l.0))));

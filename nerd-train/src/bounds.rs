@@ -1,0 +1,82 @@
+//! What may be asked of a machine: refused before work begins where it is more than memory holds or a day does.
+
+use crate::error::{Result, refuse};
+
+/// Substeps of all environments that a command may ask for: at a microsecond each, a day.
+const WORK: u128 = 100_000_000_000;
+/// Memory of a machine that does not say what it has (bytes).
+const MEMORY: u64 = 8 << 30;
+
+/// Refuses what needs more memory than there is: `bytes` for every combination of `factors`, options with their values.
+///
+/// # Errors
+/// [`crate::Error::Refused`], naming it.
+pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
+    let (needed, free) = (product(factors).saturating_mul(bytes as u128), u128::from(free()));
+    if needed > free {
+        refuse!("{}: needs {} of memory, {} are free; ask for less", words(factors), size(needed), size(free));
+    }
+    Ok(())
+}
+
+/// Refuses what takes longer than a day: `factors` are options with their values, whose product is substeps.
+///
+/// # Errors
+/// [`crate::Error::Refused`], naming it.
+pub fn time(factors: &[(&str, usize)]) -> Result<()> {
+    let needed = product(factors);
+    if needed > WORK {
+        refuse!("{}: more than the {:.0e} substeps of a day's work; ask for less", words(factors), WORK as f64);
+    }
+    Ok(())
+}
+
+/// Refuses a figure that is no number, which would stand in a table like any other; `whose` says which it is.
+///
+/// # Errors
+/// [`crate::Error::Refused`], naming it.
+pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
+    match figures.into_iter().find(|x| !x.is_finite()) {
+        Some(x) => refuse!("{whose} is {x}: no result is written"),
+        None => Ok(()),
+    }
+}
+
+fn product(factors: &[(&str, usize)]) -> u128 {
+    factors.iter().fold(1, |all: u128, (_, n)| all.saturating_mul(*n as u128))
+}
+
+fn words(factors: &[(&str, usize)]) -> String {
+    factors.iter().map(|(option, n)| format!("{option} {n}")).collect::<Vec<_>>().join(" x ")
+}
+
+fn size(bytes: u128) -> String {
+    let units = ["B", "kB", "MB", "GB", "TB", "PB"];
+    let power = (bytes.max(1).ilog10() / 3).min(units.len() as u32 - 1);
+    format!("{:.1} {}", bytes as f64 / 1000f64.powi(power as i32), units[power as usize])
+}
+
+/// Memory that this process may still have (bytes): the least of what the machine, its container and a `ulimit` say.
+fn free() -> u64 {
+    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+    let field = |text: &str, name: &str| text.lines().find_map(|l| l.strip_prefix(name)?.split_whitespace().next()?.parse::<u64>().ok());
+    let machine = field(&read("/proc/meminfo"), "MemAvailable:").map(|kib| kib.saturating_mul(1024));
+    let container = read("/sys/fs/cgroup/memory.max").trim().parse().ok();
+    let process = field(&read("/proc/self/limits"), "Max address space");
+    [machine, container, process].into_iter().flatten().min().unwrap_or(MEMORY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_are_refused_before_they_overflow() {
+        let most = usize::MAX;
+        assert!(memory(&[("--starts", 16), ("--steps", 100)], 8).is_ok());
+        let said = memory(&[("--starts", most), ("--steps", most), ("--envs", most)], most).expect_err("too much").to_string();
+        assert!(said.starts_with("--starts 18446744073709551615 x --steps") && said.contains("PB of memory"), "{said}");
+        assert!(time(&[("--starts", 2048), ("--steps", 1000), ("--substeps", 128)]).is_ok());
+        assert!(time(&[("--starts", 1_000_000), ("--steps", 1_000_000)]).is_err());
+    }
+}

@@ -1,0 +1,84 @@
+//! What a long command shows on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Time between lines where there is no terminal.
+const EVERY: Duration = Duration::from_secs(20);
+
+/// Progress of one piece of work, with throughput and time left.
+#[derive(Debug)]
+pub struct Bar {
+    bar: Option<ProgressBar>,
+    what: String,
+    total: u64,
+    /// Units and time the estimate of the time left starts from.
+    origin: (u64, Instant),
+    printed: Mutex<Instant>,
+    said: Mutex<String>,
+}
+
+/// Starts a bar over `total` units of `what`.
+pub fn bar(what: &str, total: u64) -> Bar {
+    bar_from(what, 0, total)
+}
+
+/// Starts a bar over `total` units of `what`, of which `done` were done before.
+pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
+    let bar = std::io::stderr().is_terminal().then(|| {
+        let bar = ProgressBar::new(total);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {human_pos}/{human_len}, {per_sec}, {eta} left") {
+            bar.set_style(style);
+        }
+        bar.set_position(done);
+        bar.reset_eta();
+        bar.with_message(what.to_string())
+    });
+    let now = Instant::now();
+    Bar { bar, what: what.into(), total, origin: (done, now), printed: Mutex::new(now), said: Mutex::default() }
+}
+
+impl Bar {
+    /// `done` units are done, with those of before.
+    pub fn set(&self, done: u64) {
+        if let Some(bar) = &self.bar {
+            return bar.set_position(done);
+        }
+        let Ok(mut printed) = self.printed.lock() else { return };
+        if printed.elapsed() > EVERY {
+            let rate = done.saturating_sub(self.origin.0) as f64 / self.origin.1.elapsed().as_secs_f64();
+            let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
+            let said = self.said.lock().map(|said| said.clone()).unwrap_or_default();
+            eprintln!("{} {done}/{}, {rate:.0}/s, {left:.0} s left{said}", self.what, self.total);
+            *printed = Instant::now();
+        }
+    }
+
+    /// What else is to be known now, for example how well it goes.
+    pub fn say(&self, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("{}: {text}", self.what));
+        }
+        if let Ok(mut said) = self.said.lock() {
+            *said = format!("; {text}");
+        }
+    }
+
+    /// A line of its own, which stays.
+    pub fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => eprintln!("{text}"),
+        }
+    }
+
+    /// Takes the bar away.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Where figures come from and where they go: provenance, what was measured, tables, pictures, files.
+
+pub mod artifact;
+pub mod inputs;
+#[cfg(feature = "report")]
+pub mod plot;
+pub mod provenance;
+pub mod table;
+
+use std::path::Path;
+
+pub use artifact::Artifact;
+pub use inputs::{Input, Inputs};
+pub use provenance::Provenance;
+pub use table::Table;
+
+use crate::error::{Error, Result};
+
+/// Writes a file, whole or not at all.
+///
+/// # Errors
+/// What the file system says, with the file's name.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    nerd_sim::files::write(path, bytes).map_err(Error::file(path))
+}

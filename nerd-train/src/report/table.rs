@@ -1,0 +1,76 @@
+//! Tables for the terminal, for Markdown, for JSON and for pages.
+
+use serde::{Deserialize, Serialize};
+
+/// Rows under a header. Cells are text as a person reads it; the numbers behind them stand in the artefact's data.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Table {
+    /// One word, by which documents name it.
+    pub name: String,
+    /// What the columns do not say: protocol, units.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub note: String,
+    /// Columns.
+    pub header: Vec<String>,
+    /// As many cells each as there are columns.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table without rows.
+    pub fn new(name: &str, header: &[&str]) -> Self {
+        Self { name: name.into(), header: header.iter().map(ToString::to_string).collect(), ..Self::default() }
+    }
+
+    /// With these rows.
+    pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
+        self.rows = rows.into_iter().collect();
+        self
+    }
+
+    /// With this note.
+    pub fn noted(mut self, note: &str) -> Self {
+        self.note = note.into();
+        self
+    }
+
+    /// As an aligned Markdown table, its note below.
+    pub fn markdown(&self) -> String {
+        let header: Vec<&str> = self.header.iter().map(String::as_str).collect();
+        let note = if self.note.is_empty() { String::new() } else { format!("\n{}\n", self.note) };
+        markdown(&header, &self.rows) + &note
+    }
+
+    /// As a list of objects, a row each.
+    pub fn json(&self) -> serde_json::Value {
+        let object = |row: &Vec<String>| self.header.iter().cloned().zip(row.iter().map(|c| c.clone().into())).collect();
+        serde_json::Value::Array(self.rows.iter().map(|row| serde_json::Value::Object(object(row))).collect())
+    }
+}
+
+/// Rows under a header, as an aligned Markdown table.
+pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |k: usize| rows.iter().map(|r| r[k].chars().count()).chain([header[k].chars().count()]).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: Vec<&str>| {
+        let cells = cells.iter().zip(&widths).map(|(c, w)| format!(" {c}{} ", " ".repeat(w - c.chars().count())));
+        format!("|{}|\n", cells.collect::<Vec<_>>().join("|"))
+    };
+    let rule = widths.iter().map(|w| "-".repeat(w + 2)).collect::<Vec<_>>().join("|");
+    let body: String = rows.iter().map(|r| line(r.iter().map(String::as_str).collect())).collect();
+    format!("{}|{rule}|\n{body}", line(header.to_vec()))
+}
+
+/// `a / b` with three significant digits each.
+pub fn pair(x: &[f64]) -> String {
+    x.iter().map(|v| digits(*v)).collect::<Vec<_>>().join(" / ")
+}
+
+/// Three significant digits.
+pub fn digits(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return x.to_string();
+    }
+    let decimals = (2 - x.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    if !(1e-4..1e6).contains(&x.abs()) { format!("{x:.2e}") } else { format!("{x:.decimals$}") }
+}

@@ -1,0 +1,35 @@
+//! Where the project's own files are: models, policies, results.
+
+use std::path::{Path, PathBuf};
+
+use nerd_sim::truth::Truth;
+
+/// The workspace around the current folder, as a path from there: empty where it is the current folder itself, or where there
+/// is none around.
+pub fn root() -> PathBuf {
+    let Ok(here) = std::env::current_dir() else { return PathBuf::new() };
+    let whole = |folder: &&Path| std::fs::read_to_string(folder.join("Cargo.toml")).is_ok_and(|text| text.contains("[workspace]"));
+    match here.ancestors().find(whole) {
+        Some(found) if found != here => found.into(),
+        _ => PathBuf::new(),
+    }
+}
+
+/// A path without the workspace's own, as artefacts have it.
+pub fn from_root(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap_or(path).display().to_string()
+}
+
+/// Folder of the model of a robot that comes with the project: `models/ROBOT`, of rapier `models/ROBOT-rapier`.
+pub fn model(truth: Truth, robot: &str) -> PathBuf {
+    root().join("models").join(match truth {
+        Truth::Articulated => robot.to_string(),
+        Truth::Rapier => format!("{robot}-rapier"),
+        _ => format!("{robot}-{}", truth.name()),
+    })
+}
+
+/// Folder of the project's results.
+pub fn results() -> PathBuf {
+    root().join("results")
+}
