@@ -15,6 +15,7 @@ mod campaign;
 mod chart;
 mod check;
 mod common;
+mod completions;
 mod dataset;
 mod evaluate;
 mod files;
@@ -22,10 +23,12 @@ mod flags;
 mod grow;
 mod horizons;
 mod inspect;
+mod list;
 mod mujoco;
 mod numbers;
 mod out;
 mod policy;
+mod reference;
 mod reproduce;
 mod rollout;
 mod shake;
@@ -36,6 +39,7 @@ mod sweep;
 mod tosses;
 mod train;
 mod urdf;
+mod verbs;
 
 /// Moved to the libraries; the verbs name them there as they move, too.
 mod moved {
@@ -90,25 +94,30 @@ enum Verb {
     Stamp(stamp::StampArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
+    /// Show robots, scenes, tasks, models, rows: what can be named here
+    List(list::ListArgs),
+    /// Print completions for bash, zsh or fish
+    Completions(completions::CompletionsArgs),
+    /// Write the reference of all commands
+    Reference(reference::ReferenceArgs),
     /// Try hostile input: files and command lines changed at random, runs killed
     Campaign(campaign::CampaignArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
 
-fn parse() -> Result<Verb, clap::Error> {
-    let mut command = negatives(Verb::command());
-    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
-    Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut command))
+/// The command line.
+fn program() -> Command {
+    verbs::prepare(Verb::command())
 }
 
-/// A number below zero behind an option is its value, for the option to refuse by its range.
-fn negatives(command: Command) -> Command {
-    let options = command.mut_args(|arg| {
-        let valued = !arg.is_positional() && arg.get_action().takes_values();
-        arg.allow_negative_numbers(valued)
-    });
-    options.mut_subcommands(negatives)
+fn parse() -> Result<Verb, clap::Error> {
+    let mut program = program();
+    let matches = program.try_get_matches_from_mut(std::env::args_os())?;
+    if verbs::as_json(&matches) {
+        out::json();
+    }
+    Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut program))
 }
 
 fn main() -> ExitCode {
@@ -139,10 +148,13 @@ fn main() -> ExitCode {
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::List(args) => list::run(args),
+        Verb::Completions(args) => completions::run(args),
+        Verb::Reference(args) => reference::run(args),
         Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
-    match done.and_then(|()| out::check()) {
+    match done.and_then(|()| out::finish()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             // Many errors already say their cause.
