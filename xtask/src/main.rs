@@ -30,6 +30,7 @@ mod out;
 mod policy;
 mod reference;
 mod reproduce;
+mod results;
 mod rollout;
 mod shake;
 mod solvers;
@@ -84,6 +85,8 @@ enum Verb {
     Grow(grow::GrowArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
+    /// Say which results still hold, make them anew, write their figures into the documents
+    Results(results::ResultsArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -143,6 +146,7 @@ fn main() -> ExitCode {
         Verb::Chart(args) => chart::run(args),
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
+        Verb::Results(args) => results::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),

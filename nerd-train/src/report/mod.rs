@@ -2,6 +2,8 @@
 
 pub mod artifact;
 pub mod inputs;
+pub mod manifest;
+pub mod marks;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
@@ -11,6 +13,7 @@ use std::path::Path;
 
 pub use artifact::Artifact;
 pub use inputs::{Input, Inputs};
+pub use manifest::{Manifest, Status};
 pub use provenance::Provenance;
 pub use table::Table;
 

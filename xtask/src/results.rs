@@ -1,0 +1,118 @@
+//! `cargo xtask results`: which results still hold; makes them anew; writes their figures into the documents.
+
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+use nerd_train::report::manifest::Manifest;
+use nerd_train::report::marks::{Marks, documents, unmarked};
+use nerd_train::report::{Table, write};
+use nerd_train::shipped::{results, root};
+
+/// Results and the documents that quote them.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ResultsArgs {
+    #[command(subcommand)]
+    pub part: Option<Part>,
+    /// As JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What is done.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub enum Part {
+    /// End with an error unless every result holds and every document says what the results say
+    Check,
+    /// Make results anew, by their commands in `results/manifest.toml`
+    Make {
+        /// Which [default: all that do not hold, but for records]
+        names: Vec<String>,
+        /// All, but for records
+        #[arg(long, conflicts_with = "names")]
+        all: bool,
+    },
+    /// Write the figures of the results into README and docs
+    Write,
+}
+
+/// Runs the verb.
+pub fn run(args: ResultsArgs) -> Result<()> {
+    let manifest = Manifest::read(&results())?;
+    match args.part {
+        None => list(&manifest, args.json),
+        Some(Part::Check) => check(&manifest),
+        Some(Part::Make { names, all }) => make(&manifest, &names, all),
+        Some(Part::Write) => fill(true).map(drop),
+    }
+}
+
+fn list(manifest: &Manifest, json: bool) -> Result<()> {
+    let mut rows = Vec::new();
+    for entry in &manifest.artefact {
+        let status = entry.status(&results())?.to_string();
+        rows.push(vec![entry.name.clone(), status, entry.about.clone(), format!("cargo xtask {}", entry.command)]);
+    }
+    rows.extend(
+        manifest.strangers(&results()).into_iter().map(|name| vec![name, "not in the manifest".into(), String::new(), String::new()]),
+    );
+    crate::common::show(&Table::new("results", &["result", "status", "what it shows", "made by"]).with(rows), json);
+    Ok(())
+}
+
+fn check(manifest: &Manifest) -> Result<()> {
+    let mut wrong: Vec<String> =
+        manifest.strangers(&results()).into_iter().map(|name| format!("{name}.json: not in the manifest")).collect();
+    for entry in &manifest.artefact {
+        let status = entry.status(&results())?;
+        if !status.holds() {
+            wrong.push(format!("{}: {status}", entry.name));
+        }
+    }
+    wrong.extend(fill(false)?);
+    match wrong.is_empty() {
+        true => Ok(println!("{} results hold, and the documents say what they say", manifest.artefact.len())),
+        false => bail!("{}", wrong.join("; ")),
+    }
+}
+
+/// Brings documents up to date, or says which are not.
+fn fill(write_them: bool) -> Result<Vec<String>> {
+    let (mut marks, mut wrong) = (Marks::new(&results()), Vec::new());
+    for path in documents(&root()) {
+        let text = nerd_sim::files::read_text(&path).with_context(|| path.display().to_string())?;
+        let filled = marks.fill(&text).with_context(|| path.display().to_string())?;
+        if filled != text {
+            wrong.push(format!("{}: figures that its results do not have; `cargo xtask results write` mends it", path.display()));
+        }
+        if write_them && filled != text {
+            write(&path, filled.as_bytes())?;
+            println!("{} written", path.display());
+        }
+        let loose = unmarked(&filled).into_iter();
+        wrong.extend(loose.map(|(line, figure)| format!("{}:{line}: {figure} comes from no result", path.display())));
+    }
+    Ok(wrong)
+}
+
+fn make(manifest: &Manifest, names: &[String], all: bool) -> Result<()> {
+    if let Some(unknown) = names.iter().find(|name| manifest.artefact.iter().all(|entry| entry.name != **name)) {
+        bail!("no result `{unknown}` in results/manifest.toml; `cargo xtask results` lists them");
+    }
+    let mut commands: Vec<&str> = Vec::new();
+    for entry in manifest.artefact.iter().filter(|entry| names.is_empty() || names.contains(&entry.name)) {
+        let asked = names.contains(&entry.name) || (!entry.record && (all || !entry.status(&results())?.holds()));
+        // One command may make several.
+        if asked && !commands.contains(&entry.command.as_str()) {
+            commands.push(&entry.command);
+        }
+    }
+    for (k, command) in commands.iter().enumerate() {
+        eprintln!("{} of {}: cargo xtask {command}", k + 1, commands.len());
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let status = Command::new(program).args(command.split_whitespace()).arg("--out").arg(results()).status()?;
+        if !status.success() {
+            bail!("`cargo xtask {command}` failed");
+        }
+    }
+    Ok(())
+}
