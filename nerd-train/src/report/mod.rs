@@ -7,6 +7,7 @@ pub mod marks;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
+pub mod replay;
 pub mod table;
 
 use std::path::Path;

@@ -8,7 +8,6 @@ mod clock;
 mod curve;
 mod curves;
 pub mod evaluate;
-mod page;
 pub mod reproduce;
 mod show;
 mod train;
