@@ -32,8 +32,3 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     found.sort();
     Ok(found)
 }
-
-/// A table on standard output, for people or as JSON.
-pub fn show(table: &nerd_train::report::Table, json: bool) {
-    if json { println!("{:#}", table.json()) } else { println!("{}", table.markdown()) }
-}

@@ -88,7 +88,7 @@ fn ground(scene: &Arc<Scene>) -> (String, String) {
     let words = match (&first.plane, scene.colliders.len()) {
         (Some(plane), 1) => {
             let slope = (-plane.normal.dot(&scene.gravity) / scene.gravity.norm()).clamp(-1.0, 1.0).acos().to_degrees();
-            if slope.is_finite() { format!("plane, {slope:.0} degrees") } else { "plane".into() }
+            format!("plane, {slope:.0} degrees, at {:.2} m", plane.offset)
         }
         (_, 1) => "one shape".into(),
         (_, n) => format!("{n} shapes"),

@@ -67,7 +67,7 @@ use moved::{paper, plot, provenance, sessions, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
-#[command(name = "cargo xtask", version, about)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),

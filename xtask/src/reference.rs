@@ -37,7 +37,9 @@ fn reference() -> Result<String> {
             chapter(&mut text, verb, "###")?;
         }
     }
-    Ok(text)
+    // Defaults are found from where this runs.
+    let here = format!("{}/", root().display());
+    Ok(if here == "/" { text } else { text.replace(&here, "") })
 }
 
 /// A verb, then those below it.

@@ -8,6 +8,7 @@ use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::neural::Neural;
 use nerd_model::pick::{Setting, pick};
 use nerd_sim::prelude::*;
+use nerd_train::shipped::results;
 
 mod args;
 
@@ -35,7 +36,7 @@ impl Choice {
     /// The solver for one scene: where a chart is to be asked, what it says.
     pub fn in_scene(&self, system: &System, scene: &str) -> Result<Self> {
         let Self::Within(tolerance) = self else { return Ok(self.clone()) };
-        let picked = pick(Path::new("results"), &system.name, scene, *tolerance)?;
+        let picked = pick(&results(), &system.name, scene, *tolerance)?;
         eprintln!("{:?}: {:.2} us a frame for {:.2e}", picked.setting, picked.microseconds, picked.error);
         Ok(Self::Picked(picked.setting))
     }
