@@ -51,7 +51,7 @@ pub fn run(args: CampaignArgs) -> Result<()> {
         Some(out) => conduct(&campaign, out)?.data,
         None => campaign.measure()?,
     };
-    campaign.tables(&found)?.iter().for_each(crate::out::table);
+    crate::out::tables(&campaign.tables(&found)?);
     found.faults.iter().take(20).for_each(|words| eprintln!("{words}"));
     match found.faults.len() {
         0 => Ok(()),

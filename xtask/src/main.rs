@@ -29,6 +29,7 @@ mod numbers;
 mod out;
 mod policy;
 mod reference;
+mod refusals;
 mod reproduce;
 mod results;
 mod rollout;
@@ -128,13 +129,7 @@ fn main() -> ExitCode {
         Ok(verb) => verb,
         // Asked for help, or for nothing at all: the list of verbs.
         Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
-        Err(error) => {
-            // clap's message without its usage, on one line.
-            let text = error.to_string();
-            let words = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).flat_map(str::split_whitespace);
-            eprintln!("{}", words.collect::<Vec<_>>().join(" "));
-            return ExitCode::from(2);
-        }
+        Err(error) => return refusals::end(&refusals::usage(&error)),
     };
     provenance::Provenance::begin();
     let done = match verb {
@@ -160,23 +155,6 @@ fn main() -> ExitCode {
     };
     match done.and_then(|()| out::finish()) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            // Many errors already say their cause.
-            let said =
-                error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
-            eprintln!("error: {}", brief(&said.unwrap_or_default().replace('\n', " ")));
-            ExitCode::from(2)
-        }
+        Err(error) => refusals::end(&refusals::failure(&error)),
     }
-}
-
-/// The words of an error without the middle of what nobody would read: it may quote a whole file.
-fn brief(words: &str) -> String {
-    const MOST: usize = 2000;
-    let n = words.chars().count();
-    if n <= MOST {
-        return words.into();
-    }
-    let (start, end) = (words.chars().take(MOST - 500), words.chars().skip(n - 500));
-    start.chain(" [..] ".chars()).chain(end).collect()
 }

@@ -3,9 +3,11 @@
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write, stdout};
+use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::{Result, bail};
+use nerd_train::experiments::{self, Experiment};
 use nerd_train::report::Table;
 
 static LOST: OnceLock<String> = OnceLock::new();
@@ -30,6 +32,18 @@ pub fn table(table: &Table) {
         Some(tables) => drop(tables.lock().unwrap_or_else(PoisonError::into_inner).insert(table.name.clone(), table.json())),
         None => write(format_args!("{}", table.markdown())),
     }
+}
+
+/// Tables, one below the other.
+pub fn tables(tables: &[Table]) {
+    tables.iter().for_each(table);
+}
+
+/// Measures an experiment into a folder and shows its tables.
+pub fn conduct<E: Experiment>(experiment: &E, out: &Path) -> Result<()> {
+    tables(&experiments::conduct(experiment, out)?.tables);
+    eprintln!("written to {}", out.display());
+    Ok(())
 }
 
 /// Writes what was kept, and says whether all lines came out, but for those that nobody wanted.

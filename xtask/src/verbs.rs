@@ -18,8 +18,11 @@ const TABLES: [&str; 12] =
 /// The program with what all its verbs have.
 pub fn prepare(program: Command) -> Command {
     let groups = groups(&program);
-    let program =
-        program.help_template("{about}\n\n{usage-heading} {usage}\n{after-help}").after_help(groups).disable_help_subcommand(true);
+    let program = program
+        .help_template("{about}\n\n{usage-heading} {usage}{after-help}")
+        .after_help(groups)
+        .disable_help_subcommand(true)
+        .subcommand_value_name("VERB");
     program.mut_subcommands(|verb| shared(verb, ""))
 }
 
@@ -49,8 +52,8 @@ fn groups(program: &Command) -> String {
         let about = program.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string);
         format!("  {name:<12} {}\n", about.unwrap_or_default())
     };
-    let group = |(title, verbs): &(&str, &[&str])| format!("\n{title}:\n{}", verbs.iter().map(line).collect::<String>());
-    let end = "\n`cargo xtask VERB --help` says what a verb takes; docs/commands.md has it all.";
+    let group = |(title, verbs): &(&str, &[&str])| format!("{title}:\n{}\n", verbs.iter().map(line).collect::<String>());
+    let end = "`cargo xtask VERB --help` says what a verb takes; docs/commands.md has it all.";
     GROUPS.iter().map(group).collect::<String>() + end
 }
 
