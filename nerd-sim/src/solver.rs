@@ -70,7 +70,7 @@ pub trait Solver {
     fn reset(&mut self, _env: usize) {}
 }
 
-impl Solver for Box<dyn Solver> {
+impl<S: Solver + ?Sized> Solver for Box<S> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         (**self).step(batch, torques)
     }

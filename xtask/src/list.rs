@@ -9,10 +9,10 @@ use nerd_sim::prelude::*;
 use nerd_sim::worlds::WORLDS;
 use nerd_tasks::{named, names};
 use nerd_train::report::Table;
-use nerd_train::shipped::{from_root, root};
+use nerd_train::shipped::{folders, from_root, root};
 
 use crate::out;
-use crate::solvers::describe;
+use nerd_train::choice::describe;
 
 /// Show what can be named on the command line.
 #[derive(clap::Args, Clone, Debug)]
@@ -110,7 +110,7 @@ fn tasks() -> Result<Table> {
 fn models() -> Result<Table> {
     let mut rows = Vec::new();
     for folder in ["models", "models/sizes"].map(|folder| root().join(folder)) {
-        for folder in crate::common::folders(&folder, "")? {
+        for folder in folders(&folder, "")? {
             let Ok(model) = ModelConfig::read(&folder) else { continue };
             rows.push(row(&folder, &model));
         }

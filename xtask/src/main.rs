@@ -20,11 +20,11 @@ mod dataset;
 mod evaluate;
 mod files;
 mod flags;
+mod gif;
 mod grow;
 mod horizons;
 mod inspect;
 mod list;
-mod mujoco;
 mod numbers;
 mod out;
 mod policy;
@@ -33,7 +33,6 @@ mod refusals;
 mod reproduce;
 mod results;
 mod rollout;
-mod shake;
 mod solvers;
 mod stability;
 mod stamp;
@@ -88,6 +87,8 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
+    /// Draw the moving picture of README
+    Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -142,6 +143,7 @@ fn main() -> ExitCode {
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
+        Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),

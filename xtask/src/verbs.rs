@@ -8,7 +8,7 @@ pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Learn", &["train", "stamp"]),
     ("Measure", &["rollout", "evaluate", "chart", "grow", "stability", "tosses", "reproduce"]),
     ("Policies", &["policy"]),
-    ("Project", &["list", "results", "completions", "reference", "campaign", "check"]),
+    ("Project", &["list", "results", "gif", "completions", "reference", "campaign", "check"]),
 ];
 
 /// Verbs that print tables, with all below them; they take `--json`.

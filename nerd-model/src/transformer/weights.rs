@@ -7,7 +7,8 @@
 use std::collections::HashMap;
 
 use half::f16;
-use rand::{Rng, RngExt, SeedableRng};
+use nerd_sim::sampling::normal;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
@@ -166,10 +167,4 @@ impl Weights {
         }
         Ok(Self { config, flat })
     }
-}
-
-/// One N(0, 1) number (Box and Muller).
-fn normal(rng: &mut impl Rng) -> f64 {
-    let (u, v): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }

@@ -7,6 +7,18 @@
 //!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
 //! ```
 
+pub mod chart;
+pub mod cost;
+pub mod games;
+pub mod grow;
+pub mod horizons;
+pub mod learned;
+pub mod passive;
+pub mod policies;
+pub mod stability;
+pub mod tosses;
+pub mod transfer;
+
 use std::path::Path;
 
 use serde::Serialize;

@@ -32,7 +32,7 @@ pub mod update;
 pub use activation::Activation;
 pub use config::{ConfigError, PpoConfig};
 pub use environments::Environments;
-pub use normalizer::Moments;
+pub use normalizer::RunningMoments;
 pub use pilot::Policies;
 pub use play::{Game, play};
 pub use policy::{Answer, Policy, Shape};

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::runners::Runners;
 use crate::common::Device;
-use crate::solvers::neural;
+
 use crate::truth::Truth;
 
 /// Frames of a rollout: those of the paper's first test case; of the Ant, which loses the ground of knowing more than nothing
@@ -75,7 +75,7 @@ pub fn measure(
     let scene = system.scene(system.usual_scenes().first().copied().unwrap_or("free"))?;
     let config = PassiveConfig { starts, steps: steps(&system.name), seed: 500, action: Action::Zero };
     let folder = run.join("model");
-    let mut learned = neural(&folder, system, Some(&Truth::Articulated.name()), device, starts)?;
+    let mut learned = device.neural(&folder, system, Some(&Truth::Articulated.name()), starts)?;
     let scales = learned.model().normalizer.inputs.scale();
     let scales = scales.into_iter().filter(|s| *s > 0.01).fold([f64::MAX, 0.0], |[a, b], s| [a.min(s), f64::max(b, s)]);
     let here = passive(system, &scene, &mut *Truth::Articulated.solver(system), &mut learned, config, &mut |_| ())?;

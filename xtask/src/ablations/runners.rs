@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use nerd_train::ppo::{Policy, folder};
 
-use crate::common::{Device, folders};
-use crate::policy::arena::Arena;
-use crate::policy::evaluate::{gap, reward};
-use crate::solvers::SolverName;
+use nerd_sim::truth::Truth;
+use nerd_train::experiments::games::{Place, Reward, games as reward, gap};
+use nerd_train::shipped::folders;
+
+use crate::common::Device;
 
 /// What they run for.
 const TASK: &str = "ant-run";
@@ -31,10 +32,9 @@ impl Runners {
         if folders.is_empty() {
             bail!("{FOLDER} has no {PREFIX}*: train one with `cargo xtask policy train {TASK} --solver neural`");
         }
-        let truth = Arena { solver: SolverName::Articulated, model: None, device: Device::Cpu };
         let play = |path: &PathBuf| {
             let (_, policy) = folder::load(path)?;
-            let real = reward(TASK, &truth, &policy, games, SEED)?.mean;
+            let real = Reward::of(&reward(TASK, Place::Truth(Truth::Articulated), &policy, games, SEED)?).mean;
             Ok((policy, real))
         };
         Ok(Self { games, policies: folders.iter().map(play).collect::<Result<_>>()? })
@@ -47,9 +47,8 @@ impl Runners {
 
     /// Mean over the policies of |reward in the model - in the truth| over the latter.
     pub fn gap(&self, model: &Path, device: Device) -> Result<f64> {
-        let arena = Arena { solver: SolverName::Neural, model: Some(model.into()), device };
         let gaps = self.policies.iter().map(|(policy, real)| {
-            let learned = reward(TASK, &arena, policy, self.games, SEED)?.mean;
+            let learned = Reward::of(&reward(TASK, Place::Model(model, device), policy, self.games, SEED)?).mean;
             Ok(gap(*real, learned).abs() / 100.0)
         });
         Ok(gaps.sum::<Result<f64>>()? / self.policies.len() as f64)

@@ -6,12 +6,10 @@ pub mod arena;
 mod card;
 mod clock;
 mod curve;
-mod curves;
 pub mod evaluate;
 pub mod reproduce;
 mod show;
 mod train;
-pub mod transfer;
 
 /// Train, evaluate or show a policy.
 #[derive(clap::Args, Clone, Debug)]

@@ -17,10 +17,10 @@ mod report;
 
 use entries::{BASE, Entry, Set, base};
 
-use crate::chart::microseconds;
 use crate::common::{DEVICES, Device, word};
 use crate::numbers::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES, count};
-use crate::solvers::neural;
+use nerd_train::experiments::cost::microseconds;
+
 use crate::train::{TrainArgs, train};
 use crate::truth::Truth;
 
@@ -136,7 +136,7 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> R
     let truth = || Truth::Articulated.solver(&system);
     let rolled = |steps: usize, starts: usize| -> Result<_> {
         let protocol = PassiveConfig { starts, steps, seed: 500, action: Action::Zero };
-        let mut learned = neural(folder, &system, None, args.device, starts)?;
+        let mut learned = args.device.neural(folder, &system, None, starts)?;
         Ok(passive(&system, &scene, &mut *truth(), &mut learned, protocol, &mut |_| ())?)
     };
     // What ends in no number at all has no error to speak of.
