@@ -38,7 +38,7 @@ const JOBS: [Job; 4] = [
     },
     Job {
         name: "rollout",
-        line: "rollout --robot pendulum --scene ground1 --states states.csv --steps 20000 --out run/r.csv",
+        line: "rollout --robot pendulum --scene ground1 --states states.csv --frames 20000 --out run/r.csv",
         same: &["r.csv"],
     },
 ];

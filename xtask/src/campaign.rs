@@ -62,6 +62,6 @@ pub fn run(args: CampaignArgs) -> Result<()> {
 /// The verb `rollout`, without a process of its own.
 fn rollout(job: &Rollout) -> Result<(), String> {
     let (robot, scene, states, out) = (job.robot.into(), job.scene.into(), job.states.into(), job.out.into());
-    let args = crate::rollout::RolloutArgs { robot, scene, solver: SolverArgs::default(), states, steps: None, out };
+    let args = crate::rollout::RolloutArgs { robot, scene, solver: SolverArgs::default(), states, frames: None, out };
     crate::rollout::run(args).map_err(|e| format!("{e:#}"))
 }

@@ -43,7 +43,7 @@ pub struct DatasetArgs {
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder of the shards
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
 }
 

@@ -29,7 +29,7 @@ pub struct EvaluateArgs {
     pub starts: usize,
     /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
     #[arg(long, value_parser = count::<usize>(FRAMES))]
-    pub steps: Option<usize>,
+    pub frames: Option<usize>,
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
@@ -47,7 +47,7 @@ pub struct EvaluateArgs {
     #[arg(long)]
     pub control: bool,
     /// Result to write, FILE.json, with its tables beside it in FILE.md
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
 
@@ -65,7 +65,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         scenes: args.scene,
         truth: args.solver.truth,
         starts: args.starts,
-        steps: args.steps,
+        steps: args.frames,
         action,
         shake: args.shake,
         control: args.control,

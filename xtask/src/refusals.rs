@@ -25,6 +25,9 @@ pub fn usage(error: &clap::Error) -> String {
             if let Some((old, new)) = RENAMED.iter().find(|(old, _)| *old == option) {
                 return format!("{old} is now called {new}");
             }
+            if nerd_tasks::names().contains(&option) {
+                return format!("`{option}`: a policy knows its task; leave it out");
+            }
         }
         ErrorKind::InvalidValue if given(ContextKind::InvalidValue) == "flex" => return format!("{option}: flex is now called cpu"),
         _ => {}

@@ -16,7 +16,7 @@ pub struct UrdfArgs {
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
     /// Markdown file to write the table to
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
 

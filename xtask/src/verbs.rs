@@ -15,6 +15,9 @@ pub const GROUPS: [(&str, &[&str]); 5] = [
 const TABLES: [&str; 12] =
     ["list", "inspect", "urdf", "evaluate", "chart", "grow", "stability", "tosses", "reproduce", "policy evaluate", "campaign", "results"];
 
+/// Options that are folders wherever they are.
+const FOLDERS: [&str; 4] = ["model", "policy", "data", "from"];
+
 /// The program with what all its verbs have.
 pub fn prepare(program: Command) -> Command {
     let groups = groups(&program);
@@ -37,6 +40,7 @@ fn shared(verb: Command, above: &str) -> Command {
     let path = format!("{above} {}", verb.get_name()).trim().to_string();
     let mut verb = verb.mut_args(|arg| {
         let valued = !arg.is_positional() && arg.get_action().takes_values();
+        let arg = if FOLDERS.contains(&arg.get_id().as_str()) { arg.value_name("FOLDER") } else { arg };
         arg.allow_negative_numbers(valued)
     });
     let tabled = TABLES.iter().any(|t| path == *t || path.starts_with(&format!("{t} ")));

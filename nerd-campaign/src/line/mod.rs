@@ -18,16 +18,16 @@ const VERBS: [(&str, &str); 9] = [
     ("dataset --robot pendulum --transitions 40 --frames 4 --out out", "--torque-scale 0.5 --hold 2 --resets 0.5 --seed 3 --truth rapier"),
     ("inspect f/data --out out", "--robot pendulum --bound 100"),
     (
-        "rollout --robot pendulum --states f/states.csv --steps 3 --out out/r.csv",
+        "rollout --robot pendulum --states f/states.csv --frames 3 --out out/r.csv",
         "--scene ground1 --solver rapier --substeps 2 --preset converged --friction huber --truth rapier --model f/model --tolerance 0.1 \
          --device cpu",
     ),
     (
-        "rollout --robot f/robot.urdf --states f/robot.csv --steps 3 --out out/r.csv",
+        "rollout --robot f/robot.urdf --states f/robot.csv --frames 3 --out out/r.csv",
         "--scene plane --solver neural --substeps 2 --preset converged --friction huber --truth rapier --model f/model",
     ),
     (
-        "evaluate --robot pendulum --scene ground1 --starts 2 --steps 3",
+        "evaluate --robot pendulum --scene ground1 --starts 2 --frames 3",
         "--solver neural --model f/model --seed 3 --shake 0.1 --drive 0.5 --limp --truth rapier --substeps 4 --preset converged \
          --friction huber --tolerance 0.1 --out out/e.json",
     ),
@@ -40,9 +40,9 @@ const VERBS: [(&str, &str); 9] = [
     ),
     (
         "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --minutes 0.02 --out out",
-        "--solver rapier --until 1 --seed 3 --preset small --model f/model --device cuda",
+        "--solver rapier --until 1 --seed 3 --recipe small --model f/model --device cuda",
     ),
-    ("policy evaluate cartpole-swingup --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out/p.json"),
+    ("policy evaluate --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out/p.json"),
     ("urdf f/robot.urdf", "--out out/u.md"),
 ];
 
