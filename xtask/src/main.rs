@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
+use nerd_train::report::Provenance;
 
 /// Standard `println!` panics where nobody reads.
 macro_rules! println {
@@ -24,6 +25,7 @@ mod gif;
 mod grow;
 mod horizons;
 mod inspect;
+mod keys;
 mod list;
 mod numbers;
 mod out;
@@ -41,29 +43,6 @@ mod tosses;
 mod train;
 mod urdf;
 mod verbs;
-
-/// Moved to the libraries; the verbs name them there as they move, too.
-mod moved {
-    pub mod paper {
-        pub use nerd_train::paper::*;
-    }
-    pub mod plot {
-        pub use nerd_train::report::plot::*;
-    }
-    pub mod provenance {
-        pub use nerd_train::report::provenance::*;
-    }
-    pub mod sessions {
-        pub use nerd_train::sessions::*;
-    }
-    pub mod table {
-        pub use nerd_train::report::table::*;
-    }
-    pub mod truth {
-        pub use nerd_sim::truth::Truth;
-    }
-}
-use moved::{paper, plot, provenance, sessions, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -132,7 +111,7 @@ fn main() -> ExitCode {
         Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
         Err(error) => return refusals::end(&refusals::usage(&error)),
     };
-    provenance::Provenance::begin();
+    Provenance::begin();
     let done = match verb {
         Verb::Dataset(args) => dataset::run(args),
         Verb::Inspect(args) => inspect::run(args),

@@ -9,7 +9,7 @@ use common::{refused, xtask};
 
 /// A run of seconds, in `out`.
 fn small<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let options = "train --robot cartpole --preset small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
+    let options = "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
     options.split(' ').chain([out]).chain(more.iter().copied()).collect()
 }
 
@@ -65,11 +65,11 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         ("--data /nowhere", "/nowhere"),
         ("--data /nowhere --fresh 1000", "--fresh"),
     ] {
-        let args: Vec<&str> = "train --robot cartpole --preset small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
+        let args: Vec<&str> = "train --robot cartpole --recipe small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
-    refused(&["train", "--robot", "cartpole", "--preset", "cartpole", "--rate", "0.1", "--out", out], "--preset cartpole");
+    refused(&["train", "--robot", "cartpole", "--recipe", "cartpole", "--rate", "0.1", "--out", out], "--recipe cartpole");
     assert!(!Path::new(out).exists(), "a recipe changed left something");
 }
 

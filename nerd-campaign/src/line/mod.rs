@@ -32,7 +32,7 @@ const VERBS: [(&str, &str); 9] = [
          --friction huber --tolerance 0.1 --out out/e.json",
     ),
     (
-        "train --robot pendulum --preset small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \
+        "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \
          --rollouts 1 --minutes 0.02 --out out",
         "--stream --sequence 6 --base flight --variant absolute --rate 1e-3 --last-rate 1e-4 --tail 0.3 --warmup 1 --optimizer muon \
          --huber 1 --average 0.9 --validate-every 1 --torque-scale 0.5 --hold 2 --resets 0.5 --fresh 20 --seed 3 --finish --data f/data \
@@ -43,7 +43,7 @@ const VERBS: [(&str, &str); 9] = [
         "--solver rapier --until 1 --seed 3 --recipe small --model f/model --device cuda",
     ),
     ("policy evaluate --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out/p.json"),
-    ("urdf f/robot.urdf", "--out out/u.md"),
+    ("urdf f/robot.urdf", "--out out"),
 ];
 
 /// Values that no option wants. None names a place outside the case's folder; `''` is an empty word.
@@ -95,8 +95,9 @@ fn odd(rng: &mut impl Rng, flag: &str) -> &'static str {
     let words = match flag {
         // An output may stand in its own folder only, and not in that of the good files.
         "--out" => "'' out/a/b/c there null there/a .",
-        // The preset of a shipped model is honest work of minutes.
-        "--preset" => "'' x 0 nan small converged",
+        // The recipe of a shipped model is honest work of minutes.
+        "--recipe" => "'' x 0 nan small converged",
+        "--preset" => "'' x 0 nan paper",
         _ => ODD,
     };
     one(rng, &words.split(' ').collect::<Vec<_>>())
