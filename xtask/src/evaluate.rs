@@ -9,8 +9,8 @@ use nerd_train::evaluate::Action;
 use nerd_train::experiments::Experiment;
 use nerd_train::experiments::passive::{Case, Passive};
 
-use crate::conduct::{conduct, show};
 use crate::numbers::{FRAMES, SEEDS, STARTS, count, within};
+use crate::out::{conduct, tables};
 use crate::solvers::SolverArgs;
 
 /// Measure a solver against the truth.
@@ -29,7 +29,7 @@ pub struct EvaluateArgs {
     pub starts: usize,
     /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
     #[arg(long, value_parser = count::<usize>(FRAMES))]
-    pub steps: Option<usize>,
+    pub frames: Option<usize>,
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
@@ -47,7 +47,7 @@ pub struct EvaluateArgs {
     #[arg(long)]
     pub control: bool,
     /// Result to write, FILE.json, with its tables beside it in FILE.md
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
 
@@ -65,7 +65,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         scenes: args.scene,
         truth: args.solver.truth,
         starts: args.starts,
-        steps: args.steps,
+        steps: args.frames,
         action,
         shake: args.shake,
         control: args.control,
@@ -75,8 +75,11 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         println!("control: the truth against itself; anything but 0 is a fault of the program\n");
     }
     match folder {
-        Some(folder) => conduct(&passive, folder, false),
-        None => show(&[passive.measure()?.table()], false),
+        Some(folder) => conduct(&passive, folder),
+        None => {
+            tables(&[passive.measure()?.table()]);
+            Ok(())
+        }
     }
 }
 

@@ -19,9 +19,9 @@ use nerd_train::shipped;
 
 use crate::common::{DEVICES, Device, word};
 use crate::conduct::ConductArgs;
-use crate::conduct::conduct;
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
+use crate::out::conduct;
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
@@ -54,7 +54,7 @@ pub struct ReproduceArgs {
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder to write; `results` replaces the committed ones, unless they have more behind them [default: out/reproduce]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
@@ -96,7 +96,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     } else {
         cases = Case::shipped(args.starts, args.device)?;
     }
-    conduct(&Passive::new("passive", args.seed, &cases)?, &out, false)?;
+    conduct(&Passive::new("passive", args.seed, &cases)?, &out)?;
     if !args.tables_only {
         for (robot, scene) in CHARTS {
             let mut models: Vec<_> = own.iter().filter(|m| m.0 == robot).map(|m| m.1.clone()).collect();
@@ -104,7 +104,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
                 models = shipped::folders(&shipped::models(), robot)?;
             }
             let (robot, scene) = (robot.into(), scene.into());
-            conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out, false)?;
+            conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out)?;
         }
     }
     Ok(())

@@ -102,7 +102,7 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         args
     };
     let chart_with = |python: &str| -> Vec<String> {
-        let short = ["--starts", "1", "--horizon", "1", "--substeps", "1"];
+        let short = ["--starts", "1", "--frames", "1", "--substeps", "1"];
         ["chart", "--robot", "ant", "--out", &out, "--mujoco", python].into_iter().chain(short).map(String::from).collect()
     };
     let cases: Vec<(Vec<String>, &str)> = vec![
@@ -116,11 +116,11 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (rollout(&good, &["--robot", "unicorn"]), "unicorn"),
         (rollout(&good, &["--solver", "magic"]), "magic"),
         (rollout(&good, &["--substeps", "0"]), "--substeps"),
-        (rollout(&good, &["--steps", "-1"]), "-1"),
+        (rollout(&good, &["--frames", "-1"]), "-1"),
         (rollout(&good, &["--solver", "neural", "--model", "/nowhere"]), "/nowhere"),
         (rollout(&good, &["--nonsense"]), "--nonsense"),
         (["evaluate", "--robot", "cartpole", "--starts", "0", "--out", &out].map(String::from).into(), "--starts"),
-        (["chart", "--robot", "cartpole", "--horizon", "0", "--out", &out].map(String::from).into(), "--horizon"),
+        (["chart", "--robot", "cartpole", "--frames", "0", "--out", &out].map(String::from).into(), "--frames"),
         (chart_with(&path("no-python")), "no-python"),
         (["reproduce", "ablations", "--robot", "cube", "--out", &out].map(String::from).into(), "cube"),
         (["reproduce", "ablations", "--updates", "0", "--out", &out].map(String::from).into(), "--updates"),
@@ -207,7 +207,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let table = folder.path().join("table.json");
     let table = table.to_str().expect("utf-8");
     let run = xtask(&[
-        "evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "5", "--out", table,
+        "evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--frames", "5", "--out", table,
     ]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(table).expect("table")).expect("JSON");
@@ -223,7 +223,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
         (["--robot", "cartpole", "--friction", "huber"].as_slice(), "huber"),
     ] {
         refused(
-            &[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "2"].as_slice(), args].concat(),
+            &[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--frames", "2"].as_slice(), args].concat(),
             culprit,
         );
     }

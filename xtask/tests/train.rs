@@ -151,7 +151,7 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     config.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_sha256") || key == "data_sha256");
     std::fs::write(&path, config.to_string()).expect("written");
     let place = model.to_str().expect("utf-8");
-    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
+    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--frames", "2"];
     refused(&evaluate, "cargo xtask stamp");
     let stamp = || String::from_utf8_lossy(&xtask(&["stamp", folder.path().to_str().expect("utf-8")]).stdout).to_string();
     let said = stamp();

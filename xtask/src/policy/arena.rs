@@ -43,14 +43,4 @@ impl Arena {
     pub fn folder(&self, robot: &str) -> PathBuf {
         self.model.clone().unwrap_or_else(|| nerd_train::shipped::model(Truth::Articulated, robot))
     }
-
-    /// Its name in a folder's.
-    pub fn word(&self) -> String {
-        format!("{:?}", self.solver).to_lowercase()
-    }
-
-    /// `n` episodes of a task.
-    pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
-        Ok(self.of(task)?.episodes(task, n, seed)?)
-    }
 }
