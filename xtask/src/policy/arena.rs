@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use nerd_sim::truth::Truth;
-use nerd_tasks::{Episodes, named};
+use nerd_tasks::named;
 
 use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;
