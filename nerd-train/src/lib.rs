@@ -1,4 +1,4 @@
-//! Training of NeRD models, evaluation of their rollouts, and policies learned on any solver.
+#![doc = include_str!("../README.md")]
 
 pub mod best;
 pub mod bounds;
@@ -20,8 +20,10 @@ mod product;
 pub mod progress;
 pub mod ranges;
 pub mod report;
+pub mod run;
 pub mod schedule;
 pub mod sessions;
+pub mod settings;
 pub mod shipped;
 pub mod stats;
 pub mod supply;
@@ -29,3 +31,4 @@ pub mod trainer;
 pub mod windows;
 
 pub use error::{Error, Result};
+pub use {nerd_model, nerd_sim, nerd_tasks};

@@ -44,8 +44,9 @@ pub struct ChartArgs {
 /// Runs the verb.
 pub fn run(args: ChartArgs) -> Result<()> {
     let ChartArgs { robot, scene, model, starts, horizon, substeps, seed, mujoco, out } = args;
-    crate::out::conduct(
+    crate::conduct::conduct(
         &Chart::new(ChartSettings { robot, scene, models: model, starts, horizon, substeps, seed, mujoco })?,
         &out.unwrap_or_else(results),
+        false,
     )
 }

@@ -9,8 +9,8 @@ use nerd_train::evaluate::Action;
 use nerd_train::experiments::Experiment;
 use nerd_train::experiments::passive::{Case, Passive};
 
+use crate::conduct::{conduct, show};
 use crate::numbers::{FRAMES, SEEDS, STARTS, count, within};
-use crate::out::{conduct, tables};
 use crate::solvers::SolverArgs;
 
 /// Measure a solver against the truth.
@@ -75,11 +75,8 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         println!("control: the truth against itself; anything but 0 is a fault of the program\n");
     }
     match folder {
-        Some(folder) => conduct(&passive, folder),
-        None => {
-            tables(&[passive.measure()?.table()]);
-            Ok(())
-        }
+        Some(folder) => conduct(&passive, folder, false),
+        None => show(&[passive.measure()?.table()], false),
     }
 }
 

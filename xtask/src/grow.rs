@@ -38,5 +38,5 @@ pub struct GrowArgs {
 /// Runs the verb.
 pub fn run(args: GrowArgs) -> Result<()> {
     let GrowArgs { links, starts, horizon, tolerance, seed, out } = args;
-    crate::out::conduct(&Grow { links, starts, horizon, tolerances: tolerance, seed }, &out.unwrap_or_else(results))
+    crate::conduct::conduct(&Grow { links, starts, horizon, tolerances: tolerance, seed }, &out.unwrap_or_else(results), false)
 }

@@ -36,5 +36,5 @@ pub struct HorizonArgs {
 pub fn run(args: HorizonArgs) -> Result<()> {
     let HorizonArgs { model, starts, steps, seed, device, out } = args;
     let models = if model.is_empty() { Horizons::default().models } else { model };
-    crate::out::conduct(&Horizons { models, starts, steps, seed, device }, &out.unwrap_or_else(results))
+    crate::conduct::conduct(&Horizons { models, starts, steps, seed, device }, &out.unwrap_or_else(results), false)
 }

@@ -8,7 +8,7 @@ use nerd_sim::prelude::*;
 use nerd_train::inspect::Inspection;
 
 use crate::numbers::positive;
-use crate::provenance::Provenance;
+use nerd_train::report::Provenance;
 
 /// Show what a data set holds.
 #[derive(clap::Args, Clone, Debug)]

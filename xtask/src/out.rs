@@ -2,12 +2,9 @@
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write, stdout};
-use std::path::Path;
 use std::sync::OnceLock;
 
 use anyhow::{Result, bail};
-use nerd_train::experiments::{self, Experiment};
-use nerd_train::report::Table;
 
 static LOST: OnceLock<String> = OnceLock::new();
 
@@ -27,16 +24,4 @@ pub fn check() -> Result<()> {
         Some(error) => bail!("standard output: {error}; files are written all the same"),
         None => Ok(()),
     }
-}
-
-/// Tables, one below the other.
-pub fn tables(tables: &[Table]) {
-    tables.iter().for_each(|table| println!("{}", table.markdown()));
-}
-
-/// Measures an experiment into a folder and shows its tables.
-pub fn conduct<E: Experiment>(experiment: &E, out: &Path) -> Result<()> {
-    tables(&experiments::conduct(experiment, out)?.tables);
-    eprintln!("written to {}", out.display());
-    Ok(())
 }

@@ -8,18 +8,20 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use nerd_train::choice::Choice;
+use nerd_train::experiments::ablations::Ablations;
 use nerd_train::experiments::chart::{Chart, ChartSettings};
 use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::experiments::policies::Policies;
+use nerd_train::experiments::sweep::Sweep;
+use nerd_train::experiments::transfer::Transfer;
+use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
-use crate::ablations::{self, AblationArgs};
 use crate::common::{DEVICES, Device, word};
+use crate::conduct::ConductArgs;
+use crate::conduct::conduct;
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
-use crate::out::conduct;
-use crate::policy::reproduce::{PoliciesArgs, TransferArgs, policies, transfer};
-use crate::sweep::{self, SweepArgs};
-use crate::train::{self, TrainArgs};
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
@@ -60,25 +62,25 @@ pub struct ReproduceArgs {
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
     /// The paper's Figure A.2: NeRD against itself with one design decision taken back
-    Ablations(AblationArgs),
+    Ablations(ConductArgs<Ablations>),
     /// Error against time of the shipped models, over 1000 frames
     Horizons(HorizonArgs),
     /// One run's options changed one at a time, over several seeds
-    Sweep(SweepArgs),
+    Sweep(ConductArgs<Sweep>),
     /// The shipped policies in the truth and in the simulator that learned it
-    Policies(PoliciesArgs),
+    Policies(ConductArgs<Policies>),
     /// Policies' gaps by the size of the network they were trained in
-    Transfer(TransferArgs),
+    Transfer(ConductArgs<Transfer>),
 }
 
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
-        Some(Part::Ablations(args)) => return ablations::run(args),
+        Some(Part::Ablations(args)) => return args.run(),
         Some(Part::Horizons(args)) => return horizons::run(args),
-        Some(Part::Sweep(args)) => return sweep::run(args),
-        Some(Part::Policies(args)) => return policies(args),
-        Some(Part::Transfer(args)) => return transfer(args),
+        Some(Part::Sweep(args)) => return args.run(),
+        Some(Part::Policies(args)) => return args.run(),
+        Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
@@ -94,7 +96,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     } else {
         cases = Case::shipped(args.starts, args.device)?;
     }
-    conduct(&Passive::new("passive", args.seed, &cases)?, &out)?;
+    conduct(&Passive::new("passive", args.seed, &cases)?, &out, false)?;
     if !args.tables_only {
         for (robot, scene) in CHARTS {
             let mut models: Vec<_> = own.iter().filter(|m| m.0 == robot).map(|m| m.1.clone()).collect();
@@ -102,7 +104,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
                 models = shipped::folders(&shipped::models(), robot)?;
             }
             let (robot, scene) = (robot.into(), scene.into());
-            conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out)?;
+            conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out, false)?;
         }
     }
     Ok(())
@@ -112,7 +114,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
 fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
     let out = shipped::root().join(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
-    match train::train(&TrainArgs::small(robot, out, args.device))? {
+    let mut run = RunConfig::recipe("quick", robot, out)?;
+    run.device = args.device;
+    match Run::new(&run)?.train()? {
         Some(folder) => Ok(folder),
         None => bail!("training of {robot} did not finish"),
     }

@@ -6,8 +6,8 @@ use anyhow::{Context, Result, bail};
 use nerd_sim::survey::{FRAMES, Surveyed, find, survey};
 
 use crate::common::bar;
-use crate::provenance::Provenance;
-use crate::table::{digits, markdown};
+use nerd_train::report::Provenance;
+use nerd_train::report::table::{digits, markdown};
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]
