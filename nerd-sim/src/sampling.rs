@@ -41,6 +41,12 @@ pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
     rng
 }
 
+/// One N(0, 1) number (Box and Muller), from two draws.
+pub fn normal(rng: &mut impl Rng) -> f64 {
+    let (u, v): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
 /// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose, until it stands clear if it must.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     loop {

@@ -31,6 +31,10 @@ pub enum Error {
     /// A model of a truth that is not there.
     #[error(transparent)]
     Truth(#[from] UnknownTruth),
+    /// A row of the stability suite.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Suite(#[from] nerd_sim::suite::Error),
     /// A choice by a chart.
     #[error(transparent)]
     Pick(#[from] PickError),
@@ -40,6 +44,14 @@ pub enum Error {
     /// A data set.
     #[error(transparent)]
     Data(#[from] nerd_sim::dataset::DatasetError),
+    /// Real motions.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Measured(#[from] nerd_sim::measured::MeasuredError),
+    /// MuJoCo.
+    #[cfg(feature = "report")]
+    #[error("--mujoco: {0}")]
+    Mjcf(#[from] nerd_sim::mjcf::MjcfError),
     /// A setting.
     #[error(transparent)]
     Range(#[from] OutOfRange),

@@ -1,14 +1,16 @@
-//! Training of NeRD models, evaluation of their rollouts, and policies learned on any solver.
+#![doc = include_str!("../README.md")]
 
 pub mod best;
 pub mod bounds;
 pub mod checkpoint;
+pub mod choice;
 pub mod device;
 pub mod difference;
 pub mod error;
 pub mod evaluate;
 #[cfg(feature = "report")]
 pub mod experiments;
+pub mod inspect;
 pub mod learner;
 pub mod metrics;
 pub mod paper;
@@ -23,8 +25,10 @@ pub mod schedule;
 pub mod sessions;
 pub mod settings;
 pub mod shipped;
+pub mod stats;
 pub mod supply;
 pub mod trainer;
 pub mod windows;
 
 pub use error::{Error, Result};
+pub use {nerd_model, nerd_sim, nerd_tasks};

@@ -10,43 +10,37 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod ablations;
 mod campaign;
 mod chart;
 mod check;
 mod common;
+mod conduct;
 mod dataset;
 mod evaluate;
 mod files;
 mod flags;
+mod gif;
 mod grow;
 mod horizons;
 mod inspect;
 mod keys;
-mod mujoco;
+mod light;
 mod numbers;
 mod out;
 mod policy;
+mod report;
 mod reproduce;
 mod results;
 mod rollout;
-mod shake;
 mod solvers;
 mod stability;
 mod stamp;
-mod sweep;
 mod tosses;
 mod train;
 mod urdf;
 
 /// Moved to the libraries; the verbs name them there as they move, too.
 mod moved {
-    pub mod paper {
-        pub use nerd_train::paper::*;
-    }
-    pub mod plot {
-        pub use nerd_train::report::plot::*;
-    }
     pub mod provenance {
         pub use nerd_train::report::provenance::*;
     }
@@ -57,7 +51,7 @@ mod moved {
         pub use nerd_sim::truth::Truth;
     }
 }
-use moved::{paper, plot, provenance, table, truth};
+use moved::{provenance, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -81,6 +75,10 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
+    /// Write one page with everything: tables, charts, maps, replays
+    Report(report::ReportArgs),
+    /// Draw the moving picture of README
+    Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -89,6 +87,8 @@ enum Verb {
     Tosses(tosses::TossesArgs),
     /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
     Stamp(stamp::StampArgs),
+    /// Store hidden matrices as f16, and measure what that costs
+    Light(light::LightArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
     /// Try hostile input: files and command lines changed at random, runs killed
@@ -136,10 +136,13 @@ fn main() -> ExitCode {
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
+        Verb::Report(args) => report::run(args),
+        Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
+        Verb::Light(args) => light::run(args),
         Verb::Urdf(args) => urdf::run(args),
         Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),

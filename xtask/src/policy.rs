@@ -6,10 +6,7 @@ use anyhow::{Result, bail};
 use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
 
 pub mod arena;
-mod curves;
 pub mod evaluate;
-pub mod reproduce;
-pub mod transfer;
 
 use arena::Arena;
 

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
-use nerd_core::dynamics::{to_local, to_world};
+use nerd_core::dynamics::to_local;
+use nerd_core::robot::{Joint, JointKind};
 use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::system::System;
 
@@ -21,6 +22,14 @@ pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
     }
     let (root, angles) = figures.split_at(figures.len() - joints);
     [root, &[angles.iter().sum::<f64>() / joints as f64]].concat()
+}
+
+/// What [`summary`] has, with units.
+pub fn summary_names(system: &System) -> Vec<String> {
+    let root = ["position (m)", "orientation (rad)"].into_iter().filter(|_| system.robot.floating()).map(String::from);
+    let unit = |j: &Joint| if j.kind == JointKind::Prismatic { "m" } else { "rad" };
+    let joints: Vec<_> = system.robot.joints().map(|j| format!("{} ({})", j.name, unit(j))).collect();
+    if joints.len() <= 2 { root.chain(joints).collect() } else { root.chain(["joints, mean (rad)".into()]).collect() }
 }
 
 /// Distances between two states, by quantity.
@@ -63,22 +72,6 @@ impl Gaps {
 fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let (near, far) = ((a.coords - b.coords).norm(), (a.coords + b.coords).norm());
     4.0 * near.min(far).atan2(near.max(far))
-}
-
-/// Moves a state on by `time` (s) at constant joint velocities, angular velocity and velocity of the root.
-pub fn glide(system: &System, state: &mut [f64], time: f64) {
-    let robot = &system.robot;
-    let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
-    let (q, qd) = state.split_at_mut(nq);
-    to_local(robot, q, qd);
-    q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
-    if robot.floating() {
-        let p = vector(q) + vector(&qd[3..6]) * time;
-        let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
-        q[..3].copy_from_slice(p.as_slice());
-        nerd_core::state::write_quaternion(&mut q[3..7], &turned);
-    }
-    to_world(robot, q, qd);
 }
 
 /// Distances between two states in the order of [`quantities`].

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use nerd_sim::batch::Batch;
 use nerd_sim::control::Controller;
 use nerd_sim::dataset::Drive;
+use nerd_sim::instruments::glide;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
@@ -21,7 +22,7 @@ use crate::ranges::{OutOfRange, within};
 mod gaps;
 
 use gaps::Gaps;
-pub use gaps::{differences, glide, quantities, summary};
+pub use gaps::{differences, quantities, summary, summary_names};
 
 /// What to run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

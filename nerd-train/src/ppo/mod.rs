@@ -38,7 +38,7 @@ pub use activation::Activation;
 pub use arena::Arena;
 pub use config::{ConfigError, PpoConfig};
 pub use environments::Environments;
-pub use normalizer::Moments;
+pub use normalizer::RunningMoments;
 pub use pilot::Policies;
 pub use play::{Game, play, replay};
 pub use policy::{Answer, Policy, Shape};

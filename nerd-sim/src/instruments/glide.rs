@@ -1,0 +1,49 @@
+//! The predictor that goes on as it goes: better than [`super::Hold`] for a few frames, mostly worse for many.
+//!
+//! ```
+//! # use nerd_sim::{instruments::Glide, prelude::*};
+//! # let system = System::named("cartpole")?;
+//! # let mut batch = Batch::new(&system, &system.scene("free")?, 1);
+//! batch.reset(0, &[0.0, 0.0, 3.0, 0.0]);
+//! Glide.step(&mut batch, &[0.0; 2])?;
+//! assert!((batch.state(0)[0] - 3.0 * system.frame_time).abs() < 1e-12, "the cart moves at 3 m/s");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use nalgebra::UnitQuaternion;
+use nerd_core::dynamics::{to_local, to_world};
+use nerd_core::state::{quaternion, vector, write_quaternion};
+
+use crate::batch::Batch;
+use crate::solver::{Solver, StepError, commit};
+use crate::system::System;
+
+/// Goes on at the velocity it has.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Glide;
+
+impl Solver for Glide {
+    fn step(&mut self, batch: &mut Batch, _torques: &[f64]) -> Result<(), StepError> {
+        let mut next = batch.states.clone();
+        let (d, time) = (batch.system.robot.state_dim(), batch.system.frame_time);
+        next.chunks_exact_mut(d).for_each(|state| glide(&batch.system, state, time));
+        commit(batch, &mut next, &mut Vec::new())
+    }
+}
+
+/// Moves a state `[q, qd]` on by `time` (s) at constant joint velocities, angular velocity and velocity of the root. Endless
+/// angles are not wrapped.
+pub fn glide(system: &System, state: &mut [f64], time: f64) {
+    let robot = &system.robot;
+    let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
+    let (q, qd) = state.split_at_mut(nq);
+    to_local(robot, q, qd);
+    q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
+    if robot.floating() {
+        let p = vector(q) + vector(&qd[3..6]) * time;
+        let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
+        q[..3].copy_from_slice(p.as_slice());
+        write_quaternion(&mut q[3..7], &turned);
+    }
+    to_world(robot, q, qd);
+}

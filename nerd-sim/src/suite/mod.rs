@@ -1,0 +1,114 @@
+//! The stability suite: scenes with known answers, held against any solver. It shows where a solver stays right, where it bends
+//! and where it breaks.
+//!
+//! A [`Row`] is a scene with a measured figure and a limit, which comes from an equation or from somebody's tests and never from
+//! our own build. Up to the limit is a pass, up to ten times the limit degraded; beyond it, or with an error of the solver (the
+//! figure is then that of the motion before), a failure. That rows can fail is shown by breaking a solver on purpose: each of nine
+//! [`Fault`]s turns those rows red that name it, and no other.
+//!
+//! Your own solver against it:
+//!
+//! ```
+//! use nerd_sim::instruments::Hold; // yours in its place
+//! use nerd_sim::suite::{Method, Suite, Verdict};
+//! let mine = Method::new("mine", |_system| Box::new(Hold));
+//! let lines = Suite::new().only(&["free fall"])?.run(&[mine], |_done| ());
+//! for line in &lines {
+//!     println!("{}, {}: {}, limit {}", line.row, line.asked(), line.cells[0], line.limit);
+//! }
+//! assert_eq!(lines[0].cells[0].verdict, Verdict::Fail, "what stays where it is does not fall");
+//! # Ok::<(), nerd_sim::suite::Error>(())
+//! ```
+//!
+//! All of it takes the analytic solvers of this crate, [`Method::known`], some minutes on two cores.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+mod cell;
+mod error;
+mod fault;
+mod method;
+mod row;
+mod rows;
+mod trial;
+
+pub use cell::{Cell, Line, Verdict};
+pub use error::Error;
+pub use fault::{Fault, UnknownFault};
+pub use method::Method;
+pub use row::Row;
+
+/// Rows to be asked, perhaps of broken solvers.
+#[derive(Clone, Debug)]
+pub struct Suite {
+    rows: Vec<&'static Row>,
+    fault: Option<Fault>,
+}
+
+impl Default for Suite {
+    fn default() -> Self {
+        Self { rows: rows::all().collect(), fault: None }
+    }
+}
+
+impl Suite {
+    /// All rows.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Of these rows those with one of `words` in their names; all of them if there is no word.
+    ///
+    /// # Errors
+    /// [`Error::Row`] for a word that no row has in its name.
+    pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
+        known(words, &self.rows.iter().map(|r| r.name).collect::<Vec<_>>())?;
+        self.rows.retain(|r| words.is_empty() || words.iter().any(|w| r.name.contains(w.as_ref())));
+        Ok(self)
+    }
+
+    /// Breaks every solver on purpose.
+    #[must_use]
+    pub fn fault(mut self, fault: Option<Fault>) -> Self {
+        self.fault = fault;
+        self
+    }
+
+    /// The rows, in the order of tables.
+    pub fn rows(&self) -> &[&'static Row] {
+        &self.rows
+    }
+
+    /// Asks every row of every method, on all cores. `progress` is told how many of the rows times methods are done.
+    pub fn run(&self, methods: &[Method], progress: impl Fn(usize) + Sync) -> Vec<Line> {
+        let done = AtomicUsize::new(0);
+        let measure = |row: &Row, method: &Method| {
+            let cell = row.cell(method, self.fault);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+            cell
+        };
+        let line = |row: &&'static Row| Line {
+            row: row.name.into(),
+            figure: row.figure.into(),
+            unit: row.unit.into(),
+            source: row.source.into(),
+            why: row.why.into(),
+            limit: row.limit,
+            cells: methods.par_iter().map(|m| measure(row, m)).collect(),
+        };
+        self.rows.par_iter().map(line).collect()
+    }
+}
+
+/// Refuses a word that none of the names has in it.
+///
+/// # Errors
+/// [`Error::Row`].
+pub fn known(words: &[impl AsRef<str>], names: &[&str]) -> Result<(), Error> {
+    match words.iter().map(AsRef::as_ref).find(|w| !names.iter().any(|name| name.contains(w))) {
+        Some(word) => Err(Error::Row { word: word.into(), known: names.join(", ") }),
+        None => Ok(()),
+    }
+}

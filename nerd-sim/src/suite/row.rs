@@ -1,0 +1,67 @@
+//! A row: one question with a measured answer, a limit, and the source of the limit.
+
+use super::cell::Cell;
+use super::error::Error;
+use super::fault::Fault;
+use super::method::Method;
+use super::trial::Trial;
+
+/// One scene and what is measured in it.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct Row {
+    /// Name.
+    pub name: &'static str,
+    /// What the figure is.
+    pub figure: &'static str,
+    /// Its unit, or what it is a share of; empty for a pure number.
+    pub unit: &'static str,
+    /// Where the limit is from: an equation, or somebody's tests.
+    pub source: &'static str,
+    /// Why it is asked, in one sentence.
+    pub why: &'static str,
+    /// Largest figure that passes; up to ten times as much is degraded.
+    pub limit: f64,
+    /// The faults that must turn this row red; all others must leave it green.
+    pub reddens: &'static [Fault],
+    /// Measures; an error is a scene that could not be made.
+    pub(super) measure: fn(&Trial) -> Result<f64, Error>,
+}
+
+impl Row {
+    pub(super) const fn new(
+        name: &'static str,
+        figure: &'static str,
+        unit: &'static str,
+        limit: f64,
+        measure: fn(&Trial) -> Result<f64, Error>,
+    ) -> Self {
+        Self { name, figure, unit, source: "", why: "", limit, reddens: &[], measure }
+    }
+
+    pub(super) const fn source(self, source: &'static str) -> Self {
+        Self { source, ..self }
+    }
+
+    pub(super) const fn why(self, why: &'static str) -> Self {
+        Self { why, ..self }
+    }
+
+    pub(super) const fn reddened_by(self, reddens: &'static [Fault]) -> Self {
+        Self { reddens, ..self }
+    }
+
+    /// Asks a method, perhaps with a fault around its solver.
+    pub fn cell(&self, method: &Method, fault: Option<Fault>) -> Cell {
+        let trial = Trial::new(method, fault);
+        match (self.measure)(&trial) {
+            Err(Error::NoFiner) => Cell::unasked(),
+            measured => Cell::new(measured, trial.lost.take(), self.limit),
+        }
+    }
+
+    /// Whether a correct solver must pass. Three rows drive a robot past what any step can follow, to show what becomes of it.
+    pub fn must_pass(&self) -> bool {
+        !matches!(self.name, "ANYmal kp 200" | "ANYmal kp 2000" | "ANYmal kp 5000")
+    }
+}

@@ -1,0 +1,116 @@
+//! Rows of contact: what lies, bounces and strikes.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::state::vector;
+
+use crate::bodies::{Body, GRAVITY};
+use crate::suite::error::Error;
+use crate::suite::fault::Fault::*;
+use crate::suite::row::Row;
+use crate::suite::trial::Trial;
+use crate::system::System;
+
+pub(super) static LANDING: [Row; 2] = [
+    Row::new("rest", "distance from where it must lie after 5 s", "m", 1e-3, rest)
+        .source("m g / 4 k below the surface")
+        .why("A body left alone lies still, as deep as its springs say: it does not creep, sink or tremble.")
+        .reddened_by(&[NoFloor]),
+    Row::new("restitution", "error of rebound / drop height, two dampings", "", 0.05, restitution)
+        .source("spring and damper's closed form e^2; 0.05 of rapier's tests")
+        .why("The damper decides how high a ball bounces; a step that looks too far ahead swallows the bounce.")
+        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+];
+
+pub(super) static PASSIVE: [Row; 6] = [
+    Row::new("tossed cube", "gain of energy over 2 s of tumbling", "relative", 1e-3, toss)
+        .source("contact is passive")
+        .why("Corners and edges strike while it turns: contact may take energy and never give it.")
+        .reddened_by(&[PumpedVelocity]),
+    Row::new("stiff ground", "speed after a landing on k = 1e7 N/m", "of the impact's", 1.05, stiff)
+        .source("contact is passive")
+        .why("Hard ground is a stiff spring, and a step too long for it throws the body off.")
+        .reddened_by(&[NoFloor, PumpedVelocity]),
+    Row::new("tip into ground", "gain of energy, pendulum at 7 rad/s", "relative", 0.01, |trial| tip(trial, 1.0))
+        .source("contact is passive")
+        .why("A fast link strikes at its tip: contact acts through the joints.")
+        .reddened_by(&[PumpedVelocity]),
+    Row::new("heavy tip", "gain of energy, the same, tip mass x 1e4", "relative", 0.01, |trial| tip(trial, 1e4))
+        .source("contact is passive")
+        .why("The same with a load at the tip, against which the joints weigh nothing.")
+        .reddened_by(&[HalfGravity, PumpedVelocity]),
+    Row::new("light tip", "gain of energy, the same, tip mass x 1e-4", "relative", 0.01, |trial| tip(trial, 1e-4))
+        .source("contact is passive")
+        .why("The same with a tip of no weight, whose own acceleration knows no bounds.")
+        .reddened_by(&[HalfGravity, PumpedVelocity]),
+    Row::new("under terrain", "depth 1 s after a start 3 cm under hills", "m", 0.005, under)
+        .source("a surface pushes out; m g / k is 1 mm")
+        .why("Whatever starts inside the ground must come out of it.")
+        .reddened_by(&[NoFloor, FrozenWorld]),
+];
+
+fn rest(trial: &Trial) -> Result<f64, Error> {
+    let body = Body::default();
+    let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.1]), 300)?;
+    // A box's corners have a radius of 1e-5 m.
+    let depth = if trial.method.is_rigid() { 0.0 } else { body.mass * GRAVITY / (4.0 * body.material[0]) };
+    Ok((vector(motion.last()) - Vector3::new(0.0, 0.0, 0.1 + 1e-5 - depth)).norm())
+}
+
+fn restitution(trial: &Trial) -> Result<f64, Error> {
+    let mut worst = 0.0f64;
+    for damping in [10.0, 40.0] {
+        let body = Body {
+            shape: r#"<sphere radius="0.05"/>"#.into(),
+            inertia: [1e-3; 3],
+            material: [1e4, damping, 1e3, 0.5],
+            ..Default::default()
+        };
+        let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 1.05]), 90)?;
+        let z: Vec<f64> = motion.states.iter().map(|s| s[2] - 0.05).collect();
+        let landed = z.windows(2).position(|w| w[1] > w[0]).unwrap_or(z.len() - 1);
+        let rebound = z[landed..].iter().fold(0.0f64, |a, b| a.max(*b));
+        // Damped on the way in, undamped on the way out.
+        let zeta = damping / (2.0 * (body.mass * 1e4f64).sqrt());
+        let e = (-zeta * zeta.acos() / (1.0 - zeta * zeta).sqrt()).exp();
+        worst = worst.max((rebound - e * e).abs());
+    }
+    Ok(worst)
+}
+
+fn toss(trial: &Trial) -> Result<f64, Error> {
+    let start = Body::state([0.0, 0.0, 0.5], [0.2, 0.1, 0.3, 0.927], [6.0, -3.0, 2.0], [1.0, 0.5, 0.0]);
+    gain(trial, &Body::default().system()?, "ground", &start, 120)
+}
+
+fn tip(trial: &Trial, times: f64) -> Result<f64, Error> {
+    let mut system = (*System::named("pendulum")?).clone();
+    let tip = &mut system.robot.links[1].inertia;
+    (tip.mass, tip.inertia) = (times * tip.mass, times * tip.inertia);
+    gain(trial, &Arc::new(system), "ground1", &[0.0, 0.0, -7.0, 0.0], 120)
+}
+
+/// Largest gain of energy over that of the start, against the start's kinetic energy.
+fn gain(trial: &Trial, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<f64, Error> {
+    let motion = trial.passive(system, scene, start, frames)?;
+    let (e, first) = (motion.energies(), motion.totals()[0].kinetic);
+    Ok(e.iter().map(|x| (x - e[0]) / first).fold(0.0, f64::max))
+}
+
+fn stiff(trial: &Trial) -> Result<f64, Error> {
+    let body =
+        Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], material: [1e7, 100.0, 1e3, 0.5], ..Default::default() };
+    let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.55]), 60)?;
+    let speeds = motion.states.iter().map(|s| (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))).norm());
+    Ok(speeds.fold(0.0, f64::max) / (2.0 * GRAVITY * 0.5).sqrt())
+}
+
+fn under(trial: &Trial) -> Result<f64, Error> {
+    let ball = Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() };
+    let (system, x, y) = (ball.system()?, 1.0, 2.0);
+    let start = Body::at([x, y, crate::worlds::hill(x, y) - 0.03 + 0.05]);
+    let motion = trial.passive(&system, "hills", &start, 60)?;
+    let event = system.scene("hills")?.contact(&vector(motion.last()));
+    Ok((0.05 - event.distance).max(0.0))
+}

@@ -1,0 +1,16 @@
+//! The rows, by what they ask about.
+
+mod contact;
+mod flight;
+mod friction;
+mod joints;
+mod robots;
+mod sameness;
+
+use super::row::Row;
+
+/// All rows, in the order of tables.
+pub(super) fn all() -> impl Iterator<Item = &'static Row> {
+    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&sameness::ROWS);
+    flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&robots::ROWS)
+}

@@ -1,0 +1,109 @@
+//! Rows of whole robots at the edge of what their drives allow.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+
+use crate::control::Controller;
+use crate::sampling::{Start, start, stream};
+use crate::suite::error::Error;
+use crate::suite::fault::Fault::*;
+use crate::suite::row::Row;
+use crate::suite::trial::Trial;
+use crate::system::System;
+
+/// What ANYmal's URDF allows its joints (rad/s).
+const SPEED: f64 = 20.0;
+
+pub(super) static ROWS: [Row; 9] = [
+    Row::new("driven Ant", "worst violation of a joint limit, full random torques, 5 s", "rad", 0.8, ant)
+        .source("2 tau / k, a spring under a sudden load")
+        .why("Training data is made by full random torques; limits must hold against them.")
+        .reddened_by(&[BodyAngularVelocity]),
+    Row::new("ANYmal kp 85", "largest joint speed, armature 0.06, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.06, [85.0, 2.0], false)
+    })
+    .source("speed limit of its URDF")
+    .why("The robot with its rotors' inertia and moderate gains: it must stand.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("ANYmal kp 200", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [200.0, 0.5], false)
+    })
+    .source("speed limit of its URDF")
+    .why("Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("ANYmal kp 2000", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [2000.0, 0.5], false)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, ten times stiffer: what each solver makes of an impossible demand.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("ANYmal kp 5000", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [5000.0, 0.5], false)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, stiffer still: here some give up, which is better than a wrong answer.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("kp 200 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [200.0, 0.5], true)
+    })
+    .source("speed limit of its URDF")
+    .why("A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("kp 2000 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [2000.0, 0.5], true)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, ten times stiffer.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("kp 5000 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [5000.0, 0.5], true)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, at gains of a position-controlled arm.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("no number", "0 if a state that is no number is refused, 1 if not", "", 0.0, no_number)
+        .source("an error, with its place")
+        .why("A state that is no number must be refused where it stands, before it spreads.")
+        .reddened_by(&[SwallowedErrors]),
+];
+
+fn ant(trial: &Trial) -> Result<f64, Error> {
+    let system = System::named("ant")?;
+    let mut worst = 0.0f64;
+    for seed in 0..4 {
+        let state = start(&system, Start::Reset, &mut stream(11, seed));
+        let mut rng = stream(12, seed);
+        let mut push = |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
+        let motion = trial.driven(&system, "ground", &state, 300, &mut push)?;
+        for (i, limit) in system.robot.joints().enumerate().filter_map(|(i, j)| j.limit.map(|l| (i, l))) {
+            let q = motion.states.iter().map(|s| s[7 + i]);
+            worst = q.map(|q| (limit.lower - q).max(q - limit.upper)).fold(worst, f64::max);
+        }
+    }
+    Ok(worst)
+}
+
+fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Result<f64, Error> {
+    let mut system = (*System::named("anymal")?).clone();
+    system.robot.joints_mut().for_each(|j| j.armature = armature);
+    let system = Arc::new(system);
+    let mut controller = Controller::with_ahead(&system, ahead);
+    controller.gains.fill([kp, kd]);
+    let state = start(&system, Start::Reset, &mut stream(13, 0));
+    let hold = vec![0.0; 12];
+    let motion = trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
+    // A law that looks ahead closes the first gap in a frame, however large the speed; then it must stand.
+    let judged = &motion.states[if ahead { 60 } else { 0 }..];
+    let speed = judged.iter().flat_map(|s| &s[25..]).fold(0.0f64, |a, b| a.max(b.abs()));
+    // Slow joints that never came half way to their targets are not held at all.
+    let gap = |s: &[f64]| s[7..19].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default).abs()).sum::<f64>();
+    let held = motion.states.iter().any(|s| gap(s) < 0.5 * gap(&state));
+    Ok(if held || speed > SPEED { speed } else { f64::INFINITY })
+}
+
+fn no_number(trial: &Trial) -> Result<f64, Error> {
+    let system = System::named("pendulum")?;
+    trial.passive(&system, "ground1", &[f64::NAN, 0.0, 0.0, 0.0], 1)?;
+    Ok(if trial.lost.take().is_some() { 0.0 } else { 1.0 })
+}

@@ -1,0 +1,117 @@
+//! One motion under one method, perhaps broken on purpose.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use nerd_core::dynamics::{Data, Totals, totals};
+
+use super::error::Error;
+use super::fault::Fault;
+use super::method::Method;
+use crate::batch::Batch;
+use crate::solver::Solver;
+use crate::system::System;
+
+/// A method under test, perhaps with a fault.
+pub(super) struct Trial<'a> {
+    pub method: &'a Method,
+    pub fault: Option<Fault>,
+    /// What the solver said when it gave up, if it did; from there on the motion stands still.
+    pub lost: RefCell<Option<String>>,
+}
+
+/// A motion: states after 0, 1, 2, ... frames.
+pub(super) struct Motion {
+    system: Arc<System>,
+    gravity: nalgebra::Vector3<f64>,
+    pub states: Vec<Vec<f64>>,
+}
+
+impl Motion {
+    /// Totals of every state.
+    pub fn totals(&self) -> Vec<Totals> {
+        let mut data = Data::new(&self.system.robot);
+        self.states.iter().map(|s| totals(&self.system.robot, s, &mut data)).collect()
+    }
+
+    /// Energy (J) of every state.
+    pub fn energies(&self) -> Vec<f64> {
+        self.totals().iter().map(|t| t.energy(&self.gravity)).collect()
+    }
+
+    /// The last state.
+    pub fn last(&self) -> &[f64] {
+        &self.states[self.states.len() - 1]
+    }
+}
+
+/// Sets the torques of a frame: `(state, torques)`.
+pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
+
+impl<'a> Trial<'a> {
+    pub fn new(method: &'a Method, fault: Option<Fault>) -> Self {
+        Self { method, fault, lost: RefCell::new(None) }
+    }
+
+    /// Rolls out `frames` frames without torques.
+    pub fn passive(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
+        self.driven(system, scene, start, frames, &mut |_, _| ())
+    }
+
+    /// Rolls out under torques set by `drive(state, torques)`. An error of the solver is kept in `lost`.
+    pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, Error> {
+        self.under(&mut *self.broken(self.method.solver(system)), system, scene, start, frames, drive)
+    }
+
+    /// Without torques, under the method with four times the substeps.
+    pub fn finer(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
+        let finer = self.method.finer_solver(system).ok_or(Error::NoFiner)?;
+        self.under(&mut *self.broken(finer), system, scene, start, frames, &mut |_, _| ())
+    }
+
+    /// Without torques, by a solver that has stepped ten frames from `other`, and was then told to forget them.
+    pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
+        let mut solver = self.broken(self.method.solver(system));
+        let mut batch = Batch::new(system, &system.scene(scene)?, 1);
+        batch.reset(0, other);
+        let torques = vec![0.0; system.robot.joint_count()];
+        for _ in 0..10 {
+            solver.step(&mut batch, &torques)?;
+        }
+        solver.reset(0);
+        self.under(&mut *solver, system, scene, start, frames, &mut |_, _| ())
+    }
+
+    fn broken(&self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
+        match self.fault {
+            Some(fault) => fault.around(solver),
+            None => solver,
+        }
+    }
+
+    fn under(
+        &self,
+        solver: &mut dyn Solver,
+        system: &Arc<System>,
+        scene: &str,
+        start: &[f64],
+        frames: usize,
+        drive: &mut Drive,
+    ) -> Result<Motion, Error> {
+        let scene = system.scene(scene)?;
+        let mut batch = Batch::new(system, &scene, 1);
+        batch.reset(0, start);
+        let mut torques = vec![0.0; system.robot.joint_count()];
+        let mut states = vec![start.to_vec()];
+        for _ in 0..frames {
+            drive(batch.state(0), &mut torques);
+            if let Err(error) = solver.step(&mut batch, &torques) {
+                self.lost.borrow_mut().get_or_insert(error.to_string());
+                states.resize(frames + 1, batch.state(0).to_vec());
+                break;
+            }
+            states.push(batch.state(0).to_vec());
+        }
+        Ok(Motion { system: system.clone(), gravity: scene.gravity, states })
+    }
+}

@@ -1,0 +1,51 @@
+//! `cargo xtask stability`: where each method stays right, where it bends and where it breaks. Failures are the point.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use nerd_sim::suite::Fault;
+use nerd_train::experiments::learned::Learned;
+use nerd_train::experiments::stability::Stability;
+use nerd_train::experiments::{Experiment, conduct};
+
+use crate::flags::unused;
+
+/// Show where methods fail.
+#[derive(clap::Args, Clone, Debug)]
+pub struct StabilityArgs {
+    /// Rows whose name contains one of these words, comma-separated [default: all]
+    #[arg(long, value_delimiter = ',')]
+    pub rows: Vec<String>,
+    /// Break every method on purpose, to see the rows that can tell go red; nothing is written
+    #[arg(long, value_parser = PossibleValuesParser::new(Fault::ALL.map(|f| f.name())).try_map(|name| name.parse::<Fault>()))]
+    pub fault: Option<Fault>,
+    /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER.*
+    #[arg(long, value_delimiter = ',')]
+    pub model: Vec<PathBuf>,
+    /// Folder for stability.json, .md, .svg and .png [default: results]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the verb.
+pub fn run(args: StabilityArgs) -> Result<()> {
+    if let Some(fault) = args.fault {
+        unused(&[("--out", args.out.is_some())], "beside --fault, under which nothing is written")?;
+        unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
+        let broken = Stability::new(&args.rows, Some(fault))?;
+        println!("{}", broken.measure()?.table().markdown());
+        println!("rows that {fault} must turn red: {}", broken.reddened(fault).join(", "));
+        return Ok(());
+    }
+    let out = args.out.unwrap_or_else(nerd_train::shipped::results);
+    if args.model.is_empty() {
+        println!("{}", conduct(&Stability::new(&args.rows, None)?, &out)?.data.table().markdown());
+        return Ok(());
+    }
+    let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>, _>>()?;
+    for model in models {
+        println!("{}\n\n{}", model.title(), conduct(&model, &out)?.data.table().markdown());
+    }
+    Ok(())
+}
