@@ -3,16 +3,24 @@
 //! `cargo xtask chart` measures every setting of every solver, learned ones too, on one scene and writes
 //! `results/chart-ROBOT-SCENE.json`; [`pick`] reads it.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use crate::folder::{Model, ModelError};
 use crate::neural::Neural;
 
-/// A solver at one setting.
+/// A solver at one setting. Its words, in every table and picture, are those of [`Setting::series`] and of its `Display`:
+///
+/// ```
+/// # use nerd_model::pick::Setting;
+/// assert_eq!(Setting::Implicit(4).to_string(), "articulated implicit x4");
+/// assert_eq!(Setting::Neural("models/ant".into()).to_string(), "NeRD of models/ant");
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Setting {
@@ -33,11 +41,36 @@ pub enum Setting {
 }
 
 impl Setting {
+    /// The same solver at whatever number of substeps, as a legend has it.
+    pub fn series(&self) -> &'static str {
+        match self {
+            Self::Rk4(_) => "articulated RK4",
+            Self::Euler(_) => "articulated symplectic Euler",
+            Self::Implicit(_) => "articulated implicit",
+            Self::Paper => "articulated, preset paper",
+            Self::Rapier(_) => "rapier, iterations of 1 step",
+            Self::RapierSteps(_) => "rapier, steps of 4 iterations",
+            Self::Neural(_) => "NeRD",
+        }
+    }
+
     /// Substeps a frame.
     pub fn substeps(&self) -> Option<usize> {
         match self {
             Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
             Self::Paper | Self::Neural(_) => None,
+        }
+    }
+
+    /// Settings of `articulated`, if it is that.
+    pub fn articulated(&self, system: &System) -> Option<ArticulatedConfig> {
+        let friction = Friction::Coulomb;
+        match self {
+            Self::Rk4(n) => Some(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) }),
+            Self::Euler(n) => Some(ArticulatedConfig::explicit(*n, friction)),
+            Self::Implicit(n) => Some(ArticulatedConfig::implicit(*n, friction)),
+            Self::Paper => Some(ArticulatedConfig::paper(system, friction)),
+            Self::Rapier(_) | Self::RapierSteps(_) | Self::Neural(_) => None,
         }
     }
 
@@ -51,21 +84,38 @@ impl Setting {
     /// # Errors
     /// If a model folder cannot be read or holds another robot's model, or rapier is asked for and not built in.
     pub fn solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>, PickError> {
-        let articulated = |config: ArticulatedConfig| -> Box<dyn Solver> { Box::new(Articulated::new(config)) };
-        let friction = Friction::Coulomb;
-        Ok(match self {
-            Self::Rk4(n) => articulated(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) }),
-            Self::Euler(n) => articulated(ArticulatedConfig::explicit(*n, friction)),
-            Self::Implicit(n) => articulated(ArticulatedConfig::implicit(*n, friction)),
-            Self::Paper => articulated(ArticulatedConfig::paper(system, friction)),
+        match (self, self.articulated(system)) {
+            (_, Some(config)) => Ok(Box::new(Articulated::new(config))),
+            (Self::Neural(folder), None) => Ok(Box::new(Neural::on_cpu(Model::load(folder, system, None)?, system))),
             #[cfg(feature = "rapier")]
-            Self::Rapier(n) => Box::new(Rapier::new(RapierConfig::substeps(*n))),
+            (Self::Rapier(n), None) => Ok(Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             #[cfg(feature = "rapier")]
-            Self::RapierSteps(n) => Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() })),
-            #[cfg(not(feature = "rapier"))]
-            Self::Rapier(_) | Self::RapierSteps(_) => return Err(PickError::NoRapier),
-            Self::Neural(folder) => Box::new(Neural::on_cpu(Model::load(folder, system, None)?, system)),
-        })
+            (Self::RapierSteps(n), None) => Ok(Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() }))),
+            (_, None) => Err(PickError::NoRapier),
+        }
+    }
+}
+
+impl fmt::Display for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) => write!(f, "{} x{n}", self.series()),
+            Self::Paper => f.write_str("articulated paper"),
+            Self::Rapier(n) => write!(f, "rapier 1x{n}"),
+            Self::RapierSteps(n) => write!(f, "rapier {n}x4"),
+            Self::Neural(folder) => write!(f, "NeRD of {}", folder.display()),
+        }
+    }
+}
+
+/// What a truth is, as a setting.
+impl From<Truth> for Setting {
+    fn from(truth: Truth) -> Self {
+        match truth {
+            #[cfg(feature = "rapier")]
+            Truth::Rapier => Self::RapierSteps(Truth::rapier().steps),
+            _ => Self::Paper,
+        }
     }
 }
 

@@ -12,16 +12,25 @@ pub mod instruments;
 pub mod law;
 mod limits;
 mod material;
+#[cfg(feature = "measured")]
+pub mod measured;
+#[cfg(feature = "mjcf")]
+pub mod mjcf;
 mod parallel;
 #[cfg(feature = "rapier")]
 pub mod rapier;
+#[cfg(feature = "csv")]
+pub mod rollout;
 pub mod sampling;
 pub mod scene;
 pub mod solver;
 pub mod spec;
 #[cfg(feature = "suite")]
 pub mod suite;
+pub mod survey;
 pub mod system;
+#[cfg(feature = "csv")]
+pub mod table;
 pub mod truth;
 mod validate;
 pub mod worlds;

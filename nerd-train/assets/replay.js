@@ -166,6 +166,7 @@ const replay = (() => {
       if (playing && now - last >= pause && canvas.offsetParent !== null) {
         frame = (frame + Math.min(8, Math.max(1, Math.round((now - last) / pause)))) % frames;
         last = now;
+        canvas.dataset.frame = frame;
         const box = canvas.getBoundingClientRect();
         if (box.bottom > 0 && box.top < window.innerHeight) draw();
       }

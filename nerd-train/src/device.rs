@@ -1,6 +1,12 @@
 //! Where networks are computed.
 
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_model::folder::Model;
+use nerd_model::neural::Neural;
 use nerd_model::transformer::{Stream, Weights};
+use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
@@ -32,6 +38,16 @@ impl Device {
             Self::Cpu => Ok(nerd_model::network::on_cpu(weights)),
             Self::Cuda => on_cuda(weights, envs),
         }
+    }
+
+    /// The model of a folder as a solver of `system` for so many environments; one of `truth`, if that is named.
+    ///
+    /// # Errors
+    /// Those of [`Model::load`] and [`Self::network`].
+    pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Neural> {
+        let model = Model::load(folder, system, truth)?;
+        let network = self.network(&model.weights, envs)?;
+        Ok(Neural::new(model, system, network))
     }
 }
 

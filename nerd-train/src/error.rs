@@ -44,6 +44,14 @@ pub enum Error {
     /// A data set.
     #[error(transparent)]
     Data(#[from] nerd_sim::dataset::DatasetError),
+    /// Real motions.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Measured(#[from] nerd_sim::measured::MeasuredError),
+    /// MuJoCo.
+    #[cfg(feature = "report")]
+    #[error("--mujoco: {0}")]
+    Mjcf(#[from] nerd_sim::mjcf::MjcfError),
     /// A setting.
     #[error(transparent)]
     Range(#[from] OutOfRange),

@@ -3,12 +3,14 @@
 pub mod best;
 pub mod bounds;
 pub mod checkpoint;
+pub mod choice;
 pub mod device;
 pub mod difference;
 pub mod error;
 pub mod evaluate;
 #[cfg(feature = "report")]
 pub mod experiments;
+pub mod inspect;
 pub mod learner;
 pub mod metrics;
 pub mod paper;
@@ -18,9 +20,12 @@ mod product;
 pub mod progress;
 pub mod ranges;
 pub mod report;
+pub mod run;
 pub mod schedule;
 pub mod sessions;
+pub mod settings;
 pub mod shipped;
+pub mod stats;
 pub mod supply;
 pub mod trainer;
 pub mod windows;

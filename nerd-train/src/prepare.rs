@@ -9,7 +9,7 @@ use nerd_core::state::vector;
 use nerd_model::features::Features;
 use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, check_header, read_shard, record, sha256_of};
+use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, record, sha256_of};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
@@ -144,23 +144,16 @@ pub(crate) fn shard(
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
 pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
     let form = form.into();
-    let path = folder.join("manifest.json");
-    let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
     let manifest = Manifest::read(folder)?;
-    manifest.check(system, truth).map_err(wrong)?;
+    manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
     let shard = |name: &String| -> Result<_, DatasetError> {
-        let path = folder.join(name);
-        let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
-        let (recording, header) = read_shard(&path)?;
-        check_header(&header, system, truth).map_err(wrong)?;
-        recording.check(&system.robot).map_err(wrong)?;
+        let recording = manifest.shard(folder, name, system)?;
         Ok((tokens(system, &recording, history, form)?, recording.sha256()))
     };
-    let prepared = joined(manifest.shards.par_iter().map(shard).collect::<Result<_, DatasetError>>()?);
-    if prepared.sha256 != manifest.sha256 {
-        return Err(wrong("the shards are not those it was written for (SHA-256 differs)".into()));
-    }
-    manifest.holds(prepared.windows.trajectories(), prepared.windows.frames).map_err(wrong)?;
+    let shards = manifest.shards.par_iter().map(shard).collect::<Result<Vec<_>, DatasetError>>()?;
+    let hashes: Vec<_> = shards.iter().map(|s| s.1).collect();
+    let prepared = joined(shards);
+    manifest.holds(folder, hashes, prepared.windows.trajectories(), prepared.windows.frames)?;
     Ok(prepared)
 }
 

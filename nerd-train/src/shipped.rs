@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use nerd_sim::truth::Truth;
 
+use crate::error::{Error, Result};
+
 /// The workspace around the current folder, as a path from there: empty where it is the current folder itself, or where there
 /// is none around.
 pub fn root() -> PathBuf {
@@ -20,16 +22,50 @@ pub fn from_root(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string()
 }
 
+/// Folder of the models that come with the project.
+pub fn models() -> PathBuf {
+    root().join("models")
+}
+
 /// Folder of the model of a robot that comes with the project: `models/ROBOT`, of rapier `models/ROBOT-rapier`.
 pub fn model(truth: Truth, robot: &str) -> PathBuf {
-    root().join("models").join(match truth {
+    models().join(match truth {
         Truth::Articulated => robot.to_string(),
         Truth::Rapier => format!("{robot}-rapier"),
         _ => format!("{robot}-{}", truth.name()),
     })
 }
 
+/// Folders of models or policies in one, by how their names begin, in order; none if it is not there.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
+    if !of.exists() {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(of).map_err(Error::file(of))?;
+    let named = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix));
+    let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| named(p) && p.join("config.json").exists()).collect();
+    found.sort();
+    Ok(found)
+}
+
+/// Folders of the policies that come with the project, by how their names begin.
+///
+/// # Errors
+/// If they cannot be listed.
+pub fn policies(prefix: &str) -> Result<Vec<PathBuf>> {
+    folders(&root().join("models/policies"), prefix)
+}
+
 /// Folder of the project's results.
 pub fn results() -> PathBuf {
     root().join("results")
+}
+
+/// A path as it is given, or if there is nothing, from the workspace's root.
+pub fn find(path: &Path) -> PathBuf {
+    let other = root().join(path);
+    if !path.exists() && other.exists() { other } else { path.into() }
 }

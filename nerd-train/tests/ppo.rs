@@ -6,7 +6,7 @@ use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
 use nerd_train::ppo::gae::{Steps, advantages};
 use nerd_train::ppo::rollout::{Rollout, Running, rollout};
 use nerd_train::ppo::update::{Adam, Data, gradient, update};
-use nerd_train::ppo::{Activation, Environments, Moments, Policy, PpoConfig, Shape, Stack, Trainer, folder, play};
+use nerd_train::ppo::{Activation, Environments, Policy, PpoConfig, RunningMoments, Shape, Stack, Trainer, folder, play};
 
 fn config(text: &str) -> PpoConfig {
     let usual = "environments = 16\nhorizon = 16\niterations = 10\nminibatch = 128\nepochs = 4\nhidden = [16]\n";
@@ -120,7 +120,7 @@ fn advantages_end_where_episodes_do() {
 #[test]
 fn moments_in_pieces_are_the_moments_of_the_whole() {
     let rows: Vec<f64> = (0..600).map(|k| ((k * k) as f64).sin() * 3.0 + f64::from(k % 2 == 0) * 100.0).collect();
-    let (mut whole, mut pieces) = (Moments::new(2), Moments::new(2));
+    let (mut whole, mut pieces) = (RunningMoments::new(2), RunningMoments::new(2));
     whole.update(&rows);
     rows.chunks(34).for_each(|c| pieces.update(c));
     for (k, x) in rows.iter().enumerate().take(2) {

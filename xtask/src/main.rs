@@ -10,47 +10,39 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod ablations;
 mod campaign;
 mod chart;
 mod check;
 mod common;
+mod conduct;
 mod dataset;
 mod evaluate;
 mod files;
 mod flags;
+mod gif;
 mod grow;
 mod horizons;
 mod inspect;
+mod keys;
 mod light;
-mod mujoco;
 mod numbers;
 mod out;
 mod policy;
+mod report;
 mod reproduce;
 mod results;
 mod rollout;
 mod solvers;
 mod stability;
 mod stamp;
-mod sweep;
 mod tosses;
 mod train;
 mod urdf;
 
 /// Moved to the libraries; the verbs name them there as they move, too.
 mod moved {
-    pub mod paper {
-        pub use nerd_train::paper::*;
-    }
-    pub mod plot {
-        pub use nerd_train::report::plot::*;
-    }
     pub mod provenance {
         pub use nerd_train::report::provenance::*;
-    }
-    pub mod sessions {
-        pub use nerd_train::sessions::*;
     }
     pub mod table {
         pub use nerd_train::report::table::*;
@@ -59,7 +51,7 @@ mod moved {
         pub use nerd_sim::truth::Truth;
     }
 }
-use moved::{paper, plot, provenance, sessions, table, truth};
+use moved::{provenance, table, truth};
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -83,6 +75,10 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
+    /// Write one page with everything: tables, charts, maps, replays
+    Report(report::ReportArgs),
+    /// Draw the moving picture of README
+    Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -140,6 +136,8 @@ fn main() -> ExitCode {
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
+        Verb::Report(args) => report::run(args),
+        Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),

@@ -1,39 +1,35 @@
 //! `cargo xtask reproduce`: the main job. Rolls the shipped models out against the truths they learned (Cartpole 1000
 //! frames, double pendulum 100 frames on its seven grounds), prints the table beside the paper's, draws speed against
-//! accuracy, writes `results/`. Minutes on two cores. `--train` first trains small models from nothing on the CPU.
+//! accuracy. Minutes on two cores. `--train` first trains small models from nothing on the CPU.
+//!
+//! What it measures goes to `out/reproduce`, never by itself over the committed results, which `--out results` replaces.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_model::folder::ModelConfig;
+use nerd_train::choice::Choice;
+use nerd_train::experiments::ablations::Ablations;
+use nerd_train::experiments::chart::{Chart, ChartSettings};
+use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::experiments::policies::Policies;
+use nerd_train::experiments::sweep::Sweep;
+use nerd_train::experiments::transfer::Transfer;
+use nerd_train::run::{Run, RunConfig};
+use nerd_train::shipped;
 
-use crate::ablations::{self, AblationArgs};
-use crate::chart::{self, ChartArgs};
 use crate::common::{DEVICES, Device, word};
-use crate::evaluate::{self, EvaluateArgs};
+use crate::conduct::ConductArgs;
+use crate::conduct::conduct;
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
-use crate::policy::reproduce::{PoliciesArgs, run as policies};
-use crate::policy::transfer::{self, TransferArgs};
-use crate::provenance::Provenance;
-use crate::solvers::{SolverArgs, SolverName};
-use crate::sweep::{self, SweepArgs};
-use crate::train::{self, TrainArgs};
-use crate::truth::Truth;
 
-/// Robots, the names of their models in `models/`, the first of them the default, and the scenes whose charts are drawn.
-const MODELS: [(&str, &[&str], &[&str]); 5] = [
-    ("cartpole", &["cartpole"], &["free"]),
-    ("pendulum", &["pendulum", "pendulum-small", "pendulum-paper", "pendulum-rapier"], &["free", "ground1"]),
-    ("cube", &["cube", "cube-rapier"], &[]),
-    ("ant", &["ant", "ant-rapier"], &[]),
-    ("anymal", &["anymal"], &[]),
-];
+/// Charts of it, robot and scene.
+const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
 
 /// Those whose data and network are a matter of minutes on a CPU.
 const QUICK: [&str; 2] = ["cartpole", "pendulum"];
 
-/// Where models trained here and now, and what is said of them, go.
+/// Where results go that nobody has asked to be anywhere, and models trained here and now.
 const OWN: &str = "out/reproduce";
 
 /// Reproduce the tables and charts of the README.
@@ -57,7 +53,7 @@ pub struct ReproduceArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
-    /// Folder to write [default: results, with --train out/reproduce]
+    /// Folder to write; `results` replaces the committed ones, unless they have more behind them [default: out/reproduce]
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
@@ -66,79 +62,61 @@ pub struct ReproduceArgs {
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
     /// The paper's Figure A.2: NeRD against itself with one design decision taken back
-    Ablations(AblationArgs),
+    Ablations(ConductArgs<Ablations>),
     /// Error against time of the shipped models, over 1000 frames
     Horizons(HorizonArgs),
     /// One run's options changed one at a time, over several seeds
-    Sweep(SweepArgs),
+    Sweep(ConductArgs<Sweep>),
     /// The shipped policies in the truth and in the simulator that learned it
-    Policies(PoliciesArgs),
+    Policies(ConductArgs<Policies>),
     /// Policies' gaps by the size of the network they were trained in
-    Transfer(TransferArgs),
+    Transfer(ConductArgs<Transfer>),
 }
 
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
-        Some(Part::Ablations(args)) => return ablations::run(args),
+        Some(Part::Ablations(args)) => return args.run(),
         Some(Part::Horizons(args)) => return horizons::run(args),
-        Some(Part::Sweep(args)) => return sweep::run(args),
-        Some(Part::Policies(args)) => return policies(args),
-        Some(Part::Transfer(args)) => return transfer::run(args),
+        Some(Part::Sweep(args)) => return args.run(),
+        Some(Part::Policies(args)) => return args.run(),
+        Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }
-    let out = args.out.clone().unwrap_or_else(|| if args.train { OWN.into() } else { "results".into() });
-    let mut rows = Vec::new();
-    let mut charts: Vec<(&str, Vec<PathBuf>, &[&str])> = Vec::new();
-    for (robot, names, scenes) in MODELS.into_iter().filter(|m| !args.train || QUICK.contains(&m.0)) {
-        let models: Vec<PathBuf> =
-            if args.train { vec![trained(robot, &args)?] } else { names.iter().map(|name| Path::new("models").join(name)).collect() };
-        for model in &models {
-            // rapier as a truth costs a hundred times what ours does.
-            let starts = if ModelConfig::truth_of(model)? == Truth::default() { args.starts } else { args.starts.div_ceil(4) };
-            rows.extend(evaluate::rows(&EvaluateArgs {
-                robot: robot.to_string(),
-                scene: Vec::new(),
-                solver: SolverArgs {
-                    solver: Some(SolverName::Neural),
-                    model: Some(model.clone()),
-                    device: Some(args.device),
-                    ..SolverArgs::default()
-                },
-                starts,
-                steps: None,
-                seed: args.seed,
-                drive: 0.0,
-                limp: false,
-                shake: 0.0,
-                control: false,
-                out: None,
-            })?);
+    let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
+    let mut cases = Vec::new();
+    let mut own = Vec::new();
+    if args.train {
+        for robot in QUICK {
+            let folder = trained(robot, &args)?;
+            let solver = Choice::Neural { folder: folder.clone(), truth: None, device: args.device };
+            cases.push(Case { robot: robot.into(), solver, starts: args.starts, ..Case::default() });
+            own.push((robot, folder));
         }
-        charts.push((robot, models, scenes));
+    } else {
+        cases = Case::shipped(args.starts, args.device)?;
     }
-    let table = evaluate::table(&rows);
-    println!("\nNeRD against its truth (`{}` where none is named), mean |dq| by joint:\n\n{table}", Truth::default().name());
-    evaluate::write(&out.join("passive.json"), &rows, args.seed)?;
-    let stamp = Provenance::now(args.seed);
-    let from = format!("\n`{}`, seed {}, commit {}, {}, {}\n", stamp.command, stamp.seed, stamp.commit, stamp.machine, stamp.date);
-    crate::files::write(&out.join("passive.md"), (table + &from).as_bytes())?;
+    conduct(&Passive::new("passive", args.seed, &cases)?, &out, false)?;
     if !args.tables_only {
-        for (robot, models, scenes) in charts {
-            for scene in scenes {
-                chart::run(ChartArgs { model: models.clone(), seed: args.seed, out: out.clone(), ..ChartArgs::new(robot, scene) })?;
+        for (robot, scene) in CHARTS {
+            let mut models: Vec<_> = own.iter().filter(|m| m.0 == robot).map(|m| m.1.clone()).collect();
+            if !args.train {
+                models = shipped::folders(&shipped::models(), robot)?;
             }
+            let (robot, scene) = (robot.into(), scene.into());
+            conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out, false)?;
         }
     }
-    eprintln!("written to {}", out.display());
     Ok(())
 }
 
 /// A small model trained here and now, unless an earlier call has; its folder.
 fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
-    let out = Path::new(OWN).join(robot);
+    let out = shipped::root().join(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
-    match train::train(&TrainArgs::small(robot, out, args.device))? {
+    let mut run = RunConfig::recipe("quick", robot, out)?;
+    run.device = args.device;
+    match Run::new(&run)?.train()? {
         Some(folder) => Ok(folder),
         None => bail!("training of {robot} did not finish"),
     }

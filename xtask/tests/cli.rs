@@ -125,11 +125,11 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (["reproduce", "ablations", "--robot", "cube", "--out", &out].map(String::from).into(), "cube"),
         (["reproduce", "ablations", "--updates", "0", "--out", &out].map(String::from).into(), "--updates"),
         (["train", "--robot", "ant", "--variant", "absolute", "--base", "flight", "--out", &out].map(String::from).into(), "--variant"),
-        (["train", "--robot", "ant", "--preset", "pendulum", "--out", &out].map(String::from).into(), "`pendulum`"),
-        (["train", "--robot", "ant", "--preset", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
+        (["train", "--robot", "ant", "--recipe", "pendulum", "--out", &out].map(String::from).into(), "`pendulum`"),
+        (["train", "--robot", "ant", "--recipe", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
         (["train", "--robot", "ant", "--hold", "0", "--out", &out].map(String::from).into(), "--hold"),
         (
-            ["train", "--robot", "ant", "--preset", "small", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out]
+            ["train", "--robot", "ant", "--recipe", "small", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out]
                 .map(String::from)
                 .into(),
             "cartpole",
@@ -158,7 +158,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
             "train",
             "--robot",
             robot,
-            "--preset",
+            "--recipe",
             "small",
             "--transitions",
             "20000",
@@ -187,7 +187,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let cut = format!("{out}-cut");
     let killed = |more: &[&str]| {
         let options =
-            "train --robot cartpole --preset small --transitions 20000 --updates 1000000 --batch 16 --rollouts 2 --validate-every 4";
+            "train --robot cartpole --recipe small --transitions 20000 --updates 1000000 --batch 16 --rollouts 2 --validate-every 4";
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_xtask"));
         command.args(options.split(' ')).args(["--out", &cut]).args(more).stderr(std::process::Stdio::null());
         command

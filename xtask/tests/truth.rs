@@ -47,7 +47,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     let model = path("run/model");
     done(&["dataset", "--robot", "pendulum", "--truth", "rapier", "--transitions", "2000", "--out", &data]);
     let train = |truth: &str, out: &str, check: &dyn Fn(&[&str])| {
-        let small = ["--preset", "small", "--transitions", "1000", "--updates", "6", "--batch", "16", "--rollouts", "1"];
+        let small = ["--recipe", "small", "--transitions", "1000", "--updates", "6", "--batch", "16", "--rollouts", "1"];
         let run = ["train", "--robot", "pendulum", "--base", "flight", "--truth", truth, "--data", &data, "--out", out];
         check(&[&run[..], &small].concat());
     };

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::DatasetError;
-use super::shard::check_format;
+use super::shard::{check_format, read_shard};
+use super::{DatasetError, Recording, sha256_of};
 use crate::system::System;
 
 /// `manifest.json` of a folder of shards.
@@ -67,16 +67,38 @@ impl Manifest {
 }
 
 impl Manifest {
-    /// Refuses shards of other lengths than it says.
+    /// Reads one of its shards, if that is of `system` and of its truth.
+    ///
+    /// # Errors
+    /// If it cannot be read, or in what it differs.
+    pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, DatasetError> {
+        let path = folder.join(name);
+        let (recording, header) = read_shard(&path)?;
+        let checked = check_header(&header, system, &self.truth).and_then(|()| recording.check(&system.robot));
+        checked.map(|()| recording).map_err(|reason| DatasetError::Format { path, reason })
+    }
+
+    /// Refuses shards, by their hashes in order, that are others or of other lengths than it was written for.
     ///
     /// # Errors
     /// What it says and what there is.
-    pub fn holds(&self, trajectories: usize, frames: usize) -> Result<(), String> {
-        if (self.trajectories, self.frames) == (trajectories, frames) {
-            return Ok(());
-        }
+    pub fn holds(
+        &self,
+        folder: &Path,
+        shards: impl IntoIterator<Item = [u8; 32]>,
+        trajectories: usize,
+        frames: usize,
+    ) -> Result<(), DatasetError> {
+        let wrong =
+            |reason: String| Err(DatasetError::Format { path: folder.join("manifest.json"), reason: reason + "; make the data set anew" });
         let (t, f) = (self.trajectories, self.frames);
-        Err(format!("says {t} trajectories of {f} frames, its shards hold {trajectories} of {frames}; make the data set anew"))
+        if sha256_of(shards) != self.sha256 {
+            return wrong("the shards are not those it was written for (SHA-256 differs)".into());
+        }
+        if (t, f) != (trajectories, frames) {
+            return wrong(format!("says {t} trajectories of {f} frames, its shards hold {trajectories} of {frames}"));
+        }
+        Ok(())
     }
 }
 
@@ -88,10 +110,7 @@ pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
 }
 
 /// Refuses a shard whose header names another system or truth.
-///
-/// # Errors
-/// Which they are.
-pub fn check_header(header: &BTreeMap<String, String>, system: &System, truth: &str) -> Result<(), String> {
+fn check_header(header: &BTreeMap<String, String>, system: &System, truth: &str) -> Result<(), String> {
     let of = |key: &str| header.get(key).map_or("unknown", String::as_str);
     same_system(system, of("robot"), of("robot_sha256"), of("system_sha256"))?;
     same_truth(truth, of("truth"))

@@ -11,7 +11,7 @@ mod shard;
 pub use config::GenerateConfig;
 pub use drive::Drive;
 pub use generate::{generate, record};
-pub use manifest::{Manifest, check_header};
+pub use manifest::Manifest;
 pub use pilot::{Act, Pilot};
 pub use recording::{Recording, sha256_of};
 pub use shard::{DatasetError, FORMAT, read_shard, write_shard};

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
 use nerd_core::dynamics::to_local;
+use nerd_core::robot::{Joint, JointKind};
 use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::system::System;
 
@@ -21,6 +22,14 @@ pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
     }
     let (root, angles) = figures.split_at(figures.len() - joints);
     [root, &[angles.iter().sum::<f64>() / joints as f64]].concat()
+}
+
+/// What [`summary`] has, with units.
+pub fn summary_names(system: &System) -> Vec<String> {
+    let root = ["position (m)", "orientation (rad)"].into_iter().filter(|_| system.robot.floating()).map(String::from);
+    let unit = |j: &Joint| if j.kind == JointKind::Prismatic { "m" } else { "rad" };
+    let joints: Vec<_> = system.robot.joints().map(|j| format!("{} ({})", j.name, unit(j))).collect();
+    if joints.len() <= 2 { root.chain(joints).collect() } else { root.chain(["joints, mean (rad)".into()]).collect() }
 }
 
 /// Distances between two states, by quantity.

@@ -22,7 +22,7 @@ use crate::ranges::{OutOfRange, within};
 mod gaps;
 
 use gaps::Gaps;
-pub use gaps::{differences, quantities, summary};
+pub use gaps::{differences, quantities, summary, summary_names};
 
 /// What to run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

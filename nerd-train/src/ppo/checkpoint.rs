@@ -9,7 +9,7 @@ use std::path::Path;
 use nerd_tasks::Snapshot;
 
 use super::environments::Environments;
-use super::normalizer::Moments;
+use super::normalizer::RunningMoments;
 use super::policy::Policy;
 use super::tensors::{Reader, Writer};
 use super::trainer::{PpoError, Trainer};
@@ -104,7 +104,7 @@ fn put(file: &mut Writer, name: &str, policy: &Policy) {
 fn get(file: &Reader, name: &str, like: &Policy) -> Result<Policy, CheckpointError> {
     let moments = |what: &str, columns: usize| {
         let all = file.f64(&format!("{name}.{what}"), Some(2 * columns + 1))?;
-        Ok(Moments { mean: all[..columns].into(), variance: all[columns..2 * columns].into(), count: all[2 * columns] })
+        Ok(RunningMoments { mean: all[..columns].into(), variance: all[columns..2 * columns].into(), count: all[2 * columns] })
     };
     Ok(Policy {
         shape: like.shape.clone(),

@@ -11,7 +11,7 @@ use nerd_tasks::Task;
 use serde::{Deserialize, Serialize};
 
 use super::config::PpoConfig;
-use super::normalizer::Moments;
+use super::normalizer::RunningMoments;
 use super::policy::{Policy, Shape};
 use super::tensors::{Reader, Writer};
 use crate::checkpoint::CheckpointError;
@@ -105,11 +105,13 @@ fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> R
     flat.extend(file.f32("log_std", Some(shape.parameters() - flat.len()))?);
     let moments = |name: &str, columns: usize| {
         let column = |what: &str, n: usize| file.f64(&format!("{name}.{what}"), Some(n));
-        Ok(Moments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
+        Ok(RunningMoments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
     };
     let seen = moments("observation", shape.observation * shape.stack)?;
     let returns = moments("return", 1)?;
-    let of = |m: &Moments| m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0);
+    let of = |m: &RunningMoments| {
+        m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0)
+    };
     if !flat.iter().all(|w| w.is_finite()) || !of(&seen) || !of(&returns) {
         return Err(file.wrong("a weight or a moment is no finite number, or a variance is below 0"));
     }

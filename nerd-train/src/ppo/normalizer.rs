@@ -5,10 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Moments of columns.
+/// Running moments of columns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Moments {
+pub struct RunningMoments {
     /// Mean by column.
     pub mean: Vec<f64>,
     /// Variance by column.
@@ -21,7 +21,7 @@ pub struct Moments {
 pub const WIDEST: f64 = 5.0;
 const EPSILON: f64 = 1e-5;
 
-impl Moments {
+impl RunningMoments {
     /// Of nothing yet: mean 0, variance 1.
     pub fn new(columns: usize) -> Self {
         Self { mean: vec![0.0; columns], variance: vec![1.0; columns], count: 1.0 }

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::activation::Activation;
 use super::mlp::{Mlp, Tape};
-use super::normalizer::Moments;
+use super::normalizer::RunningMoments;
 use crate::ranges::{OutOfRange, within};
 
 /// Rows that one thread takes at a time; a gradient is summed over these in order, so that threads change no bit.
@@ -68,9 +68,9 @@ pub struct Policy {
     /// Parameters, see [`Shape::parameters`].
     pub flat: Vec<f32>,
     /// Moments of (stacked) observations.
-    pub seen: Moments,
+    pub seen: RunningMoments,
     /// Moments of returns.
-    pub returns: Moments,
+    pub returns: RunningMoments,
 }
 
 /// What a policy says of n observations.
@@ -96,7 +96,7 @@ impl Policy {
             flat[start..].chunks_exact_mut(outputs).for_each(|row| row[shape.action + 1..].fill(0.0));
         }
         flat.resize(shape.parameters(), 0.0);
-        Self { seen: Moments::new(shape.observation * shape.stack), returns: Moments::new(1), flat, shape }
+        Self { seen: RunningMoments::new(shape.observation * shape.stack), returns: RunningMoments::new(1), flat, shape }
     }
 
     /// Mean, spread and value for rows of (stacked) observations.

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Inputs, Provenance, Table, write};
 use crate::error::{Error, Result, refuse};
+use crate::shipped::results;
 
 /// A result. In JSON its data stand beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -62,8 +63,8 @@ impl<T: Serialize + DeserializeOwned> Artifact<T> {
     }
 }
 
-/// Refuses to replace a result by a weaker one: by one with less effort behind it, or a clean one by one of a checkout whose
-/// files were changed. To be asked before anything is measured.
+/// Refuses to replace a result by a weaker one: by one with less effort behind it, or, in the project's own folder, a clean one by
+/// one of a checkout whose files were changed. To be asked before anything is measured.
 ///
 /// # Errors
 /// [`Error::Refused`], with what to do.
@@ -77,7 +78,8 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
             there.effort
         );
     }
-    if provenance.dirty() && !there.provenance.dirty() {
+    let own = || folder.canonicalize().is_ok_and(|folder| results().canonicalize().is_ok_and(|results| results == folder));
+    if provenance.dirty() && !there.provenance.dirty() && own() {
         refuse!("{}: of a clean checkout; commit your changes first, or write elsewhere (--out out/try)", path.display());
     }
     Ok(())

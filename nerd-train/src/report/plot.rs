@@ -6,6 +6,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 
+pub use super::axis::Log;
+use super::axis::Room;
+use super::pixels::Canvas;
 use super::write;
 use crate::error::{Error, Result};
 
@@ -30,7 +33,7 @@ pub const COLOURS: [RGBColor; 9] = [
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// x, y and a word beside the mark.
+    /// x, y and a word beside the mark, where there is room for it.
     pub points: Vec<(f64, f64, String)>,
 }
 
@@ -59,19 +62,19 @@ pub trait Picture {
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()>;
 }
 
-/// Writes a picture as `stem`.svg and `stem`.png.
+/// Writes a picture as `stem`.svg and, of twice as many pixels each way, `stem`.png.
 ///
 /// # Errors
 /// If it cannot be drawn or written.
 pub fn save(stem: &Path, size: (u32, u32), picture: &impl Picture) -> Result<()> {
-    register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-        .map_err(|_| Error::Draw("the built-in font cannot be read".into()))?;
+    let unread = || Error::Draw("the built-in font cannot be read".into());
+    register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular()).map_err(|_| unread())?;
     let mut svg = String::new();
     picture.draw(&SVGBackend::with_string(&mut svg, size).into_drawing_area())?;
     write(&stem.with_extension("svg"), svg.as_bytes())?;
     let folder = tempfile::tempdir().map_err(Error::file(Path::new("a temporary folder")))?;
     let png = folder.path().join("picture.png");
-    picture.draw(&BitMapBackend::new(&png, size).into_drawing_area())?;
+    picture.draw(&Canvas::new(&png, size, dejavu::sans::regular()).map_err(|_| unread())?.into_drawing_area())?;
     write(&stem.with_extension("png"), &std::fs::read(&png).map_err(Error::file(&png))?)
 }
 
@@ -123,24 +126,23 @@ impl Picture for Figure {
         let failed = failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let all = || self.series.iter().flat_map(|s| &s.points);
-        let (x, y) = (decades(all().map(|p| p.0)), decades(all().map(|p| p.1).chain(self.levels.iter().map(|l| l.0))));
+        let (x, y) = (Log::over(all().map(|p| p.0)), Log::over(all().map(|p| p.1).chain(self.levels.iter().map(|l| l.0))));
+        let ends = [x.range().start, x.range().end];
         let (plot, legend) = area.split_vertically(SIZE.1);
         let mut chart = ChartBuilder::on(&plot)
             .caption(&self.title, ("sans-serif", 20))
             .margin(14)
             .x_label_area_size(46)
             .y_label_area_size(64)
-            .build_cartesian_2d((x.0..x.1).log_scale(), (y.0..y.1).log_scale())
+            .build_cartesian_2d(x, y)
             .map_err(failed)?;
         chart
             .configure_mesh()
             .x_desc(&self.x)
             .y_desc(&self.y)
             .label_style(("sans-serif", 14))
-            .light_line_style(BLACK.mix(0.04))
+            .light_line_style(TRANSPARENT)
             .bold_line_style(BLACK.mix(0.12))
-            .x_label_formatter(&|v| power(*v))
-            .y_label_formatter(&|v| power(*v))
             .draw()
             .map_err(failed)?;
         // The front is a staircase: to be better one must pay up to the next point.
@@ -149,31 +151,24 @@ impl Picture for Figure {
             chart.draw_series(LineSeries::new(stairs, BLACK.mix(0.18).stroke_width(7))).map_err(failed)?;
         }
         for (height, name) in &self.levels {
-            chart.draw_series(DashedLineSeries::new([(x.0, *height), (x.1, *height)], 6, 5, BLACK.mix(0.5).into())).map_err(failed)?;
+            chart.draw_series(DashedLineSeries::new(ends.map(|x| (x, *height)), 6, 5, BLACK.mix(0.5).into())).map_err(failed)?;
             let style = ("sans-serif", 13).into_font().color(&BLACK.mix(0.7));
-            chart.draw_series([EmptyElement::at((x.0, *height)) + Text::new(name.clone(), (10, -16), style)]).map_err(failed)?;
+            chart.draw_series([EmptyElement::at((ends[0], *height)) + Text::new(name.clone(), (10, -16), style)]).map_err(failed)?;
         }
+        let mut room = Room::default();
+        all().for_each(|(x, y, _)| room.mark(chart.backend_coord(&(*x, *y))));
         for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle()) {
             let line = series.points.iter().map(|p| (p.0, p.1));
             chart.draw_series(LineSeries::new(line, colour.stroke_width(2))).map_err(failed)?;
-            let marks = series.points.iter().map(|(x, y, word)| {
+            for (x, y, word) in &series.points {
                 let style = ("sans-serif", 12).into_font().color(colour);
-                EmptyElement::at((*x, *y)) + Circle::new((0, 0), 4, colour.filled()) + Text::new(word.clone(), (6, -14), style)
-            });
-            chart.draw_series(marks).map_err(failed)?;
+                chart.draw_series([EmptyElement::at((*x, *y)) + Circle::new((0, 0), 4, colour.filled())]).map_err(failed)?;
+                if let Some(at) = room.place(word, chart.backend_coord(&(*x, *y)), SIZE) {
+                    chart.draw_series([EmptyElement::at((*x, *y)) + Text::new(word.clone(), at, style)]).map_err(failed)?;
+                }
+            }
         }
         self.legend(&legend).map_err(failed)?;
         area.present().map_err(failed)
     }
-}
-
-/// The range of positive values with a little room.
-fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (low, high) = values.filter(|v| *v > 0.0).fold((f64::MAX, f64::MIN_POSITIVE), |(a, b), v| (a.min(v), b.max(v)));
-    // Nothing above zero has no range of its own.
-    if low > high { (0.1, 10.0) } else { (low / 2.0, high * 4.0) }
-}
-
-fn power(v: f64) -> String {
-    if (0.05..20_000.0).contains(&v) { format!("{}", (v * 100.0).round() / 100.0) } else { format!("{v:.0e}") }
 }

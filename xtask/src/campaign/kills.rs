@@ -23,7 +23,7 @@ const JOBS: [Job; 4] = [
     Job { name: "dataset", line: "dataset --robot pendulum --transitions 60000 --frames 10 --out run", same: &[""] },
     Job {
         name: "train",
-        line: "train --robot cartpole --preset small --embedding 16 --layers 1 --history 4 --transitions 4000 --frames 20 --updates 60 \
+        line: "train --robot cartpole --recipe small --embedding 16 --layers 1 --history 4 --transitions 4000 --frames 20 --updates 60 \
                --batch 16 --rollouts 2 --validate-every 3 --out run",
         same: &["model/model.safetensors", "model/normalizer.json", "run.json"],
     },

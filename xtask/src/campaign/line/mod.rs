@@ -32,7 +32,7 @@ const VERBS: [(&str, &str); 9] = [
          --friction huber --tolerance 0.1 --out out/e.json",
     ),
     (
-        "train --robot pendulum --preset small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \
+        "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \
          --rollouts 1 --minutes 0.02 --out out",
         "--stream --sequence 6 --base flight --variant absolute --rate 1e-3 --last-rate 1e-4 --tail 0.3 --warmup 1 --optimizer muon \
          --huber 1 --average 0.9 --validate-every 1 --torque-scale 0.5 --hold 2 --resets 0.5 --fresh 20 --seed 3 --finish --data f/data \
@@ -125,8 +125,8 @@ fn odd(rng: &mut impl Rng, flag: &str) -> &'static str {
     match flag {
         // An output may stand in its own folder only, and not in that of the good files.
         "--out" => one(rng, &["''", "out/a/b/c", "there", "null", "there/a", "."]),
-        // The preset of a shipped model is honest work of minutes.
-        "--preset" => one(rng, &["''", "x", "0", "nan", "small", "converged"]),
+        // The recipe of a shipped model is honest work of minutes.
+        "--preset" | "--recipe" => one(rng, &["''", "x", "0", "nan", "small", "converged"]),
         _ => one(rng, &ODD),
     }
 }

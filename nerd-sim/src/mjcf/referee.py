@@ -1,0 +1,72 @@
+"""Steps a model with MuJoCo for `nerd_sim::mjcf::Referee`.
+
+JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames` and `starts` as [qpos, qvel]; the answer is
+MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the
+answer is the states at frame ends as `states[frame][start]`, null once MuJoCo has given one up, and the `seconds` of the
+fastest run. A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end
+where the recorded one did.
+"""
+
+import json
+import sys
+import time
+
+
+def say(answer):
+    print(json.dumps(answer), flush=True)
+
+
+def main():
+    request = json.loads(sys.stdin.readline())
+    frames, starts = request["frames"], request["starts"]
+    try:
+        import mujoco
+    except ImportError as error:
+        return say({"error": f"no MuJoCo here ({error}); name a Python that has it"})
+    # What blows up is counted, and need not be written to a file.
+    mujoco.set_mju_user_warning(lambda text: None)
+    model = mujoco.MjModel.from_xml_string(request["mjcf"])
+    data = mujoco.MjData(model)
+    bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
+    say({"version": mujoco.__version__})
+
+    def begin(start):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = start[: model.nq]
+        data.qvel[:] = start[model.nq :]
+
+    def state():
+        values = data.qpos.tolist() + data.qvel.tolist()
+        # MuJoCo starts anew where it has blown up, and counts that.
+        fine = all(abs(x) < 1e10 for x in values) and not any(data.warning[kind].number for kind in bad)
+        return values if fine else None
+
+    for line in sys.stdin:
+        setting = json.loads(line)
+        substeps = setting["substeps"]
+        model.opt.timestep = request["frame_time"] / substeps
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, "mjINT_" + setting["integrator"])
+        states = [[] for _ in range(frames)]
+        for start in starts:
+            begin(start)
+            for frame in states:
+                mujoco.mj_step(model, data, nstep=substeps)
+                frame.append(state())
+        best, total, runs = float("inf"), 0.0, 0
+        while setting["timed"] and (runs == 0 or total < 0.3 and runs < 20 or runs < 3 and total < 10.0):
+            spent = 0.0
+            for start, last in zip(starts, states[-1]):
+                begin(start)
+                before = time.perf_counter()
+                mujoco.mj_step(model, data, nstep=substeps * frames)
+                spent += time.perf_counter() - before
+                if state() != last:
+                    return say({"error": "MuJoCo came to another state when timed"})
+            best, total, runs = min(best, spent), total + spent, runs + 1
+        say({"states": states, "seconds": best if setting["timed"] else 0.0})
+
+
+try:
+    main()
+except Exception as error:
+    say({"error": f"MuJoCo: {error}"})

@@ -1,0 +1,133 @@
+//! MuJoCo as a referee: another engine on the same robot, for those who have one. Nothing needs it, to build or to run:
+//! a Python with MuJoCo is started when asked for, given a model and starts, and asked for states.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use nerd_core::robot::Robot;
+use serde::{Deserialize, Serialize};
+
+use super::{MjcfError, from_mujoco, mjcf, to_mujoco};
+use crate::prelude::*;
+
+const REFEREE: &str = include_str!("referee.py");
+/// Every coordinate of a state that MuJoCo has given up: past what counts as diverged.
+pub const GONE: f64 = 2e5;
+
+/// MuJoCo's integrators that are of use here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Scheme {
+    /// Semi-implicit, joint damping implicit.
+    #[serde(rename = "EULER")]
+    Euler,
+    /// The same, all smooth forces of velocity but the Coriolis ones implicit.
+    #[serde(rename = "IMPLICITFAST")]
+    ImplicitFast,
+    /// Classical Runge-Kutta.
+    #[serde(rename = "RK4")]
+    Rk4,
+}
+
+/// What came of one setting.
+pub struct Played {
+    /// States of all starts by frame, `[frame][start * state]` as a batch holds them; [`GONE`] once MuJoCo gives one up.
+    pub frames: Vec<Vec<f64>>,
+    /// Seconds of stepping all starts over all frames on one core: of a few runs the fastest; 0 if not timed.
+    pub seconds: f64,
+}
+
+/// What the referee is told first, and then for each run.
+#[derive(Serialize)]
+struct Request {
+    mjcf: String,
+    frame_time: f64,
+    frames: usize,
+    starts: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize)]
+struct Setting {
+    integrator: Scheme,
+    substeps: usize,
+    timed: bool,
+}
+
+/// What it says.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Answer {
+    Error { error: String },
+    Version { version: String },
+    Played { states: Vec<Vec<Option<Vec<f64>>>>, seconds: f64 },
+}
+
+/// MuJoCo at work on one model from the same starts, at one setting after another.
+pub struct Referee {
+    /// MuJoCo's version.
+    pub version: String,
+    robot: Robot,
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl Referee {
+    /// Starts `python` on `system` in `scene`, to roll out `frames` frames from each of `starts`, states of ours.
+    ///
+    /// # Errors
+    /// Of [`mjcf`], if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
+    pub fn new(python: &Path, system: &System, scene: &Scene, starts: &[Vec<f64>], frames: usize) -> Result<Self, MjcfError> {
+        let robot = system.robot.clone();
+        let starts = starts.iter().map(|s| to_mujoco(&robot, s)).collect();
+        let request = Request { mjcf: mjcf(system, scene)?, frame_time: system.frame_time, frames, starts };
+        let cannot = |source| MjcfError::Start { python: python.into(), source };
+        let mut command = Command::new(python);
+        command.args(["-c", REFEREE]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.spawn().map_err(cannot)?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(cannot(std::io::Error::other("it has no pipes")));
+        };
+        let mut referee = Self { version: String::new(), robot, child, input, output: BufReader::new(output) };
+        let Answer::Version { version } = referee.ask(&request)? else {
+            return Err(MjcfError::Referee("MuJoCo does not say its version".into()));
+        };
+        referee.version = version;
+        Ok(referee)
+    }
+
+    /// Rolls out at one setting: `substeps` steps of `integrator` a frame.
+    ///
+    /// # Errors
+    /// What MuJoCo says, or that it has ended.
+    pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played, MjcfError> {
+        let answer = self.ask(&Setting { integrator, substeps, timed })?;
+        let Answer::Played { states, seconds } = answer else {
+            return Err(MjcfError::Referee("MuJoCo says something else than states".into()));
+        };
+        let robot = &self.robot;
+        let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
+        Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
+    }
+
+    fn ask(&mut self, question: &impl Serialize) -> Result<Answer, MjcfError> {
+        // One that has ended says why on its output.
+        let question = serde_json::to_string(question).map_err(|e| MjcfError::Referee(format!("cannot ask MuJoCo: {e}")))?;
+        let _ = writeln!(self.input, "{question}");
+        let mut line = String::new();
+        self.output.read_line(&mut line).map_err(|e| MjcfError::Referee(format!("cannot hear MuJoCo: {e}")))?;
+        match serde_json::from_str(&line) {
+            Ok(Answer::Error { error }) => Err(MjcfError::Referee(error)),
+            Ok(answer) => Ok(answer),
+            Err(_) => Err(MjcfError::Referee("the Python of MuJoCo ended without an answer".into())),
+        }
+    }
+}
+
+impl Drop for Referee {
+    /// Nobody listens any more.
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

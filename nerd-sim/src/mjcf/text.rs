@@ -1,0 +1,145 @@
+//! A system in a scene as MJCF, MuJoCo's own text: the same bodies, joints and shapes, to the last digit.
+//!
+//! A link's frame is its joint's frame, so bodies nest with the joints' origins and every joint sits at its body's origin.
+//! Limits are our spring and damper (see [`limit`]); contacts are MuJoCo's own, soft constraints with its default
+//! settings, with the friction of the pair. What MuJoCo cannot hold (a scene that is no plane) is refused.
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nerd_core::dynamics::{Data, Factor, crba, kinematics};
+use nerd_core::robot::{Base, Joint, JointKind, Limit, Link, Robot, ShapeKind};
+
+use super::MjcfError;
+use crate::prelude::*;
+
+/// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
+const WEAKEST: f64 = 1e-4;
+
+/// Geoms of the scene touch those of the robot and nothing else.
+const SCENE: &str = r#"contype="1" conaffinity="0""#;
+const ROBOT: &str = r#"contype="0" conaffinity="1""#;
+
+/// `system` in `scene` as MJCF; the integrator and the step are the caller's to set.
+///
+/// ```
+/// use nerd_sim::prelude::*;
+/// let system = System::named("pendulum")?;
+/// let text = nerd_sim::mjcf::mjcf(&system, &*system.scene("ground1")?)?;
+/// assert!(text.starts_with("<mujoco"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// [`MjcfError::Scene`] if the scene is more than planes, [`MjcfError::Robot`] if its mass matrix is none.
+pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
+    let robot = &system.robot;
+    let mut text = format!(
+        "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"/>\n<worldbody>\n",
+        escape(&system.name),
+        numbers(scene.gravity.as_slice())
+    );
+    for collider in &scene.colliders {
+        let Some(plane) = collider.plane else { return Err(MjcfError::Scene(scene.name.clone())) };
+        // Its geom's z axis points out of a plane.
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+        let pose = pose(&Isometry3::from_parts((plane.normal * plane.offset).into(), turn));
+        // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's have none.
+        let friction = collider.material.mean(&system.spec.material).friction;
+        text += &format!("<geom type=\"plane\" size=\"0 0 1\" {pose} friction=\"{friction}\" {SCENE}/>\n");
+    }
+    let weight = weights(robot)?;
+    for (i, link) in robot.links.iter().enumerate().filter(|(_, l)| l.parent.is_none()) {
+        let base = if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
+        body(&mut text, robot, scene, &weight, i, &base);
+    }
+    text += "</worldbody>\n</mujoco>\n";
+    Ok(text)
+}
+
+/// Link `i` and all that hangs on it; `base` is where its parent's frame stands in the body it is nested in. Links stand
+/// depth-first in the robot, as MuJoCo counts its bodies, so the joints keep their order.
+fn body(text: &mut String, robot: &Robot, scene: &Scene, weight: &[f64], i: usize, base: &Isometry3<f64>) {
+    let link = &robot.links[i];
+    let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
+    *text += &format!("<body name=\"{}\" {}>\n", escape(&link.name), pose(&origin));
+    *text += &link.joint.as_ref().map_or_else(|| "<freejoint/>\n".into(), |j| joint(j, weight[i - usize::from(robot.floating())]));
+    *text += &inertial(link);
+    // Without anything to touch the robot needs no shapes.
+    if !scene.colliders.is_empty() {
+        let (shapes, points) = robot.touching(i);
+        for shape in shapes {
+            let (kind, size) = match shape.kind {
+                ShapeKind::Box { half } => ("box", numbers(half.as_slice())),
+                ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
+                _ => continue,
+            };
+            *text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\" {ROBOT}/>\n", pose(&shape.pose));
+        }
+        for p in points {
+            let place = numbers(p.local.as_slice());
+            *text += &format!("<geom type=\"sphere\" size=\"{}\" pos=\"{place}\" mass=\"0\" friction=\"0\" {ROBOT}/>\n", p.radius);
+        }
+    }
+    for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
+        body(text, robot, scene, weight, child, &Isometry3::identity());
+    }
+    *text += "</body>\n";
+}
+
+fn joint(joint: &Joint, weight: f64) -> String {
+    let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
+    let (axis, limit) = (numbers(joint.axis().as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
+    let name = escape(&joint.name);
+    let Joint { armature, damping, friction, .. } = joint;
+    let forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");
+    format!("<joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" {forces} {limit}/>\n")
+}
+
+/// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with
+/// `a_ref = -b v - k' r` in accelerations: as weak as it may be, `R = A / 1e-4` outweighs A and a_0, and
+/// `k' = k A`, `b = d A` make it ours to 1e-4, except that it never pulls. As weak as
+/// that it is as explicit as ours: too stiff for one substep, where MuJoCo's own limits would hold.
+fn limit(limit: &Limit, weight: f64) -> String {
+    if limit.stiffness <= 0.0 {
+        return "limited=\"false\"".into();
+    }
+    let (k, d) = (limit.stiffness * weight, limit.damping * weight);
+    let range = numbers(&[limit.lower, limit.upper]);
+    format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
+}
+
+/// `(M^-1)_ii` of each joint at zero coordinates: the inertia by which MuJoCo scales a joint's constraints.
+fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
+    let (mut data, mut factor) = (Data::new(robot), Factor::new(robot));
+    kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
+    crba(robot, &mut data);
+    if !factor.refill(&data.mass) {
+        return Err(MjcfError::Robot(factor.fault(robot)));
+    }
+    let column = |i: usize| {
+        let mut x = vec![0.0; robot.nv()];
+        x[i] = 1.0;
+        factor.solve(&mut x);
+        x[i]
+    };
+    Ok((robot.root_dofs()..robot.nv()).map(column).collect())
+}
+
+fn inertial(link: &Link) -> String {
+    let (mass, com, i) = (link.inertia.mass, numbers(link.inertia.com.as_slice()), &link.inertia.inertia);
+    let inertia = numbers(&[i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)]]);
+    format!("<inertial mass=\"{mass}\" pos=\"{com}\" fullinertia=\"{inertia}\"/>\n")
+}
+
+fn pose(pose: &Isometry3<f64>) -> String {
+    let q = pose.rotation.quaternion();
+    format!("pos=\"{}\" quat=\"{}\"", numbers(pose.translation.vector.as_slice()), numbers(&[q.w, q.i, q.j, q.k]))
+}
+
+fn numbers(x: &[f64]) -> String {
+    x.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}

@@ -1,0 +1,225 @@
+//! Rollouts as CSV: starts and torques are read from a table, rolled out under any solver, and the states written to another.
+//!
+//! A table has a header and one row for each trajectory and step: `traj, step`, the state's columns
+//! ([`crate::spec::Spec::state_columns`]; rad, m, rad/s, m/s; read at step 0 alone) and, if anything drives the robot, all of the
+//! torques' (N m or N), held from their row's step to the next. Columns go by their names, others are passed over.
+//!
+//! ```no_run
+//! use nerd_sim::{prelude::*, rollout::States};
+//! let system = System::named("pendulum")?;
+//! let states = States::read("starts.csv".as_ref(), &system)?;
+//! let mut solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+//! let table = states.roll(&system, &system.scene("ground3")?, &mut solver, 100, &mut |_| ())?;
+//! std::fs::write("out.csv", table)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::prelude::*;
+use crate::table::{Table, TableError};
+
+/// Largest number of a step: at 1/60 s, four and a half hours.
+pub const FRAMES: usize = 1_000_000;
+
+/// Why a rollout could not be read, made or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RolloutError {
+    /// The table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The table drives its robot, but not in every frame that is asked for.
+    #[error("{}: trajectory {trajectory} has no torques at step {step}, {frames} steps were asked for", path.display())]
+    Torques {
+        /// The table.
+        path: PathBuf,
+        /// Trajectory.
+        trajectory: u64,
+        /// Its first step without torques.
+        step: usize,
+        /// Frames asked for.
+        frames: usize,
+    },
+    /// The solver's.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The rows cannot be written.
+    #[error("cannot write the table: {0}")]
+    Write(#[from] csv::Error),
+}
+
+/// What a table holds.
+#[derive(Clone, Debug)]
+pub struct States {
+    /// The table.
+    pub path: PathBuf,
+    /// Trajectories by id.
+    pub trajectories: BTreeMap<u64, Trajectory>,
+    /// Whether it has torques.
+    pub driven: bool,
+}
+
+/// One trajectory: its start, and its torques by step.
+#[derive(Clone, Debug, Default)]
+pub struct Trajectory {
+    /// State `[q, qd]` of step 0.
+    pub start: Vec<f64>,
+    /// By step the line it stands on, and joint torques; the last row of a trajectory needs none.
+    steps: BTreeMap<usize, (u64, Option<Vec<f64>>)>,
+}
+
+impl Trajectory {
+    /// Torques by joint (N m or N) held from a step to the next.
+    pub fn torques(&self, step: usize) -> Option<&[f64]> {
+        self.steps.get(&step)?.1.as_deref()
+    }
+}
+
+impl States {
+    /// Reads a table of `system`.
+    ///
+    /// # Errors
+    /// What is wrong in it, with line and column.
+    pub fn read(path: &Path, system: &System) -> Result<Self, TableError> {
+        let mut table = Table::open(path)?;
+        let columns = Columns::find(&table, system)?;
+        let mut trajectories: BTreeMap<u64, Trajectory> = BTreeMap::new();
+        table.rows(|row| {
+            let (id, step) = (row.whole(columns.traj, u64::MAX)?, row.whole(columns.step, FRAMES as u64)? as usize);
+            let trajectory = trajectories.entry(id).or_default();
+            if let Some((first, _)) = trajectory.steps.get(&step) {
+                return Err(row.wrong(&format!(": trajectory {id} has step {step} already on line {first}")));
+            }
+            if step == 0 {
+                trajectory.start = row.numbers(&columns.states)?;
+                if system.robot.floating() {
+                    row.unit(&columns.states[3..7], &trajectory.start[3..7])?;
+                }
+            }
+            let given = columns.torques.iter().any(|&c| !row.cell(c).is_empty());
+            let torques = given.then(|| row.numbers(&columns.torques)).transpose()?;
+            trajectory.steps.insert(step, (row.line, torques));
+            Ok(())
+        })?;
+        if trajectories.is_empty() {
+            return Err(table.wrong("no rows under the header".into()));
+        }
+        if let Some((id, _)) = trajectories.iter().find(|(_, t)| !t.steps.contains_key(&0)) {
+            return Err(table.wrong(format!("trajectory {id} has no row of step 0, its start")));
+        }
+        Ok(Self { path: path.into(), trajectories, driven: !columns.torques.is_empty() })
+    }
+
+    /// Frames that the table has.
+    pub fn frames(&self) -> usize {
+        self.trajectories.values().filter_map(|t| t.steps.last_key_value()).map(|(step, _)| *step).max().unwrap_or(0)
+    }
+
+    /// Its rows.
+    pub fn rows(&self) -> usize {
+        self.trajectories.values().map(|t| t.steps.len()).sum()
+    }
+
+    /// Whether a table that drives its robot does so in each of `frames` frames.
+    ///
+    /// # Errors
+    /// [`RolloutError::Torques`].
+    pub fn check(&self, frames: usize) -> Result<(), RolloutError> {
+        for (&trajectory, t) in self.trajectories.iter().filter(|_| self.driven) {
+            if let Some(step) = (0..frames).find(|step| t.torques(*step).is_none()) {
+                return Err(RolloutError::Torques { path: self.path.clone(), trajectory, step, frames });
+            }
+        }
+        Ok(())
+    }
+
+    /// Rolls all trajectories out in `scene`, one environment each by id, and returns the table of their states: `traj, step`
+    /// and the state, steps 0 to `frames`, with as many digits as an f64 takes. `progress` is told the frames done.
+    ///
+    /// # Errors
+    /// [`Self::check`]'s, and the solver's.
+    pub fn roll(
+        &self,
+        system: &Arc<System>,
+        scene: &Arc<Scene>,
+        solver: &mut dyn Solver,
+        frames: usize,
+        progress: &mut dyn FnMut(usize),
+    ) -> Result<Vec<u8>, RolloutError> {
+        self.check(frames)?;
+        let (n, joints) = (self.trajectories.len(), system.robot.joint_count());
+        let mut batch = Batch::new(system, scene, n);
+        self.trajectories.values().enumerate().for_each(|(env, t)| batch.reset(env, &t.start));
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record(["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)))?;
+        let mut write = |step: usize, batch: &Batch| {
+            self.trajectories.keys().enumerate().try_for_each(|(env, id)| {
+                let state = batch.state(env).iter().map(f64::to_string);
+                table.write_record([id.to_string(), step.to_string()].into_iter().chain(state))
+            })
+        };
+        write(0, &batch)?;
+        let mut torques = vec![0.0; n * joints];
+        for step in 0..frames {
+            for (t, torques) in self.trajectories.values().zip(torques.chunks_exact_mut(joints.max(1))) {
+                if let Some(given) = t.torques(step) {
+                    torques.copy_from_slice(given);
+                }
+            }
+            solver.step(&mut batch, &torques)?;
+            write(step + 1, &batch)?;
+            progress(step + 1);
+        }
+        table.into_inner().map_err(|e| RolloutError::Write(e.into_error().into()))
+    }
+}
+
+/// Where the columns stand.
+struct Columns {
+    traj: usize,
+    step: usize,
+    states: Vec<usize>,
+    torques: Vec<usize>,
+}
+
+impl Columns {
+    fn find(table: &Table, system: &System) -> Result<Self, TableError> {
+        let (states, torques) = (&system.spec.state_columns, &system.spec.torque_columns);
+        let wanted: Vec<&str> = ["traj", "step"].into_iter().chain(states.iter().chain(torques).map(String::as_str)).collect();
+        if let Some(name) = twice(wanted.iter().copied()) {
+            let robot = &system.name;
+            let reason =
+                format!("robot `{robot}` has two columns `{name}`: give its joints other names in tables, `column = ..` in its TOML");
+            return Err(table.wrong(reason));
+        }
+        let there: Vec<&str> = table.names().iter().map(String::as_str).collect();
+        if let Some(name) = twice(there.iter().copied().filter(|name| !name.is_empty())) {
+            return Err(table.wrong(format!("line 1: column `{name}` stands there twice")));
+        }
+        let needed = |name: &str| {
+            there.iter().position(|h| *h == name).ok_or_else(|| {
+                let (needed, driving) = (wanted[..2 + states.len()].join(", "), torques.join(", "));
+                let there = there.join(", ");
+                table.wrong(format!("line 1: no column `{name}`; there are {there}; needed are {needed} and, for torques, {driving}"))
+            })
+        };
+        let given = |name: &&&str| torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name);
+        // Torques are all there, or none is: one that is called otherwise would be passed over.
+        let driven = there.iter().any(|name| given(&name));
+        Ok(Self {
+            traj: needed("traj")?,
+            step: needed("step")?,
+            states: states.iter().map(|name| needed(name)).collect::<Result<_, _>>()?,
+            torques: if driven { torques.iter().map(|name| needed(name)).collect::<Result<_, _>>()? } else { Vec::new() },
+        })
+    }
+}
+
+/// A name that comes a second time.
+fn twice<'a>(names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let mut seen = BTreeSet::new();
+    names.into_iter().find(|name| !seen.insert(*name))
+}

@@ -1,0 +1,135 @@
+//! Other people's robots: each .urdf of a folder is read as it is, on a fixed and on a free base, and rolled out from zero
+//! coordinates under gravity, or refused by one line that says what it asks for that is not there. No file ends the others'
+//! turn: one that cannot be read, or that we panic on, has its line, too.
+//!
+//! ```
+//! let found = nerd_sim::survey::find("assets".as_ref())?;
+//! let robot = nerd_sim::survey::survey(found.iter().find(|f| f.name == "pendulum.urdf").expect("it is built in"));
+//! assert_eq!(robot.sizes.map(|s| (s.links, s.joints)), Some((2, 2)));
+//! assert!(robot.fixed.is_ok());
+//! # Ok::<(), std::io::Error>(())
+//! ```
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::prelude::*;
+
+/// Frames rolled out.
+pub const FRAMES: usize = 10;
+/// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it
+/// moves.
+const SUBSTEPS: [usize; 2] = [4, 64];
+
+/// A file that may be a robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// The file.
+    pub path: PathBuf,
+    /// Its path from the folder asked for.
+    pub name: String,
+}
+
+/// What came of a file.
+#[derive(Clone, Debug)]
+pub struct Surveyed {
+    /// The file's name.
+    pub name: String,
+    /// Of the robot, where it can be read.
+    pub sizes: Option<Sizes>,
+    /// Whether it moves on a fixed base: substeps a frame, or why not.
+    pub fixed: Result<usize, String>,
+    /// Whether it moves on a free base.
+    pub floating: Result<usize, String>,
+}
+
+/// Of a robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sizes {
+    /// Links that move.
+    pub links: usize,
+    /// Joints, of one degree of freedom each.
+    pub joints: usize,
+    /// Mass (kg).
+    pub mass: f64,
+    /// Meshes that were passed over.
+    pub meshes: usize,
+}
+
+/// `path`, or the .urdf files below it by name; also a folder below it that cannot be read. No link is followed.
+///
+/// # Errors
+/// If `path` is not there.
+pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
+    let above = if path.metadata()?.is_dir() { path } else { path.parent().unwrap_or(path) };
+    let mut files = Vec::new();
+    search(path, above, &mut files);
+    Ok(files)
+}
+
+fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
+    let inside = if path.is_dir() { std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>).ok() } else { None };
+    let Some(mut inside) = inside else {
+        files.push(Found { path: path.into(), name: path.strip_prefix(above).unwrap_or(path).display().to_string() });
+        return;
+    };
+    inside.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in inside {
+        // A link may lead back up.
+        let (path, kind) = (entry.path(), entry.file_type());
+        if kind.is_ok_and(|kind| kind.is_dir() || kind.is_file() && path.extension().is_some_and(|e| e == "urdf")) {
+            search(&path, above, files);
+        }
+    }
+}
+
+/// Reads a file on both bases and rolls what it holds out.
+pub fn survey(Found { path, name }: &Found) -> Surveyed {
+    let text = text(path);
+    let read = |floating| -> Result<System, String> {
+        let text = text.as_ref().map_err(Clone::clone)?;
+        caught(|| System::bare(name, text, floating).map_err(|e| reason(&e, name)))
+    };
+    let tries = [false, true].map(read);
+    let sizes = tries.iter().flatten().next().map(|System { robot, .. }| Sizes {
+        links: robot.links.len(),
+        joints: robot.joint_count(),
+        mass: robot.mass(),
+        meshes: robot.skipped_meshes.len(),
+    });
+    let [fixed, floating] = tries.map(|system| system.and_then(|system| caught(|| roll(system, name))));
+    Surveyed { name: name.clone(), sizes, fixed, floating }
+}
+
+/// The text of a file, or why it has none.
+fn text(path: &Path) -> Result<String, String> {
+    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
+    String::from_utf8(bytes).map_err(|e| format!("is not UTF-8 text: byte {}", e.utf8_error().valid_up_to()))
+}
+
+/// What came of a robot; a panic is our fault, and says so.
+fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
+        Err(format!("panic, please report: {}", said.unwrap_or_default().replace(['\n', '|'], " ")))
+    })
+}
+
+/// Rolls a robot out at the fewest substeps that do.
+fn roll(system: System, name: &str) -> Result<usize, String> {
+    let system = Arc::new(system);
+    let scene = system.scene("free").map_err(|e| reason(&e, name))?;
+    let torques = vec![0.0; system.robot.joint_count()];
+    let frames = |substeps| {
+        let mut batch = Batch::new(&system, &scene, 1);
+        let mut solver = Articulated::new(ArticulatedConfig { substeps, ..ArticulatedConfig::converged(Friction::Coulomb) });
+        (0..FRAMES).try_for_each(|_| solver.step(&mut batch, &torques)).map(|()| substeps).map_err(|e| e.to_string())
+    };
+    frames(SUBSTEPS[0]).or_else(|_| frames(SUBSTEPS[1]))
+}
+
+/// What was said, without the name that stands in its row already.
+fn reason(error: &SystemError, name: &str) -> String {
+    error.to_string().replace(&format!("robot `{name}`: "), "").replace('|', "/")
+}

@@ -1,0 +1,108 @@
+//! Games of a policy: in a truth, in a model, and how far their rewards are apart.
+
+use std::path::Path;
+
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_tasks::{Episodes, named};
+use serde::{Deserialize, Serialize};
+
+use crate::device::Device;
+use crate::error::{Result, refuse};
+use crate::ppo::{Game, Policy, folder, play};
+use crate::progress::bar;
+use crate::report::Input;
+
+/// Mean and spread over games.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reward {
+    /// Mean return.
+    pub mean: f64,
+    /// Standard deviation of a game's.
+    pub spread: f64,
+    /// Standard error of the mean.
+    #[serde(default)]
+    pub standard_error: f64,
+    /// Mean length (steps).
+    pub length: f64,
+}
+
+impl Reward {
+    /// Of these games.
+    pub fn of(games: &[Game]) -> Self {
+        let n = games.len() as f64;
+        let mean = games.iter().map(|g| g.reward).sum::<f64>() / n;
+        let spread = (games.iter().map(|g| (g.reward - mean).powi(2)).sum::<f64>() / n).sqrt();
+        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n }
+    }
+}
+
+/// `(learned - real) / |real|` in percent.
+pub fn gap(real: f64, learned: f64) -> f64 {
+    100.0 * (learned - real) / real.abs()
+}
+
+/// Standard error of [`gap`] between the means of games that began alike, pair by pair: `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
+pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
+    let (r, l) = (Reward::of(real).mean, Reward::of(learned).mean);
+    let square = |(a, b): (&Game, &Game)| (b.reward - a.reward * l / r).powi(2);
+    100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
+}
+
+/// What policies act in.
+#[derive(Clone, Copy, Debug)]
+pub enum Place<'a> {
+    /// A truth.
+    Truth(Truth),
+    /// The model of a folder.
+    Model(&'a Path, Device),
+}
+
+/// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
+///
+/// # Errors
+/// If the task is unknown, the model cannot be read, or the solver cannot step.
+pub fn games(task: &str, place: Place, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
+    let task = named(task)?;
+    if n == 0 {
+        refuse!("--games 0: at least one is needed");
+    }
+    let system = System::named(task.robot())?;
+    let batch = Batch::new(&system, &system.scene(task.scene())?, n);
+    let (solver, title): (Box<dyn Solver>, _) = match place {
+        Place::Truth(truth) => (truth.solver(&system), truth.name()),
+        Place::Model(folder, device) => (Box::new(device.neural(folder, &system, None, n)?), folder.display().to_string()),
+    };
+    let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
+    let bar = bar(&format!("steps of {n} games of {} in {title}", episodes.task.name()), episodes.task.episode_length());
+    let mut step = 0;
+    let games = play(policy, &mut episodes, &mut |_| {
+        step += 1;
+        bar.set(step);
+    })?;
+    bar.finish();
+    Ok(games)
+}
+
+/// The policy of a folder, which is of that task.
+///
+/// # Errors
+/// If it cannot be read, or is of another task.
+pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
+    let (config, policy) = folder::load(path)?;
+    if config.task != task {
+        refuse!("{} is a policy of `{}`, not of `{task}`", path.display(), config.task);
+    }
+    Ok(policy)
+}
+
+/// A truth as what a task's games depend on.
+///
+/// # Errors
+/// If the task is unknown, or the truth cannot step.
+pub fn truth_of(task: &str, truth: Truth) -> Result<Input> {
+    let (task, setting) =
+        (named(task)?, if truth == Truth::Articulated { Setting::Paper } else { Setting::RapierSteps(Truth::rapier().steps) });
+    Input::motion(task.robot(), task.scene(), &setting)
+}

@@ -1,0 +1,263 @@
+//! Policies in the truth and in the simulator that learned it, after the paper's protocol: games under mean actions, as many
+//! from the same starts in each, beside the paper's figures.
+
+use std::path::{Path, PathBuf};
+
+use nerd_model::folder::ModelConfig;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use serde::{Deserialize, Serialize};
+
+use super::Experiment;
+use super::games::{Place, Reward, games, gap, gap_error, truth_of};
+use crate::bounds::{SEEDS, STARTS};
+use crate::device::Device;
+use crate::error::{Result, refuse};
+use crate::paper::policy_reward;
+use crate::ppo::folder;
+use crate::report::{Input, Inputs, Table};
+use crate::settings::settings;
+use crate::shipped::{self, from_root};
+
+mod curves;
+
+settings! {
+    /// Policies in the truth and in the simulator that learned it.
+    pub struct Policies {
+        /// Name of the result [default: `policies`; of one policy its own]
+        name: String = String::new(), Text;
+        /// Folders of policies, comma-separated [default: all in models/policies]
+        policy: Vec<PathBuf> = Vec::new(), Texts;
+        /// Folder of the learned simulator's model [default: models/ROBOT]; the truth is the one it learned
+        model: Option<PathBuf> = None, Text;
+        /// Play in the truth alone
+        truth_only: bool = false, Flag;
+        /// Games of each policy (the paper: 2048)
+        games: usize = 2048, Whole(STARTS);
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+        /// Where the learned simulators are computed (cpu or cuda)
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+    }
+}
+
+/// One policy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Task.
+    pub task: String,
+    /// Folder of the policy.
+    pub policy: String,
+    /// What it was trained in.
+    pub trained_in: String,
+    /// Truth it was played in.
+    pub truth: String,
+    /// Model it was played in.
+    pub model: Option<String>,
+    /// Games in each.
+    pub games: usize,
+    /// In the truth.
+    pub real: Reward,
+    /// In the learned simulator.
+    pub learned: Option<Reward>,
+    /// `(learned - real) / |real|` in percent.
+    pub gap: Option<f64>,
+    /// Its standard error.
+    #[serde(default)]
+    pub gap_error: Option<f64>,
+}
+
+/// All of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Played {
+    /// By policy.
+    pub rows: Vec<Row>,
+}
+
+impl Policies {
+    /// Folders of the policies.
+    ///
+    /// # Errors
+    /// If there is none, or they cannot be listed.
+    pub fn folders(&self) -> Result<Vec<PathBuf>> {
+        if !self.policy.is_empty() {
+            return Ok(self.policy.clone());
+        }
+        let found = shipped::policies("")?;
+        if found.is_empty() {
+            refuse!("models/policies holds no policy: train one with `cargo xtask policy train`, or name one with --policy");
+        }
+        Ok(found)
+    }
+
+    /// Folder of the model that a robot's policies are played in, and the truth that it learned.
+    fn host(&self, robot: &str) -> Result<(PathBuf, Truth)> {
+        let folder = self.model.clone().unwrap_or_else(|| shipped::model(Truth::default(), robot));
+        let alone = self.truth_only && self.model.is_none() && !folder.exists();
+        let truth = if alone { Truth::default() } else { ModelConfig::truth_of(&folder)? };
+        Ok((folder, truth))
+    }
+
+    fn row(&self, path: &Path) -> Result<Row> {
+        let (config, policy) = folder::load(path)?;
+        let task = config.task;
+        let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
+        let play = |place| games(&task, place, &policy, self.games, self.seed);
+        let real = play(Place::Truth(truth))?;
+        let learned = if self.truth_only { None } else { Some(play(Place::Model(&model, self.device))?) };
+        let (mean, played) = (Reward::of(&real), learned.as_deref().map(Reward::of));
+        Ok(Row {
+            policy: from_root(path),
+            trained_in: config.solver,
+            truth: truth.name(),
+            model: learned.is_some().then(|| from_root(&model)),
+            games: self.games,
+            // Of a truth that earns nothing there is no share.
+            gap: played.map(|l| gap(mean.mean, l.mean)).filter(|g| g.is_finite()),
+            gap_error: learned.map(|l| gap_error(&real, &l)).filter(|g| g.is_finite()),
+            real: mean,
+            learned: played,
+            task,
+        })
+    }
+}
+
+impl Experiment for Policies {
+    type Data = Played;
+
+    fn name(&self) -> String {
+        let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
+        match one {
+            _ if !self.name.is_empty() => self.name.clone(),
+            Some(name) => name.to_string_lossy().into_owned(),
+            None => "policies".into(),
+        }
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn effort(&self) -> f64 {
+        let policies = self.folders().map_or(0, |all| all.len());
+        (self.games * policies * if self.truth_only { 1 } else { 2 }) as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let mut inputs = Inputs::default();
+        for path in &self.folders()? {
+            let task = folder::load(path)?.0.task;
+            let robot = nerd_tasks::named(&task)?.robot();
+            let (model, truth) = self.host(robot)?;
+            inputs.add(Input::robot(&*System::named(robot)?));
+            inputs.add(truth_of(&task, truth)?);
+            if !self.truth_only {
+                inputs.add(Input::model(&model)?);
+            }
+            inputs.add(Input::policy(path)?);
+        }
+        Ok(inputs)
+    }
+
+    fn measure(&self) -> Result<Played> {
+        Ok(Played { rows: self.folders()?.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
+    }
+
+    fn tables(&self, data: &Played) -> Result<Vec<Table>> {
+        if data.rows.len() == 1 {
+            return Ok(vec![each(&data.rows)]);
+        }
+        Ok(vec![summary(&data.rows), by_task(&data.rows), each(&data.rows)])
+    }
+
+    fn pictures(&self, data: &Played, stem: &Path) -> Result<()> {
+        // That of one policy stands in its run's folder.
+        if data.rows.len() > 1 { curves::draw(&data.rows, stem) } else { Ok(()) }
+    }
+}
+
+const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
+
+/// The policies of a task that were trained in a learned simulator, or those of the truth.
+fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
+    rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural") == learned).collect()
+}
+
+/// Mean over policies, in the truth.
+fn mean(rows: &[&Row]) -> f64 {
+    rows.iter().map(|r| r.real.mean).sum::<f64>() / rows.len() as f64
+}
+
+/// Gap of the means over policies, as the paper's, and its standard error, both in percent.
+fn together(rows: &[&Row]) -> Option<(f64, f64)> {
+    let played: Vec<_> = rows.iter().filter_map(|r| Some((r.real.mean, r.learned?.mean, r.gap_error.unwrap_or(f64::NAN)))).collect();
+    let (real, learned) = played.iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let error = played.iter().map(|(real, _, error)| (real * error).powi(2)).sum::<f64>().sqrt() / real.abs();
+    Some((gap(real, learned), error)).filter(|(gap, _)| gap.is_finite())
+}
+
+/// A gap with its standard error, where that is known.
+fn percent(gap: f64, error: Option<f64>) -> String {
+    match error.filter(|e| e.is_finite()) {
+        Some(error) => format!("{gap:+.2} +- {error:.2}"),
+        None => format!("{gap:+.2}"),
+    }
+}
+
+/// The paper's reward in the truth and its gap.
+fn papers(task: &str) -> [String; 2] {
+    policy_reward(task).map_or(["-".into(), "-".into()], |p| [p[0].to_string(), format!("{:+.2}", gap(p[0], p[1]))])
+}
+
+/// What policies trained in the learned simulators earn in the truth.
+fn summary(rows: &[Row]) -> Table {
+    let lines = nerd_tasks::names().into_iter().filter_map(|task| {
+        let learned = of(rows, task, true);
+        let [reward, theirs] = papers(task);
+        let gap = together(&learned).map_or_else(|| "-".into(), |(gap, error)| percent(gap, Some(error)));
+        (!learned.is_empty()).then(|| vec![task.to_string(), format!("{:.1}", mean(&learned)), gap, reward, theirs])
+    });
+    let header = ["task", "trained in NeRD, reward in the truth", "gap (%)", "the paper's reward", "its gap (%)"];
+    Table::new("summary", &header).with(lines).noted(&format!("{NOTE} +-: standard error over games."))
+}
+
+/// Tasks with the means of their policies and their spread over games.
+fn by_task(rows: &[Row]) -> Table {
+    let spread = |rows: &[&Row]| {
+        let square = |r: &&Row| r.real.spread.powi(2) + (r.real.mean - mean(rows)).powi(2);
+        let spread = (rows.iter().map(square).sum::<f64>() / rows.len() as f64).sqrt();
+        if rows.is_empty() { "-".into() } else { format!("{:.1} +- {spread:.1}", mean(rows)) }
+    };
+    let lines = nerd_tasks::names().into_iter().filter_map(|task| {
+        let (learned, truth) = (of(rows, task, true), of(rows, task, false));
+        let gap = together(&learned).map_or_else(|| "-".into(), |(gap, _)| format!("{gap:+.2}"));
+        let seeds = learned.iter().filter_map(|r| r.gap).map(|g| format!("{g:+.2}")).collect::<Vec<_>>().join(", ");
+        let [reward, theirs] = papers(task);
+        let line = || vec![task.to_string(), spread(&learned), gap, seeds, spread(&truth), reward, theirs];
+        (!learned.is_empty() || !truth.is_empty()).then(line)
+    });
+    let header = ["task", "trained in NeRD: in truth", "gap (%)", "by seed", "trained in truth: in truth", "paper, in truth", "its gap"];
+    Table::new("tasks", &header).with(lines).noted(&format!("{NOTE} +-: standard deviation over games and policies."))
+}
+
+/// Every policy, beside the paper's figures.
+fn each(rows: &[Row]) -> Table {
+    let reward = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.spread);
+    let lines = rows.iter().map(|r| {
+        let paper = policy_reward(&r.task);
+        vec![
+            r.task.clone(),
+            r.policy.rsplit('/').next().unwrap_or_default().into(),
+            r.trained_in.clone(),
+            r.games.to_string(),
+            reward(&r.real),
+            r.learned.as_ref().map_or_else(|| "-".into(), reward),
+            r.gap.map_or_else(|| "-".into(), |g| percent(g, r.gap_error)),
+            paper.map_or_else(|| "-".into(), |p| format!("{} / {} ({:+.2} %)", p[0], p[1], gap(p[0], p[1]))),
+        ]
+    });
+    let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
+    Table::new("policies", &header)
+        .with(lines)
+        .noted(&format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error."))
+}

@@ -1,0 +1,49 @@
+//! `cargo xtask inspect FOLDER`: what a learner will see of a data set that `dataset` wrote, see [`nerd_train::inspect`].
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use nerd_sim::dataset::Manifest;
+use nerd_sim::prelude::*;
+use nerd_train::inspect::Inspection;
+
+use crate::numbers::positive;
+use nerd_train::report::Provenance;
+
+/// Show what a data set holds.
+#[derive(clap::Args, Clone, Debug)]
+pub struct InspectArgs {
+    /// Folder that `dataset` wrote
+    #[arg(required_unless_present = "data")]
+    pub folder: Option<PathBuf>,
+    /// The same
+    #[arg(long, conflicts_with = "folder")]
+    pub data: Option<PathBuf>,
+    /// Robot: built in, or the path of a .urdf [default: the one the folder names]
+    #[arg(long)]
+    pub robot: Option<String>,
+    /// Largest number a state may hold; a trajectory beyond it is left out and counted
+    #[arg(long, default_value_t = 1e3, value_parser = positive)]
+    pub bound: f64,
+    /// Folder for inspect.json, .svg and .png [default: the data's]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the verb.
+pub fn run(args: InspectArgs) -> Result<()> {
+    let folder = args.folder.as_ref().or(args.data.as_ref()).context("no folder to inspect")?;
+    let manifest = Manifest::read(folder)
+        .with_context(|| format!("no data set to inspect; make one with `cargo xtask dataset --out {}`", folder.display()))?;
+    let robot = args.robot.as_ref().unwrap_or(&manifest.robot);
+    let system = System::named(robot)
+        .with_context(|| format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf", folder.display(), manifest.robot))?;
+    let found = Inspection::of(folder, &manifest, &system, args.bound)?;
+    println!("{}\n{}", found.words(), found.table().markdown());
+    let mut json = serde_json::to_value(&found)?;
+    json["provenance"] = serde_json::to_value(Provenance::now(manifest.seed))?;
+    let stem = args.out.as_ref().unwrap_or(folder).join("inspect");
+    crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
+    found.draw(&stem)?;
+    Ok(())
+}

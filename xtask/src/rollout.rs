@@ -1,0 +1,88 @@
+//! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated --preset paper --friction coulomb
+//! --states FILE.csv --steps 100 --out OUT.csv`: how anyone checks us. What the files hold stands in [`TABLES`].
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use nerd_sim::prelude::*;
+use nerd_sim::rollout::States;
+
+use crate::flags::unused;
+use crate::numbers::{self, FRAMES, count};
+use crate::solvers::{SolverArgs, SolverName};
+
+/// What `--help` says of the files.
+const TABLES: &str = "\
+FILE of --states has a header and one row for each trajectory and step:
+  traj, step    whole numbers; the row of step 0 is the trajectory's start
+  the state     the robot's coordinates, then its velocities (rad, m, rad/s, m/s), read at step 0 alone: a floating root's
+                px py pz qx qy qz qw (unit quaternion), the joints by name, the root's twist wx wy wz vx_s vy_s vz_s about the
+                world's origin, the joints' rates d_JOINT; of cartpole x theta xdot thetadot, of pendulum q1 q2 qd1 qd2
+  torques       all of tau_JOINT (N m or N) or none, held from their row's step to the next; of cartpole tau_cart tau_pole, of
+                pendulum tau1 tau2; without them no torque acts
+Columns go by these names (a TOML may give others; JOINT is q_NAME where a joint's name is taken, as `step` or `tau1` is), in
+any order; others are passed over.
+OUT has traj, step and the state, in f64 with as many digits as it takes.";
+
+/// Roll a solver out from the states of a file.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = TABLES)]
+pub struct RolloutArgs {
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    #[arg(long)]
+    pub robot: String,
+    /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
+    #[arg(long, default_value = "free")]
+    pub scene: String,
+    #[command(flatten)]
+    pub solver: SolverArgs,
+    /// CSV with starts and torques, see below
+    #[arg(long, value_name = "FILE")]
+    pub states: PathBuf,
+    /// Frames to roll out [default: as many as the file has]
+    #[arg(long, value_parser = count::<usize>(FRAMES))]
+    pub steps: Option<usize>,
+    /// CSV to write
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: RolloutArgs) -> Result<()> {
+    let system = System::named(&args.robot)?;
+    let scene = system.scene(&args.scene)?;
+    let choice = args.solver.choose(&system)?.in_scene(&system, &scene.name)?;
+    if args.solver.solver != Some(SolverName::Neural) {
+        unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
+    }
+    let bytes = choice.bytes()?.saturating_add(1024 * system.robot.state_dim());
+    let file = States::read(&args.states, &system)?;
+    let steps = steps(&args, &file)?;
+    let n = file.trajectories.len();
+    // The table is written whole, so it is kept until then: some 20 characters a number.
+    numbers::memory(&[("trajectories", n), ("--steps", steps)], 24 * (system.robot.state_dim() + 2))?;
+    numbers::memory(&[("trajectories", n)], bytes)?;
+    numbers::time(&[("trajectories", n), ("--steps", steps), ("substeps", choice.substeps())])?;
+    let mut solver = choice.build(&system, &scene.name, n)?;
+    let bar = crate::common::bar("frames", steps as u64);
+    let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
+    bar.finish();
+    crate::files::write(&args.out, &table)
+}
+
+/// Frames over all trajectories that a file may ask for by the number of its last step alone: it may be a slip.
+const ASKED: usize = 100_000;
+
+/// Frames to roll out, for all of which the file has torques if it has any.
+fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
+    let name = args.states.display();
+    let (steps, n) = (args.steps.unwrap_or_else(|| file.frames()), file.trajectories.len());
+    if args.steps.is_none() && n.saturating_mul(steps) > ASKED.max(file.rows()) {
+        bail!("{name}: {n} trajectories to step {steps}, but only {} rows; say with --steps if so many frames are wanted", file.rows());
+    }
+    if steps == 0 {
+        bail!("{name}: there are starts alone, no row after step 0; say with --steps how many frames are wanted");
+    }
+    file.check(steps)?;
+    Ok(steps)
+}

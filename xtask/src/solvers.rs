@@ -1,0 +1,136 @@
+//! Options that name a solver and set it, and which of them mean something together.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use nerd_sim::prelude::*;
+use nerd_train::choice::Choice;
+use nerd_train::shipped;
+
+use crate::common::{DEVICES, Device, TRUTHS, word};
+use crate::flags::unused;
+use crate::numbers::{SUBSTEPS, count, positive};
+use nerd_sim::truth::Truth;
+
+/// Which solver, and how it is set.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct SolverArgs {
+    /// Solver: articulated, rapier or neural [default: articulated]
+    #[arg(long, value_enum)]
+    pub solver: Option<SolverName>,
+    /// Settings of `articulated`: `paper` (the reference simulator's) or `converged`; with `neural`, those that its model must
+    /// have learned [default: paper]
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8); with `neural`, as --preset [default: coulomb]
+    #[arg(long, value_enum)]
+    pub friction: Option<FrictionName>,
+    /// Substeps a frame, in place of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
+    /// nothing to touch), of `rapier` its iterations
+    #[arg(long, value_parser = count::<usize>(SUBSTEPS))]
+    pub substeps: Option<usize>,
+    /// Truth that the model of `neural` must have learned, and that `evaluate` holds a solver against [default: the
+    /// model's, else articulated]
+    #[arg(long, value_parser = word::<Truth>(TRUTHS))]
+    pub truth: Option<Truth>,
+    /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE.json` found to be at most so far (mean |dq|, rad or m)
+    /// from a converged motion
+    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    pub tolerance: Option<f64>,
+    /// Where `neural` is computed [default: cpu]
+    #[arg(long, value_parser = word::<Device>(DEVICES))]
+    pub device: Option<Device>,
+}
+
+/// Solvers.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolverName {
+    /// Our own articulated dynamics.
+    Articulated,
+    /// rapier's multibody joints.
+    Rapier,
+    /// A learned model.
+    Neural,
+}
+
+/// Presets of `articulated`.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preset {
+    /// The reference simulator's settings.
+    #[default]
+    Paper,
+    /// The accurate ones.
+    Converged,
+}
+
+/// Friction laws of `articulated`.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrictionName {
+    /// Regularised Coulomb.
+    #[default]
+    Coulomb,
+    /// With the Huber size of the slip.
+    Huber,
+}
+
+impl SolverArgs {
+    /// The solver that the options name.
+    ///
+    /// # Errors
+    /// If one of them means nothing beside the others.
+    pub fn choose(&self, system: &System) -> Result<Choice> {
+        let (model, device) = (("--model", self.model.is_some()), ("--device", self.device.is_some()));
+        let (preset, friction) = (("--preset", self.preset.is_some()), ("--friction", self.friction.is_some()));
+        let substeps = ("--substeps", self.substeps.is_some());
+        if let Some(tolerance) = self.tolerance {
+            let named = ("--solver", self.solver.is_some());
+            unused(&[named, preset, friction, substeps, model, device], "beside --tolerance, which picks a solver and its settings")?;
+            return Ok(Choice::Within(tolerance));
+        }
+        let solver = self.solver.unwrap_or(SolverName::Articulated);
+        if solver != SolverName::Neural {
+            unused(&[model, device], "without --solver neural")?;
+        }
+        Ok(match solver {
+            SolverName::Articulated => {
+                let law = if self.friction.unwrap_or_default() == FrictionName::Huber { Friction::Huber } else { Friction::Coulomb };
+                let mut config = match self.preset.unwrap_or_default() {
+                    Preset::Paper => ArticulatedConfig::paper(system, law),
+                    Preset::Converged => ArticulatedConfig::converged(law),
+                };
+                if let Some(n) = self.substeps {
+                    (config.substeps, config.contact_substeps) = (n, n);
+                }
+                Choice::Articulated(config)
+            }
+            SolverName::Rapier => {
+                unused(&[preset, friction], "with --solver rapier: it sets `articulated`")?;
+                Choice::Rapier(self.substeps.map_or_else(RapierConfig::default, RapierConfig::substeps))
+            }
+            SolverName::Neural => {
+                unused(&[substeps], "with --solver neural, which has none")?;
+                let folder = self.model.clone().unwrap_or_else(|| shipped::model(self.truth.unwrap_or_default(), &system.name));
+                Choice::Neural { folder, truth: self.learned()?, device: self.device.unwrap_or(Device::Cpu) }
+            }
+        })
+    }
+
+    /// Name of the truth that a model must have learned, if the options say so.
+    fn learned(&self) -> Result<Option<String>> {
+        if self.preset.is_none() && self.friction.is_none() {
+            return Ok(self.truth.map(Truth::name));
+        }
+        let preset = if self.preset.unwrap_or_default() == Preset::Paper { "paper" } else { "converged" };
+        let law = if self.friction.unwrap_or_default() == FrictionName::Coulomb { "coulomb" } else { "huber" };
+        let asked = format!("articulated {preset} {law}");
+        match self.truth.map(Truth::name).filter(|name| *name != asked) {
+            Some(name) => {
+                bail!("--truth asks for a model of `{name}`, --preset and --friction for one of `{asked}`; leave one of them out")
+            }
+            None => Ok(Some(asked)),
+        }
+    }
+}
