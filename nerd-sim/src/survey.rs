@@ -5,7 +5,7 @@
 //! ```
 //! let found = nerd_sim::survey::find("assets".as_ref())?;
 //! let robot = nerd_sim::survey::survey(found.iter().find(|f| f.name == "pendulum.urdf").expect("it is built in"));
-//! assert_eq!(robot.sizes.map(|s| (s.links, s.joints)), Some((3, 2)));
+//! assert_eq!(robot.sizes.map(|s| (s.links, s.joints)), Some((2, 2)));
 //! assert!(robot.fixed.is_ok());
 //! # Ok::<(), std::io::Error>(())
 //! ```

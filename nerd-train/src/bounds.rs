@@ -1,6 +1,27 @@
 //! What may be asked of a machine: refused before work begins where it is more than memory holds or a day does.
 
+use std::ops::RangeInclusive;
+
 use crate::error::{Result, refuse};
+
+/// Rollouts, trajectories, games, environments.
+pub const STARTS: RangeInclusive<u64> = 1..=1_000_000;
+/// Frames of a rollout: at 1/60 s, four and a half hours.
+pub const FRAMES: RangeInclusive<u64> = 1..=1_000_000;
+/// Substeps of a frame.
+pub const SUBSTEPS: RangeInclusive<u64> = 1..=10_000;
+/// Transitions of a data set: the paper has ten million.
+pub const TRANSITIONS: RangeInclusive<u64> = 1..=1_000_000_000;
+/// Optimiser updates: the paper has five million.
+pub const UPDATES: RangeInclusive<u64> = 1..=1_000_000_000;
+/// Windows or sequences in an update.
+pub const BATCH: RangeInclusive<u64> = 1..=65_536;
+/// Layers of a network.
+pub const LAYERS: RangeInclusive<u64> = 1..=64;
+/// Width of a network.
+pub const EMBEDDING: RangeInclusive<u64> = 1..=4096;
+/// Seeds: what JSON and TOML hold, and some more for the seeds that are made of them.
+pub const SEEDS: RangeInclusive<u64> = 0..=i64::MAX as u64;
 
 /// Substeps of all environments that a command may ask for: at a microsecond each, a day.
 const WORK: u128 = 100_000_000_000;

@@ -55,3 +55,9 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
 pub fn results() -> PathBuf {
     root().join("results")
 }
+
+/// A path as it is given, or if there is nothing, from the workspace's root.
+pub fn find(path: &Path) -> PathBuf {
+    let other = root().join(path);
+    if !path.exists() && other.exists() { other } else { path.into() }
+}

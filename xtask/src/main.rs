@@ -19,12 +19,15 @@ mod dataset;
 mod evaluate;
 mod files;
 mod flags;
+mod gif;
 mod grow;
 mod horizons;
 mod inspect;
+mod keys;
 mod numbers;
 mod out;
 mod policy;
+mod report;
 mod reproduce;
 mod results;
 mod rollout;
@@ -81,6 +84,10 @@ enum Verb {
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
+    /// Write one page with everything: tables, charts, maps, replays
+    Report(report::ReportArgs),
+    /// Draw the moving picture of README
+    Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -136,6 +143,8 @@ fn main() -> ExitCode {
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
+        Verb::Report(args) => report::run(args),
+        Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),

@@ -7,24 +7,7 @@ use std::ops::RangeInclusive;
 
 use anyhow::Result;
 
-/// Rollouts, trajectories, games, environments.
-pub const STARTS: RangeInclusive<u64> = 1..=1_000_000;
-/// Frames of a rollout: at 1/60 s, four and a half hours.
-pub const FRAMES: RangeInclusive<u64> = 1..=1_000_000;
-/// Substeps of a frame.
-pub const SUBSTEPS: RangeInclusive<u64> = 1..=10_000;
-/// Transitions of a data set: the paper has ten million.
-pub const TRANSITIONS: RangeInclusive<u64> = 1..=1_000_000_000;
-/// Optimiser updates: the paper has five million.
-pub const UPDATES: RangeInclusive<u64> = 1..=1_000_000_000;
-/// Windows or sequences in an update.
-pub const BATCH: RangeInclusive<u64> = 1..=65_536;
-/// Layers of a network.
-pub const LAYERS: RangeInclusive<u64> = 1..=64;
-/// Width of a network.
-pub const EMBEDDING: RangeInclusive<u64> = 1..=4096;
-/// Seeds: what JSON and TOML hold, and some more for the seeds that are made of them.
-pub const SEEDS: RangeInclusive<u64> = 0..=i64::MAX as u64;
+pub use nerd_train::bounds::{BATCH, EMBEDDING, FRAMES, LAYERS, SEEDS, STARTS, SUBSTEPS, TRANSITIONS, UPDATES};
 
 /// A whole number within a range.
 pub fn count<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
@@ -40,11 +23,6 @@ pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String
         let number = text.parse().ok().filter(|x| range.contains(x));
         number.ok_or_else(|| format!("a number from {} to {} is needed", range.start(), range.end()))
     }
-}
-
-/// A part of a whole.
-pub fn share(text: &str) -> Result<f64, String> {
-    within(0.0..=1.0)(text)
 }
 
 /// A number that is not infinite.
@@ -83,8 +61,9 @@ mod tests {
         }
         assert_eq!(count::<u64>(SEEDS)("18446744073709551615"), Err("a whole number from 0 to 9223372036854775807 is needed".into()));
         for text in ["nan", "inf", "-inf", "1e999", "x"] {
-            assert!(finite(text).is_err() && positive(text).is_err() && share(text).is_err(), "{text}");
+            assert!(finite(text).is_err() && positive(text).is_err() && within(0.0..=1.0)(text).is_err(), "{text}");
         }
+        let share = within(0.0..=1.0);
         assert_eq!((share("1").ok(), share("1.1").ok(), positive("0").ok(), finite("-3").ok()), (Some(1.0), None, None, Some(-3.0)));
     }
 }

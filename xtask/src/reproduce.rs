@@ -10,6 +10,7 @@ use anyhow::{Result, bail};
 use nerd_train::choice::Choice;
 use nerd_train::experiments::chart::{Chart, ChartSettings};
 use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
 use crate::ablations::{self, AblationArgs};
@@ -19,7 +20,6 @@ use crate::numbers::{SEEDS, STARTS, count};
 use crate::out::conduct;
 use crate::policy::reproduce::{PoliciesArgs, TransferArgs, policies, transfer};
 use crate::sweep::{self, SweepArgs};
-use crate::train::{self, TrainArgs};
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
@@ -112,7 +112,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
 fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
     let out = shipped::root().join(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
-    match train::train(&TrainArgs::small(robot, out, args.device))? {
+    let mut run = RunConfig::recipe("quick", robot, out)?;
+    run.device = args.device;
+    match Run::new(&run)?.train()? {
         Some(folder) => Ok(folder),
         None => bail!("training of {robot} did not finish"),
     }

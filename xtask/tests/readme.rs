@@ -1,22 +1,42 @@
-//! The README shows the examples of the crates, and those compile.
+//! Rust in the README and in docs/ is taken from examples, and those compile.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Files of these endings in a folder and below it, whose path holds `within`.
+fn files(folder: &Path, ending: &str, within: &str) -> Vec<PathBuf> {
+    let (mut found, mut folders) = (Vec::new(), vec![folder.to_path_buf()]);
+    while let Some(folder) = folders.pop() {
+        for path in std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|file| file.path()) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if path.is_dir() && !name.starts_with('.') && !name.starts_with("target") && name != "results" && name != "models" {
+                folders.push(path);
+            } else if name.ends_with(ending) && path.to_string_lossy().contains(within) {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+/// Lines with something on them, without their indentation, as one text; documents leave `fn main` out.
+fn plain(code: &str) -> String {
+    let lines = code.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("fn main"));
+    lines.fold(String::from("\n"), |all, line| all + line + "\n")
+}
 
 #[test]
-fn every_rust_block_of_the_readme_is_an_example() {
+fn every_rust_block_of_readme_and_docs_stands_in_an_example() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
-    let readme = std::fs::read_to_string(root.join("README.md")).expect("README.md");
-    let mut blocks: Vec<&str> = readme.split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    for (krate, example) in [("core", "dynamics"), ("sim", "swap"), ("model", "learned"), ("train", "drift"), ("tasks", "episode")] {
-        let path = format!("nerd-{krate}/examples/{example}.rs");
-        let text = std::fs::read_to_string(root.join(&path)).expect("an example for every crate");
-        let shown: String = text
-            .lines()
-            .filter(|l| !l.is_empty() && !l.starts_with("//!") && !l.starts_with("fn main") && l.trim() != "Ok(())" && *l != "}")
-            .map(|l| l.strip_prefix("    ").unwrap_or(l).to_owned() + "\n")
-            .collect();
-        assert!(blocks.contains(&shown.as_str()), "README.md does not show {path} as it is:\n{shown}");
-        blocks.retain(|b| *b != shown);
+    let read = |path: &PathBuf| std::fs::read_to_string(path).expect("a text");
+    let examples: Vec<String> = files(root, ".rs", "examples").iter().map(|path| plain(&read(path))).collect();
+    let mut documents = files(&root.join("docs"), ".md", "");
+    documents.push(root.join("README.md"));
+    let mut blocks = 0;
+    for document in &documents {
+        for block in read(document).split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()) {
+            blocks += 1;
+            assert!(examples.iter().any(|e| e.contains(&plain(block))), "{}: stands in no example:\n{block}", document.display());
+        }
     }
-    assert!(blocks.is_empty(), "in README.md, but no example:\n{}", blocks.concat());
+    assert!(blocks >= 4, "{blocks} blocks of Rust in {} documents: are they found at all?", documents.len());
 }

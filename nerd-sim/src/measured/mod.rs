@@ -28,7 +28,7 @@ pub use cube::{Cube, EDGE, FRICTION, INERTIA, MASS, RESTITUTION, SOLID, lowest};
 pub use data::{DT, Sample, Toss, read};
 pub use fit::{Fit, fit, half};
 pub use noise::{Noise, aged, disturbed, noise};
-pub use protocol::{METRIC, Make, Motion, Trial, WINDOW, flight, lifted, microseconds, roll, still, whole, windows};
+pub use protocol::{METRIC, Make, Motion, Trial, WINDOW, flight, lifted, roll, still, whole, windows};
 pub use score::{Score, against, score};
 
 use crate::system::SystemError;
@@ -47,7 +47,4 @@ pub enum MeasuredError {
     /// A cube that is none, or that has no table.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// A clock needs a thread of its own.
-    #[error("cannot start a thread: {0}")]
-    Thread(String),
 }

@@ -4,7 +4,6 @@
 //! more rollout, from the first sample to the last.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::state::{quaternion, vector};
@@ -94,23 +93,6 @@ pub fn roll(system: &Arc<System>, make: &Make<'_>, trials: &[Trial]) -> Result<(
         .collect();
     let lost = done.iter().filter(|d| d.1).count();
     Ok((done.into_iter().map(|d| d.0).collect(), lost))
-}
-
-/// Microseconds a frame on one core: the fastest of three passes over some of the trials.
-///
-/// # Errors
-/// As [`roll`], and if no thread can be started.
-pub fn microseconds(system: &Arc<System>, make: &Make<'_>, trials: &[Trial]) -> Result<f64, MeasuredError> {
-    let some: Vec<Trial> = trials.iter().step_by(trials.len().div_ceil(64).max(1)).cloned().collect();
-    let frames: usize = some.iter().map(|t| t.measured.len() - 1).sum();
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| MeasuredError::Thread(e.to_string()))?;
-    let mut best = f64::MAX;
-    for _ in 0..3 {
-        let started = Instant::now();
-        one.install(|| roll(system, make, &some))?;
-        best = best.min(started.elapsed().as_secs_f64());
-    }
-    Ok(best * 1e6 / frames as f64)
 }
 
 /// Predicts that nothing moves.

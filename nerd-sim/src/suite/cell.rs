@@ -65,6 +65,15 @@ impl Cell {
     }
 }
 
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.figure {
+            Some(figure) => f.pad(&format!("{figure:<8.2e} {}", self.verdict)),
+            None => self.verdict.fmt(f),
+        }
+    }
+}
+
 /// A row with its cells, as tables and files have it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {

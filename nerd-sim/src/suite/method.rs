@@ -70,14 +70,22 @@ impl Method {
     pub fn known() -> Vec<Self> {
         let euler = |n| Self::articulated(format!("Euler x{n}"), ArticulatedConfig::explicit, n);
         let implicit = |n| Self::articulated(format!("implicit x{n}"), ArticulatedConfig::implicit, n);
-        let mut all = vec![Self::paper(), euler(4), euler(16), euler(64), implicit(4), implicit(16), Self::converged()];
-        #[cfg(feature = "rapier")]
-        all.extend([
+        [
+            Self::paper(),
+            euler(4),
+            euler(16),
+            euler(64),
+            implicit(4),
+            implicit(16),
+            Self::converged(),
+            #[cfg(feature = "rapier")]
             Self::rapier("rapier 4x4", Joints::Multibody, 4),
+            #[cfg(feature = "rapier")]
             Self::rapier("rapier 16x4", Joints::Multibody, 16),
+            #[cfg(feature = "rapier")]
             Self::rapier("rapier impulse", Joints::Impulse, 4),
-        ]);
-        all
+        ]
+        .into()
     }
 
     /// The accurate preset.

@@ -9,16 +9,14 @@
 //! Your own solver against it:
 //!
 //! ```
-//! use nerd_sim::instruments::Glide;
-//! use nerd_sim::suite::{Method, Suite};
-//! # type MySolver = Glide;
-//! # let my_solver = |_: &std::sync::Arc<nerd_sim::prelude::System>| Glide;
-//! let mine = Method::new("mine", move |system| Box::new(my_solver(system)));
-//! let lines = Suite::new().only(&["free fall", "rest"])?.run(&[mine], |_done| ());
+//! use nerd_sim::instruments::Hold; // yours in its place
+//! use nerd_sim::suite::{Method, Suite, Verdict};
+//! let mine = Method::new("mine", |_system| Box::new(Hold));
+//! let lines = Suite::new().only(&["free fall"])?.run(&[mine], |_done| ());
 //! for line in &lines {
-//!     println!("{}: {:?} {} of {}, {}", line.row, line.cells[0].figure, line.unit, line.limit, line.cells[0].verdict);
+//!     println!("{}, {}: {}, limit {}", line.row, line.asked(), line.cells[0], line.limit);
 //! }
-//! # assert!(lines.len() == 2, "{lines:?}");
+//! assert_eq!(lines[0].cells[0].verdict, Verdict::Fail, "what stays where it is does not fall");
 //! # Ok::<(), nerd_sim::suite::Error>(())
 //! ```
 //!

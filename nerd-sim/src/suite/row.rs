@@ -29,6 +29,28 @@ pub struct Row {
 }
 
 impl Row {
+    pub(super) const fn new(
+        name: &'static str,
+        figure: &'static str,
+        unit: &'static str,
+        limit: f64,
+        measure: fn(&Trial) -> Result<f64, Error>,
+    ) -> Self {
+        Self { name, figure, unit, source: "", why: "", limit, reddens: &[], measure }
+    }
+
+    pub(super) const fn source(self, source: &'static str) -> Self {
+        Self { source, ..self }
+    }
+
+    pub(super) const fn why(self, why: &'static str) -> Self {
+        Self { why, ..self }
+    }
+
+    pub(super) const fn reddened_by(self, reddens: &'static [Fault]) -> Self {
+        Self { reddens, ..self }
+    }
+
     /// Asks a method, perhaps with a fault around its solver.
     pub fn cell(&self, method: &Method, fault: Option<Fault>) -> Cell {
         let trial = Trial::new(method, fault);

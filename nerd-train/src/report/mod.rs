@@ -4,15 +4,23 @@ pub mod artifact;
 #[cfg(feature = "report")]
 mod axis;
 #[cfg(feature = "report")]
+pub mod film;
+#[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
 pub mod manifest;
 pub mod marks;
+pub mod motions;
+#[cfg(feature = "report")]
+pub mod page;
 #[cfg(feature = "report")]
 mod pixels;
 #[cfg(feature = "report")]
 pub mod plot;
 pub mod provenance;
+pub mod replay;
+#[cfg(feature = "report")]
+pub mod scene;
 pub mod table;
 
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! What is compared: the bars of the paper's Figure A.2, and controls of our own.
 
-use crate::train::{TrainArgs, Variant};
+use nerd_train::run::{RunConfig, Variant};
 
 /// One bar.
 #[derive(Clone, Copy, Debug)]
@@ -60,13 +60,10 @@ impl Entry {
     }
 
     /// How it is trained, given how NeRD is.
-    pub fn train(&self, nerd: &TrainArgs) -> TrainArgs {
-        TrainArgs {
-            variant: self.variant,
-            history: Some(self.history),
-            batch: nerd.batch.map(|b| b * self.batches),
-            out: nerd.out.join(self.folder()),
-            ..nerd.clone()
-        }
+    pub fn train(&self, nerd: &RunConfig) -> RunConfig {
+        let mut run = nerd.clone();
+        (run.variant, run.history) = (self.variant, self.history);
+        (run.batch, run.out) = (nerd.batch * self.batches, nerd.out.join(self.folder()));
+        run
     }
 }

@@ -14,6 +14,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
+use nerd_train::run::{Run, RunConfig, Variant};
 
 mod entry;
 mod figure;
@@ -29,7 +30,6 @@ use runners::Runners;
 
 use crate::common::{DEVICES, Device, word};
 use crate::numbers::{SEEDS, STARTS, TRANSITIONS, UPDATES, count};
-use crate::train::{self, OptimizerName, TrainArgs};
 
 /// Where trained variants are kept.
 const RUNS: &str = "out/ablations";
@@ -97,7 +97,7 @@ pub fn run(args: AblationArgs) -> Result<()> {
         let system = System::named(robot)?;
         let (config, trained) = trained(robot, entry, *seed, &args)?;
         let device = device(entry, args.device);
-        let measured = measure(&folder(robot, entry, *seed, &args), &system, (args.starts, *seed), runners.as_ref(), device)?;
+        let measured = measure(&folder(robot, entry, *seed, &args)?, &system, (args.starts, *seed), runners.as_ref(), device)?;
         clock.done(entry.cost(), trained);
         match rows.iter_mut().find(|r| r.robot == *robot && r.name == entry.name) {
             Some(row) => row.add(&config, measured)?,
@@ -112,39 +112,34 @@ pub fn run(args: AblationArgs) -> Result<()> {
 }
 
 /// How NeRD is trained; everything that decides a run's bytes stands in its folder's name.
-fn nerd(robot: &str, seed: u64, args: &AblationArgs) -> TrainArgs {
+fn nerd(robot: &str, seed: u64, args: &AblationArgs) -> Result<RunConfig> {
     let out = Path::new(RUNS).join(format!("{robot}-updates{}-transitions{}-seed{seed}", args.updates, args.transitions));
-    TrainArgs {
-        updates: Some(args.updates),
-        transitions: Some(args.transitions),
-        batch: Some(BATCH),
-        optimizer: OptimizerName::Muon,
-        // The end of the run alone is looked at: the last weights, whose rate fell to zero, or their average.
-        validate_every: Some(args.updates),
-        rollouts: 32,
-        seed,
-        ..TrainArgs::small(robot, out, args.device)
-    }
+    let mut run = RunConfig::recipe("quick", robot, out)?;
+    (run.updates, run.transitions, run.batch, run.device) = (args.updates, args.transitions, BATCH, args.device);
+    // The end of the run alone is looked at: the last weights, whose rate fell to zero, or their average.
+    (run.validate_every, run.rollouts, run.record.seed) = (Some(args.updates), 32, seed);
+    Ok(run)
 }
 
 /// Folder of a variant's run.
-fn folder(robot: &str, entry: &Entry, seed: u64, args: &AblationArgs) -> PathBuf {
-    entry.train(&nerd(robot, seed, args)).out
+fn folder(robot: &str, entry: &Entry, seed: u64, args: &AblationArgs) -> Result<PathBuf> {
+    Ok(entry.train(&nerd(robot, seed, args)?).out)
 }
 
 fn device(entry: &Entry, asked: Device) -> Device {
-    use train::Variant::{Gru, Lstm, Mlp};
+    use Variant::{Gru, Lstm, Mlp};
     if matches!(entry.variant, Mlp | Gru | Lstm) { Device::Cpu } else { asked }
 }
 
 /// Trains a variant unless its model is there; what its folder says of it, and whether it was trained now.
 fn trained(robot: &str, entry: &Entry, seed: u64, args: &AblationArgs) -> Result<(ModelConfig, bool)> {
-    let path = folder(robot, entry, seed, args).join("model/config.json");
+    let path = folder(robot, entry, seed, args)?.join("model/config.json");
     let fresh = !path.exists();
     if fresh {
-        let args = TrainArgs { device: device(entry, args.device), ..entry.train(&nerd(robot, seed, args)) };
-        if train::train(&args)?.is_none() {
-            bail!("training of {} did not finish", args.out.display());
+        let mut run = entry.train(&nerd(robot, seed, args)?);
+        run.device = device(entry, args.device);
+        if Run::new(&run)?.train()?.is_none() {
+            bail!("training of {} did not finish", run.out.display());
         }
     }
     let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;

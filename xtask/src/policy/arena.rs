@@ -103,7 +103,7 @@ fn solver(arena: &Arena, folder: &Path, system: &Arc<System>, n: usize, clock: &
         SolverName::Rapier => (Truth::Rapier.solver(system), 0),
         SolverName::Neural => {
             let model = Model::load(folder, system, None)?;
-            let network = Timed(crate::train::network(&model.weights, arena.device, n)?, clock.network.clone());
+            let network = Timed(arena.device.network(&model.weights, n)?, clock.network.clone());
             let shape = model.config.network;
             (Box::new(Neural::new(model, system, Box::new(network))), shape.reach())
         }

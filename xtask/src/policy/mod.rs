@@ -7,7 +7,6 @@ mod card;
 mod clock;
 mod curve;
 pub mod evaluate;
-mod page;
 pub mod reproduce;
 mod show;
 mod train;

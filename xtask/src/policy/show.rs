@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use nerd_train::ppo::folder;
 use nerd_train::ppo::rollout::Running;
+use nerd_train::report::replay::Replay;
 
 use super::arena::Arena;
-use super::page::Page;
 
 /// Show a policy.
 #[derive(clap::Args, Clone, Debug)]
@@ -37,10 +37,14 @@ pub fn run(args: ShowArgs) -> Result<()> {
     let mut episodes = args.arena.episodes(&args.task, 1, args.seed)?;
     let title = format!("{} on {}", args.task, args.arena.title(episodes.task.robot())?);
     let bar = crate::common::bar(&title, episodes.task.episode_length());
-    let mut page = Page::new(&title, &episodes);
+    let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
+    let mut page = Replay::new(&title, &episodes.simulation.batch, dt);
+    page.begin(&title);
     let (mut running, mut reached, mut total) = (Running::new(&episodes, policy.shape.stack), Vec::new(), 0.0);
     loop {
-        page.add(&episodes, total);
+        page.add(&episodes.simulation.batch);
+        page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
+        page.rewards.push(total as f32);
         let mean = policy.answer(&running.stack.rows).mean;
         let actions: Vec<f64> = mean.into_iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
         let stepped = running.step(&mut episodes, &actions, &mut reached)?;
@@ -52,5 +56,5 @@ pub fn run(args: ShowArgs) -> Result<()> {
     }
     bar.finish();
     println!("{title}: {} steps, reward {total:.1}; {}", page.frames(), args.out.display());
-    crate::files::write(&args.out, page.html()?.as_bytes())
+    crate::files::write(&args.out, page.html().as_bytes())
 }

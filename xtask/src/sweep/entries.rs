@@ -1,6 +1,7 @@
 //! What is varied: named changes of one run's options.
 
-use crate::train::{BaseName, OptimizerName, Preset, TrainArgs};
+use nerd_train::learner::Optimizer;
+use nerd_train::run::{BaseName, RunConfig};
 
 /// Which set of runs.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,10 +21,10 @@ pub struct Entry {
     /// In tables, and the name of its folder.
     pub name: &'static str,
     /// What differs from the base.
-    pub change: fn(&mut TrainArgs),
+    pub change: fn(&mut RunConfig),
 }
 
-const fn entry(name: &'static str, change: fn(&mut TrainArgs)) -> Entry {
+const fn entry(name: &'static str, change: fn(&mut RunConfig)) -> Entry {
     Entry { name, change }
 }
 
@@ -33,16 +34,16 @@ pub const BASE: &str = "base";
 const SWITCHES: [Entry; 12] = [
     entry(BASE, |_| ()),
     entry("squares", |a| a.huber = None),
-    entry("adam", |a| a.optimizer = OptimizerName::Adam),
+    entry("adam", |a| a.optimizer = Optimizer::Adam),
     entry("no-average", |a| a.average = 0.0),
     entry("constant-rate", |a| a.last_rate = a.rate),
     entry("no-warmup", |a| a.warmup = 0),
-    entry("full-torques", |a| a.torque_scale = 1.0),
+    entry("full-torques", |a| a.record.torque_scale = 1.0),
     entry("no-fresh-data", |a| a.fresh = 0),
     // What mirrored legs would bring, where the truth makes data for the asking: more data.
     entry("twice-the-fresh-data", |a| a.fresh *= 2),
-    entry("held-actions", |a| a.hold = 16),
-    entry("starts-of-episodes", |a| a.resets = 0.5),
+    entry("held-actions", |a| a.record.hold = 16),
+    entry("starts-of-episodes", |a| a.record.resets = 0.5),
     entry("state", |a| a.base = BaseName::State),
 ];
 
@@ -54,34 +55,34 @@ const SIZES: [Entry; 9] = [
     entry(BASE, |_| ()),
     entry("e128-l6", |a| size(a, 128, 6)),
     entry("e192-l6", |a| size(a, 192, 6)),
-    entry("h-1", |a| a.history = Some(1)),
-    entry("h-5", |a| a.history = Some(5)),
+    entry("h-1", |a| a.history = 1),
+    entry("h-5", |a| a.history = 5),
 ];
 
 /// As many tokens an update in each.
 const SAMENESS: [Entry; 3] = [
     entry(BASE, |_| ()),
-    entry("sequence-64", |a| (a.sequence, a.batch) = (Some(64), a.batch.map(|b| b / 2))),
+    entry("sequence-64", |a| (a.sequence, a.batch) = (Some(64), a.batch / 2)),
     entry("relative-targets", |a| a.epsilon = Some(1e-12)),
 ];
 
 const FORMS: [Entry; 3] = [entry(BASE, |a| size(a, 192, 6)), entry("state", state), entry("paper", paper)];
 
-fn size(args: &mut TrainArgs, embedding: usize, layers: usize) {
-    (args.embedding, args.layers) = (Some(embedding), Some(layers));
+fn size(args: &mut RunConfig, embedding: usize, layers: usize) {
+    (args.embedding, args.layers) = (embedding, layers);
 }
 
-fn state(args: &mut TrainArgs) {
+fn state(args: &mut RunConfig) {
     size(args, 192, 6);
     args.base = BaseName::State;
 }
 
 /// State, position table, Adam, squares, full torques, ten million transitions met again and again: as many tokens an update.
-fn paper(args: &mut TrainArgs) {
+fn paper(args: &mut RunConfig) {
     state(args);
-    args.batch = args.batch.map(|b| b * args.sequence.unwrap_or(32) / 10);
-    args.transitions = Some(args.transitions.unwrap_or_default() + args.fresh);
-    (args.stream, args.optimizer, args.huber, args.torque_scale, args.fresh) = (false, OptimizerName::Adam, None, 1.0, 0);
+    args.batch = args.batch * args.sequence.unwrap_or(32) / 10;
+    args.transitions += args.fresh;
+    (args.stream, args.optimizer, args.huber, args.record.torque_scale, args.fresh) = (false, Optimizer::Adam, None, 1.0, 0);
     (args.warmup, args.last_rate) = (0, 1e-4);
 }
 
@@ -98,28 +99,14 @@ impl Set {
 }
 
 /// The run that the others change.
-pub fn base(robot: &str, asked: &super::SweepArgs, seed: u64) -> TrainArgs {
-    let device = asked.device;
-    TrainArgs {
-        preset: Preset::Paper,
-        base: BaseName::Flight,
-        stream: true,
-        sequence: Some(32),
-        embedding: Some(asked.embedding),
-        layers: Some(asked.layers),
-        batch: Some(asked.batch),
-        updates: Some(asked.updates),
-        transitions: Some(asked.transitions),
-        fresh: asked.fresh,
-        torque_scale: -1.0,
-        huber: Some(0.02),
-        warmup: asked.updates / 20,
-        last_rate: 0.0,
-        tail: 0.0,
-        // The end of the run alone is looked at: the last weights or their average.
-        validate_every: Some(asked.updates),
-        rollouts: 32,
-        seed,
-        ..TrainArgs::small(robot, "out".into(), device)
-    }
+pub fn base(robot: &str, asked: &super::SweepArgs, seed: u64) -> RunConfig {
+    let mut run = RunConfig::new(robot, "out");
+    (run.base, run.stream, run.sequence, run.optimizer) = (BaseName::Flight, true, Some(32), Optimizer::Muon);
+    (run.embedding, run.layers, run.batch, run.updates) = (asked.embedding, asked.layers, asked.batch, asked.updates);
+    (run.transitions, run.fresh, run.device) = (asked.transitions, asked.fresh, asked.device);
+    (run.huber, run.warmup, run.last_rate) = (Some(0.02), asked.updates / 20, 0.0);
+    (run.record.torque_scale, run.record.seed) = (-1.0, seed);
+    // The end of the run alone is looked at: the last weights or their average.
+    (run.validate_every, run.rollouts) = (Some(asked.updates), 32);
+    run
 }

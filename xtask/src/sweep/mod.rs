@@ -10,6 +10,7 @@ use anyhow::{Result, bail};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
+use nerd_train::run::{Run, RunConfig};
 use serde::Serialize;
 
 mod entries;
@@ -19,10 +20,8 @@ use entries::{BASE, Entry, Set, base};
 
 use crate::common::{DEVICES, Device, word};
 use crate::numbers::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES, count};
-use nerd_train::experiments::cost::microseconds;
-
-use crate::train::{TrainArgs, train};
 use crate::truth::Truth;
+use nerd_train::experiments::cost::microseconds;
 
 /// Where runs are kept.
 const RUNS: &str = "out/sweep";
@@ -122,13 +121,13 @@ fn one(args: &SweepArgs, entry: &Entry, seed: u64) -> Result<Measured> {
     );
     run.out = Path::new(RUNS).join(folder.to_lowercase()).join(entry.name).join(format!("seed{seed}"));
     let model = run.out.join("model");
-    if !model.join("config.json").exists() && train(&run)?.is_none() {
+    if !model.join("config.json").exists() && Run::new(&run)?.train()?.is_none() {
         bail!("training of {} did not finish", run.out.display());
     }
     measure(args, entry, &run, &model)
 }
 
-fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> Result<Measured> {
+fn measure(args: &SweepArgs, entry: &Entry, run: &RunConfig, folder: &Path) -> Result<Measured> {
     let config = ModelConfig::read(folder)?;
     let system = System::named(&args.robot)?;
     let scene = system.usual_scenes().into_iter().find(|s| *s != "free").unwrap_or("free");
@@ -145,7 +144,7 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &TrainArgs, folder: &Path) -> R
     let at = AT.map(|frame| far.as_ref().map_or(f64::INFINITY, |r| r.curve[frame - 1]));
     Ok(Measured {
         name: entry.name,
-        seed: run.seed,
+        seed: run.record.seed,
         parameters: config.network.parameters(),
         minutes: config.provenance.get("minutes").cloned().unwrap_or_default(),
         at,

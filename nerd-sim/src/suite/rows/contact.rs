@@ -13,89 +13,41 @@ use crate::suite::trial::Trial;
 use crate::system::System;
 
 pub(super) static LANDING: [Row; 2] = [
-    Row {
-        name: "rest",
-        figure: "distance from where it must lie after 5 s",
-        unit: "m",
-        source: "m g / 4 k below the surface",
-        why: "A body left alone lies still, as deep as its springs say: it does not creep, sink or tremble.",
-        limit: 1e-3,
-        reddens: &[NoFloor],
-        measure: rest,
-    },
-    Row {
-        name: "restitution",
-        figure: "error of rebound / drop height, two dampings",
-        unit: "",
-        source: "spring and damper's closed form e^2; 0.05 of rapier's tests",
-        why: "The damper decides how high a ball bounces; a step that looks too far ahead swallows the bounce.",
-        limit: 0.05,
-        reddens: &[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: restitution,
-    },
+    Row::new("rest", "distance from where it must lie after 5 s", "m", 1e-3, rest)
+        .source("m g / 4 k below the surface")
+        .why("A body left alone lies still, as deep as its springs say: it does not creep, sink or tremble.")
+        .reddened_by(&[NoFloor]),
+    Row::new("restitution", "error of rebound / drop height, two dampings", "", 0.05, restitution)
+        .source("spring and damper's closed form e^2; 0.05 of rapier's tests")
+        .why("The damper decides how high a ball bounces; a step that looks too far ahead swallows the bounce.")
+        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
 ];
 
 pub(super) static PASSIVE: [Row; 6] = [
-    Row {
-        name: "tossed cube",
-        figure: "gain of energy over 2 s of tumbling",
-        unit: "relative",
-        source: "contact is passive",
-        why: "Corners and edges strike while it turns: contact may take energy and never give it.",
-        limit: 1e-3,
-        reddens: &[PumpedVelocity],
-        measure: toss,
-    },
-    Row {
-        name: "stiff ground",
-        figure: "speed after a landing on k = 1e7 N/m",
-        unit: "of the impact's",
-        source: "contact is passive",
-        why: "Hard ground is a stiff spring, and a step too long for it throws the body off.",
-        limit: 1.05,
-        reddens: &[NoFloor, PumpedVelocity],
-        measure: stiff,
-    },
-    Row {
-        name: "tip into ground",
-        figure: "gain of energy, pendulum at 7 rad/s",
-        unit: "relative",
-        source: "contact is passive",
-        why: "A fast link strikes at its tip: contact acts through the joints.",
-        limit: 0.01,
-        reddens: &[PumpedVelocity],
-        measure: |trial| tip(trial, 1.0),
-    },
-    Row {
-        name: "heavy tip",
-        figure: "gain of energy, the same, tip mass x 1e4",
-        unit: "relative",
-        source: "contact is passive",
-        why: "The same with a load at the tip, against which the joints weigh nothing.",
-        limit: 0.01,
-        reddens: &[HalfGravity, PumpedVelocity],
-        measure: |trial| tip(trial, 1e4),
-    },
-    Row {
-        name: "light tip",
-        figure: "gain of energy, the same, tip mass x 1e-4",
-        unit: "relative",
-        source: "contact is passive",
-        why: "The same with a tip of no weight, whose own acceleration knows no bounds.",
-        limit: 0.01,
-        reddens: &[HalfGravity, PumpedVelocity],
-        measure: |trial| tip(trial, 1e-4),
-    },
-    Row {
-        name: "under terrain",
-        figure: "depth 1 s after a start 3 cm under hills",
-        unit: "m",
-        source: "a surface pushes out; m g / k is 1 mm",
-        why: "Whatever starts inside the ground must come out of it.",
-        limit: 0.005,
-        reddens: &[NoFloor, FrozenWorld],
-        measure: under,
-    },
+    Row::new("tossed cube", "gain of energy over 2 s of tumbling", "relative", 1e-3, toss)
+        .source("contact is passive")
+        .why("Corners and edges strike while it turns: contact may take energy and never give it.")
+        .reddened_by(&[PumpedVelocity]),
+    Row::new("stiff ground", "speed after a landing on k = 1e7 N/m", "of the impact's", 1.05, stiff)
+        .source("contact is passive")
+        .why("Hard ground is a stiff spring, and a step too long for it throws the body off.")
+        .reddened_by(&[NoFloor, PumpedVelocity]),
+    Row::new("tip into ground", "gain of energy, pendulum at 7 rad/s", "relative", 0.01, |trial| tip(trial, 1.0))
+        .source("contact is passive")
+        .why("A fast link strikes at its tip: contact acts through the joints.")
+        .reddened_by(&[PumpedVelocity]),
+    Row::new("heavy tip", "gain of energy, the same, tip mass x 1e4", "relative", 0.01, |trial| tip(trial, 1e4))
+        .source("contact is passive")
+        .why("The same with a load at the tip, against which the joints weigh nothing.")
+        .reddened_by(&[HalfGravity, PumpedVelocity]),
+    Row::new("light tip", "gain of energy, the same, tip mass x 1e-4", "relative", 0.01, |trial| tip(trial, 1e-4))
+        .source("contact is passive")
+        .why("The same with a tip of no weight, whose own acceleration knows no bounds.")
+        .reddened_by(&[HalfGravity, PumpedVelocity]),
+    Row::new("under terrain", "depth 1 s after a start 3 cm under hills", "m", 0.005, under)
+        .source("a surface pushes out; m g / k is 1 mm")
+        .why("Whatever starts inside the ground must come out of it.")
+        .reddened_by(&[NoFloor, FrozenWorld]),
 ];
 
 fn rest(trial: &Trial) -> Result<f64, Error> {

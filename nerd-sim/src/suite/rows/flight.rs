@@ -10,86 +10,38 @@ use crate::suite::row::Row;
 use crate::suite::trial::{Motion, Trial};
 
 pub(super) static ROWS: [Row; 8] = [
-    Row {
-        name: "free fall",
-        figure: "distance from the parabola, 1 s",
-        unit: "m",
-        source: "p0 + v0 t - g t^2/2; g t dt of Newton's tests, dt = 1/960 s",
-        why: "The simplest motion there is: a step of first order misses the parabola by g t dt / 2.",
-        limit: GRAVITY / 960.0,
-        reddens: &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: free_fall,
-    },
-    Row {
-        name: "off-centre spin",
-        figure: "travel of the COM, 2 s without gravity",
-        unit: "m",
-        source: "momentum is constant",
-        why: "A body turns about its centre of mass, not about the origin that its state is written at.",
-        limit: 1e-3,
-        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld],
-        measure: off_centre,
-    },
-    Row {
-        name: "precession",
-        figure: "change of angular momentum, 2 s",
-        unit: "relative",
-        source: "Newton tests: I (0.2 0.5 0.4), w (0.7 -0.5 0.9)",
-        why: "Without torque angular momentum stays, in size and direction, while the angular velocity wanders.",
-        limit: 5e-3,
-        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
-        measure: precession,
-    },
-    Row {
-        name: "tumbling box",
-        figure: "change of angular momentum, 10 s",
-        unit: "relative",
-        source: "rapier tests: half extents 1 2 3, principal axes tilted 0.7 rad",
-        why: "The same with principal axes tilted against the body's own, where a wrongly turned inertia shows.",
-        limit: 0.02,
-        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
-        measure: tumbling,
-    },
-    Row {
-        name: "gyroscopic energy",
-        figure: "change of energy, 10 s about the middle axis",
-        unit: "relative",
-        source: "MuJoCo tests: box 0.1 0.2 0.3 m, E < 1.01 E0",
-        why: "The gyroscopic term of an explicit step feeds energy into a spinning body.",
-        limit: 0.01,
-        reddens: &[DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: gyroscopic,
-    },
-    Row {
-        name: "Dzhanibekov",
-        figure: "error of the body's angular velocity, 5 s",
-        unit: "relative",
-        source: "Euler's equations, integrated apart at 1e-4 s",
-        why: "Spin about the middle axis flips, and when it flips magnifies every error of the step.",
-        limit: 0.05,
-        reddens: &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity],
-        measure: dzhanibekov,
-    },
-    Row {
-        name: "Dzhanibekov, f32",
-        figure: "angular velocity, 5 s in f32 of 1 ms against f64",
-        unit: "relative",
-        source: "rounding of 6e-8 a frame, grown by exp(w t sqrt((B-A)(C-B)/AC))",
-        why: "Networks and GPUs compute in f32: this is what it costs where errors grow fastest.",
-        limit: 0.05,
-        reddens: &[DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: single,
-    },
-    Row {
-        name: "far away",
-        figure: "flight 100 km from the origin against flight at it, 1 s",
-        unit: "m",
-        source: "the world has no centre",
-        why: "Robots travel: numbers must not become coarser on the way.",
-        limit: 1e-6,
-        reddens: &[HiddenClock, SinglePrecision],
-        measure: far_away,
-    },
+    Row::new("free fall", "distance from the parabola, 1 s", "m", GRAVITY / 960.0, free_fall)
+        .source("p0 + v0 t - g t^2/2; g t dt of Newton's tests, dt = 1/960 s")
+        .why("The simplest motion there is: a step of first order misses the parabola by g t dt / 2.")
+        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("off-centre spin", "travel of the COM, 2 s without gravity", "m", 1e-3, off_centre)
+        .source("momentum is constant")
+        .why("A body turns about its centre of mass, not about the origin that its state is written at.")
+        .reddened_by(&[DroppedVelocity, BodyAngularVelocity, FrozenWorld]),
+    Row::new("precession", "change of angular momentum, 2 s", "relative", 5e-3, precession)
+        .source("Newton tests: I (0.2 0.5 0.4), w (0.7 -0.5 0.9)")
+        .why("Without torque angular momentum stays, in size and direction, while the angular velocity wanders.")
+        .reddened_by(&[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("tumbling box", "change of angular momentum, 10 s", "relative", 0.02, tumbling)
+        .source("rapier tests: half extents 1 2 3, principal axes tilted 0.7 rad")
+        .why("The same with principal axes tilted against the body's own, where a wrongly turned inertia shows.")
+        .reddened_by(&[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("gyroscopic energy", "change of energy, 10 s about the middle axis", "relative", 0.01, gyroscopic)
+        .source("MuJoCo tests: box 0.1 0.2 0.3 m, E < 1.01 E0")
+        .why("The gyroscopic term of an explicit step feeds energy into a spinning body.")
+        .reddened_by(&[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("Dzhanibekov", "error of the body's angular velocity, 5 s", "relative", 0.05, dzhanibekov)
+        .source("Euler's equations, integrated apart at 1e-4 s")
+        .why("Spin about the middle axis flips, and when it flips magnifies every error of the step.")
+        .reddened_by(&[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("Dzhanibekov, f32", "angular velocity, 5 s in f32 of 1 ms against f64", "relative", 0.05, single)
+        .source("rounding of 6e-8 a frame, grown by exp(w t sqrt((B-A)(C-B)/AC))")
+        .why("Networks and GPUs compute in f32: this is what it costs where errors grow fastest.")
+        .reddened_by(&[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("far away", "flight 100 km from the origin against flight at it, 1 s", "m", 1e-6, far_away)
+        .source("the world has no centre")
+        .why("Robots travel: numbers must not become coarser on the way.")
+        .reddened_by(&[HiddenClock, SinglePrecision]),
 ];
 
 fn free_fall(trial: &Trial) -> Result<f64, Error> {

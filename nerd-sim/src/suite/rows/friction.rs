@@ -10,76 +10,36 @@ use crate::suite::row::Row;
 use crate::suite::trial::Trial;
 
 pub(super) static ROWS: [Row; 7] = [
-    Row {
-        name: "stopping distance",
-        figure: "error, mu 0.2 0.4 0.7",
-        unit: "relative",
-        source: "Newton tests; v^2 / 2 mu g",
-        why: "Dry friction is mu times the load at any speed.",
-        limit: 0.05,
-        reddens: &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: stopping,
-    },
-    Row {
-        name: "friction threshold",
-        figure: "slip below the angle, or 2 cm / slip above it",
-        unit: "2 cm",
-        source: "Newton tests; tan a = mu, mu 0.5, slopes 10 20 24, 29 35 40 deg, 0.5 s",
-        why: "Dry friction holds below its angle and lets go above it; a viscous one always creeps.",
-        limit: 1.0,
-        reddens: &[NoFloor, DroppedVelocity, FrozenWorld],
-        measure: threshold,
-    },
-    Row {
-        name: "sliding down",
-        figure: "error of the way, 35 deg, mu 0.5, 1 s",
-        unit: "relative",
-        source: "g (sin a - mu cos a) t^2 / 2",
-        why: "Above the angle a body accelerates by what friction leaves, neither held nor let go.",
-        limit: 0.05,
-        reddens: &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: sliding,
-    },
-    Row {
-        name: "plate at four yaws",
-        figure: "a plate: spread of way, lateral way, yaw",
-        unit: "relative",
-        source: "Coulomb's cone is round",
-        why: "A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes.",
-        limit: 0.02,
-        reddens: &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity],
-        measure: |trial| yaws(trial, plate(), 0.05),
-    },
-    Row {
-        name: "cube at four yaws",
-        figure: "a cube: spread of way, lateral way, yaw",
-        unit: "relative",
-        source: "Coulomb's cone is round",
-        why: "The same for a tall body, whose load moves from corner to corner.",
-        limit: 0.02,
-        reddens: &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity],
-        measure: |trial| yaws(trial, Body::default(), 0.1),
-    },
-    Row {
-        name: "table at four yaws",
-        figure: "a table of four round feet: spread of way, lateral way, yaw",
-        unit: "relative",
-        source: "Coulomb's cone is round",
-        why: "The same on four balls, each of them a single contact.",
-        limit: 0.02,
-        reddens: &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity],
-        measure: |trial| yaws(trial, table(), 0.27),
-    },
-    Row {
-        name: "rolling ball",
-        figure: "error of the speed, 15 deg, 1 s",
-        unit: "relative",
-        source: "Drake's scene; 5/7 g sin a t",
-        why: "Friction at one point must turn the ball as fast as it travels.",
-        limit: 5e-3,
-        reddens: &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity],
-        measure: rolling,
-    },
+    Row::new("stopping distance", "error, mu 0.2 0.4 0.7", "relative", 0.05, stopping)
+        .source("Newton tests; v^2 / 2 mu g")
+        .why("Dry friction is mu times the load at any speed.")
+        .reddened_by(&[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("friction threshold", "slip below the angle, or 2 cm / slip above it", "2 cm", 1.0, threshold)
+        .source("Newton tests; tan a = mu, mu 0.5, slopes 10 20 24, 29 35 40 deg, 0.5 s")
+        .why("Dry friction holds below its angle and lets go above it; a viscous one always creeps.")
+        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld]),
+    Row::new("sliding down", "error of the way, 35 deg, mu 0.5, 1 s", "relative", 0.05, sliding)
+        .source("g (sin a - mu cos a) t^2 / 2")
+        .why("Above the angle a body accelerates by what friction leaves, neither held nor let go.")
+        .reddened_by(&[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    Row::new("plate at four yaws", "a plate: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, plate(), 0.05))
+        .source("Coulomb's cone is round")
+        .why("A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes.")
+        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    Row::new("cube at four yaws", "a cube: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, Body::default(), 0.1))
+        .source("Coulomb's cone is round")
+        .why("The same for a tall body, whose load moves from corner to corner.")
+        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    Row::new("table at four yaws", "a table of four round feet: spread of way, lateral way, yaw", "relative", 0.02, |trial| {
+        yaws(trial, table(), 0.27)
+    })
+    .source("Coulomb's cone is round")
+    .why("The same on four balls, each of them a single contact.")
+    .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    Row::new("rolling ball", "error of the speed, 15 deg, 1 s", "relative", 5e-3, rolling)
+        .source("Drake's scene; 5/7 g sin a t")
+        .why("Friction at one point must turn the ball as fast as it travels.")
+        .reddened_by(&[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
 ];
 
 /// A plate of 0.4 x 0.4 x 0.1 m and 1 kg.

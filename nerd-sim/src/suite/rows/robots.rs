@@ -16,96 +16,56 @@ use crate::system::System;
 const SPEED: f64 = 20.0;
 
 pub(super) static ROWS: [Row; 9] = [
-    Row {
-        name: "driven Ant",
-        figure: "worst violation of a joint limit, full random torques, 5 s",
-        unit: "rad",
-        source: "2 tau / k, a spring under a sudden load",
-        why: "Training data is made by full random torques; limits must hold against them.",
-        limit: 0.8,
-        reddens: &[BodyAngularVelocity],
-        measure: ant,
-    },
-    Row {
-        name: "ANYmal kp 85",
-        figure: "largest joint speed, armature 0.06, PD at 60 Hz, 2 s",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "The robot with its rotors' inertia and moderate gains: it must stand.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.06, [85.0, 2.0], false),
-    },
-    Row {
-        name: "ANYmal kp 200",
-        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.0, [200.0, 0.5], false),
-    },
-    Row {
-        name: "ANYmal kp 2000",
-        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "The same, ten times stiffer: what each solver makes of an impossible demand.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.0, [2000.0, 0.5], false),
-    },
-    Row {
-        name: "ANYmal kp 5000",
-        figure: "largest joint speed, no armature, PD at 60 Hz, 2 s",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "The same, stiffer still: here some give up, which is better than a wrong answer.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.0, [5000.0, 0.5], false),
-    },
-    Row {
-        name: "kp 200 ahead",
-        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.0, [200.0, 0.5], true),
-    },
-    Row {
-        name: "kp 2000 ahead",
-        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "The same, ten times stiffer.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.0, [2000.0, 0.5], true),
-    },
-    Row {
-        name: "kp 5000 ahead",
-        figure: "largest joint speed, no armature, PD that looks a frame ahead, 2nd second",
-        unit: "rad/s",
-        source: "speed limit of its URDF",
-        why: "The same, at gains of a position-controlled arm.",
-        limit: SPEED,
-        reddens: &[FrozenWorld],
-        measure: |trial| anymal(trial, 0.0, [5000.0, 0.5], true),
-    },
-    Row {
-        name: "no number",
-        figure: "0 if a state that is no number is refused, 1 if not",
-        unit: "",
-        source: "an error, with its place",
-        why: "A state that is no number must be refused where it stands, before it spreads.",
-        limit: 0.0,
-        reddens: &[SwallowedErrors],
-        measure: no_number,
-    },
+    Row::new("driven Ant", "worst violation of a joint limit, full random torques, 5 s", "rad", 0.8, ant)
+        .source("2 tau / k, a spring under a sudden load")
+        .why("Training data is made by full random torques; limits must hold against them.")
+        .reddened_by(&[BodyAngularVelocity]),
+    Row::new("ANYmal kp 85", "largest joint speed, armature 0.06, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.06, [85.0, 2.0], false)
+    })
+    .source("speed limit of its URDF")
+    .why("The robot with its rotors' inertia and moderate gains: it must stand.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("ANYmal kp 200", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [200.0, 0.5], false)
+    })
+    .source("speed limit of its URDF")
+    .why("Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("ANYmal kp 2000", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [2000.0, 0.5], false)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, ten times stiffer: what each solver makes of an impossible demand.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("ANYmal kp 5000", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [5000.0, 0.5], false)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, stiffer still: here some give up, which is better than a wrong answer.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("kp 200 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [200.0, 0.5], true)
+    })
+    .source("speed limit of its URDF")
+    .why("A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("kp 2000 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [2000.0, 0.5], true)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, ten times stiffer.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("kp 5000 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
+        anymal(trial, 0.0, [5000.0, 0.5], true)
+    })
+    .source("speed limit of its URDF")
+    .why("The same, at gains of a position-controlled arm.")
+    .reddened_by(&[FrozenWorld]),
+    Row::new("no number", "0 if a state that is no number is refused, 1 if not", "", 0.0, no_number)
+        .source("an error, with its place")
+        .why("A state that is no number must be refused where it stands, before it spreads.")
+        .reddened_by(&[SwallowedErrors]),
 ];
 
 fn ant(trial: &Trial) -> Result<f64, Error> {

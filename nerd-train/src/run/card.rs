@@ -1,0 +1,164 @@
+//! What a run is, and what its model folder says of it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nerd_model::base::Base;
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::normalizer::Normalizer;
+use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
+use serde::{Deserialize, Serialize};
+
+use super::variant::Variant;
+use crate::difference::between;
+use crate::error::{Error, Result, refuse};
+use crate::learner::{LearnerConfig, LearnerState};
+use crate::report::Provenance;
+use crate::sessions;
+use crate::trainer::TrainerConfig;
+
+/// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    pub robot: String,
+    /// Of the robot alone, and of how it is started, driven and controlled too.
+    pub robot_sha256: String,
+    pub system_sha256: String,
+    pub truth: String,
+    pub base: Base,
+    #[serde(default, skip_serializing_if = "Variant::usual")]
+    pub variant: Variant,
+    pub network: TransformerConfig,
+    pub learner: LearnerConfig,
+    pub trainer: TrainerConfig,
+    /// Of the targets, where it is not the usual one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epsilon: Option<f64>,
+    /// Engine and precision.
+    pub arithmetic: String,
+    /// Starts of the rollouts that choose the weights.
+    pub rollouts: usize,
+    pub frames: usize,
+    pub torque_scale: f64,
+    pub hold: usize,
+    pub resets: f64,
+    /// Who acts in part of the data, by content, and in what part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policies: Option<String>,
+    pub data_sha256: String,
+    pub transitions: usize,
+    /// Transitions recorded during the run.
+    #[serde(default)]
+    pub fresh: usize,
+    /// What the weights it started from had been through, and what they were.
+    pub from: Option<String>,
+    pub from_sha256: Option<String>,
+}
+
+/// The state to go on from, if the folder holds one of this very run. Before its data is there, that is not looked at.
+pub fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
+    let path = out.join("last.safetensors");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let (state, found) = crate::checkpoint::load(&path, &run.network)?;
+    let mut found: serde_json::Value = serde_json::from_str(&found).map_err(Error::format(&path))?;
+    let asked = serde_json::to_value(run).map_err(Error::format(&path))?;
+    if run.data_sha256.is_empty() {
+        for key in ["data_sha256", "transitions"] {
+            found[key] = asked[key].clone();
+        }
+    }
+    let said = between(&found.to_string(), &asked.to_string());
+    if !said.is_empty() {
+        refuse!("{} belongs to a run with other settings: {said}; use another --out, or its settings", path.display());
+    }
+    Ok(Some(state))
+}
+
+/// What `config.json` will hold.
+pub fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
+    let form = run.variant.form(run.base);
+    ModelConfig {
+        robot: run.robot.clone(),
+        robot_sha256: run.robot_sha256.clone(),
+        // Saving makes it.
+        model_sha256: String::new(),
+        truth: run.truth.clone(),
+        base: form.base,
+        view: form.view,
+        network: run.network,
+        data_sha256: run.data_sha256.clone(),
+        transitions: run.transitions + run.fresh,
+        updates: run.trainer.updates,
+        batch: run.learner.batch,
+        provenance: provenance.clone(),
+    }
+}
+
+/// What a model has been through, in one line.
+pub fn history(config: &ModelConfig) -> String {
+    let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
+    let run = format!(
+        "{} of a run of {} updates of {} windows on {} transitions",
+        row("weights"),
+        config.updates,
+        config.batch,
+        config.transitions
+    );
+    let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
+    config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
+}
+
+/// Writes the model folder with a card made of what the run recorded.
+pub fn export(
+    folder: &Path,
+    out: &Path,
+    run: &Identity,
+    normalizer: Normalizer,
+    weights: Weights,
+    (chosen, seed): (String, u64),
+) -> Result<()> {
+    let (minutes, machine) = sessions::sum(&sessions::read(out)?);
+    let stamp = Provenance::now(seed);
+    let rows = [
+        ("commit", stamp.commit.clone()),
+        ("command", stamp.command.clone()),
+        ("seed", seed.to_string()),
+        ("machine", machine),
+        ("minutes", minutes),
+        ("date", stamp.date.clone()),
+        ("weights", chosen),
+        ("arithmetic", run.arithmetic.clone()),
+        ("optimizer", format!("{:?}", run.learner.optimizer)),
+        ("schedule", format!("{:?}", run.trainer.schedule)),
+        ("torque_scale", format!("U({}, 1)", run.torque_scale)),
+    ];
+    let rows: Vec<_> = rows.into_iter().chain(run.from.clone().map(|from| ("started from", from))).collect();
+    let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
+    let config = model_config(run, &provenance);
+    let mut card = format!(
+        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
+         {} updates of {} windows on {} random transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
+        run.variant.name(),
+        run.robot,
+        if run.network.architecture == Architecture::Transformer { "A causal Transformer" } else { "A network" },
+        run.network.parameters(),
+        run.network.embedding,
+        run.network.layers,
+        run.network.history,
+        if run.base.flies() { "what contact adds to one frame of flight" } else { "one frame" },
+        run.truth,
+        run.trainer.updates,
+        run.learner.batch,
+        run.transitions + run.fresh,
+        if run.fresh > 0 { format!(" of the first {}", run.transitions) } else { String::new() },
+        run.data_sha256,
+    );
+    rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
+    card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
+    // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
+    // becomes 0.017).
+    let storage = if run.base.flies() { Storage::F16 } else { Storage::F32 };
+    Ok(Model { config, normalizer, weights }.save(folder, &card, storage)?)
+}

@@ -1,0 +1,42 @@
+//! What chooses between the weights of a run.
+
+use nerd_model::base::Base;
+use nerd_model::folder::Model;
+use nerd_model::neural::Neural;
+use nerd_model::normalizer::Normalizer;
+use nerd_model::transformer::Weights;
+
+use super::Run;
+use super::card::{Identity, model_config};
+use crate::error::Result;
+use crate::evaluate::{Action, PassiveConfig, passive};
+use crate::paper;
+
+impl Run {
+    /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
+    /// all grounds. Infinite if a rollout failed.
+    pub(super) fn rollout_error(&self, identity: &Identity, normalizer: &Normalizer, weights: Weights) -> Result<f64> {
+        let (config, system) = (&self.config, &self.system);
+        let (starts, steps, seed) = (config.rollouts, paper::horizon(&system.name), 1_000 + config.record.seed);
+        let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
+        // Flight has no error where there is nothing to touch.
+        let scenes: Vec<&str> = match identity.base {
+            Base::State | Base::Nothing => system.usual_scenes().into_iter().take(2).collect(),
+            Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
+        };
+        let mut total = 0.0;
+        for scene in &scenes {
+            let (config, normalizer) = (model_config(identity, &Default::default()), normalizer.clone());
+            let network = self.config.device.network(&weights, starts)?;
+            let mut learned = Neural::new(Model { config, normalizer, weights: weights.clone() }, system, network);
+            let mut truth = self.config.record.truth.solver(system);
+            let report = passive(system, &system.scene(scene)?, &mut *truth, &mut learned, protocol, &mut |_| ())?;
+            if report.failed > 0 {
+                // Where they stood when they failed says nothing of how far they would have gone.
+                return Ok(f64::INFINITY);
+            }
+            total += report.error.iter().sum::<f64>() / report.error.len() as f64;
+        }
+        Ok(total / scenes.len() as f64)
+    }
+}

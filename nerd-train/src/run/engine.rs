@@ -1,0 +1,60 @@
+//! What trains a network, by device.
+
+use std::sync::Arc;
+
+use nerd_model::BurnDevice;
+use nerd_model::transformer::{Architecture, TransformerConfig};
+
+use super::RunConfig;
+use crate::device::Device;
+use crate::error::Result;
+use crate::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
+use crate::prepare::Prepared;
+use crate::windows::Windows;
+
+/// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
+pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<String> {
+    match config.device {
+        Device::Cpu => Ok("f32 on the CPU".into()),
+        #[cfg(feature = "cuda")]
+        Device::Cuda => {
+            crate::device::transformer_only(network)?;
+            Ok(if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into())
+        }
+        #[cfg(not(feature = "cuda"))]
+        Device::Cuda => no_cuda(network),
+    }
+}
+
+/// What learns, at the state it goes on from.
+pub fn engine(
+    config: &RunConfig,
+    learner: LearnerConfig,
+    state: LearnerState,
+    data: Prepared,
+    validation: Windows,
+) -> Result<Box<dyn Learner>> {
+    match config.device {
+        Device::Cpu => {
+            let (windows, validation) = (Arc::new(data.windows), Arc::new(validation));
+            Ok(match state.weights.config.architecture {
+                Architecture::Transformer => Box::new(CpuLearner::new(learner, state, windows, validation)?),
+                _ => Box::new(BurnLearner::new(learner, state, windows, validation, &BurnDevice::flex())?),
+            })
+        }
+        #[cfg(feature = "cuda")]
+        Device::Cuda => {
+            use crate::learner::cuda::{CudaLearner, Precision};
+            crate::device::transformer_only(&state.weights.config)?;
+            let precision = if config.f32 { Precision::F32 } else { Precision::Tf32 };
+            Ok(Box::new(CudaLearner::new(learner, precision, state, &data.windows, &validation)?))
+        }
+        #[cfg(not(feature = "cuda"))]
+        Device::Cuda => no_cuda(&state.weights.config),
+    }
+}
+
+#[cfg(not(feature = "cuda"))]
+fn no_cuda<T>(network: &TransformerConfig) -> Result<T> {
+    crate::error::refuse!("--device cuda needs a build with `--features cuda`, of {} as of any network", network.embedding)
+}

@@ -1,0 +1,38 @@
+//! What a run takes of the machine's memory, refused before it begins where there is not as much.
+
+use nerd_model::transformer::{Positions, TransformerConfig};
+
+use super::RunConfig;
+use crate::bounds::memory;
+use crate::device::Device;
+use crate::error::Result;
+
+/// Windows that one thread of the CPU's learner passes at a time.
+const SHARD: usize = 32;
+
+/// Refuses a run that needs more memory than is free.
+pub fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
+    let batch = config.batch;
+    // Shards, the set they are joined in, and that while it grows.
+    memory(&[("--transitions", config.transitions)], 3 * 4 * (network.inputs + network.outputs))?;
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let on_cpu = config.device == Device::Cpu;
+    // Weights, average and two moments, and copies of them for checkpoints and rollouts; on the CPU a network each thread and a
+    // gradient each shard.
+    let copies = 10 + if on_cpu { 2 * threads + batch.div_ceil(SHARD) } else { 0 };
+    memory(&[("parameters", network.parameters()), ("copies", copies)], 4)?;
+    if on_cpu {
+        memory(&[("--batch", batch.min(threads * SHARD)), ("tokens", network.sequence())], 4 * of_token(network))?;
+    }
+    let kept = match network.positions {
+        Positions::Rotary => network.layers * 2 * network.embedding,
+        Positions::Table => of_token(network),
+    };
+    memory(&[("--rollouts", config.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
+}
+
+/// Numbers that a forward and backward pass keeps of a token, about.
+fn of_token(network: &TransformerConfig) -> usize {
+    let TransformerConfig { inputs, outputs, embedding, layers, heads, history, head, .. } = *network;
+    layers * (24 * embedding + 2 * heads * history) + 8 * embedding + 4 * head + inputs + outputs
+}

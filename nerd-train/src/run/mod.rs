@@ -1,0 +1,48 @@
+//! A training run from its settings to a model's folder.
+//!
+//! ```no_run
+//! use nerd_train::run::{Run, RunConfig};
+//!
+//! let mut config = RunConfig::recipe("quick", "pendulum", "out/pendulum")?;
+//! config.updates = 12_000;
+//! let model = Run::new(&config)?.train()?; // `Some("out/pendulum/model")`, `None` if its minutes were over before
+//! # Ok::<(), nerd_train::Error>(())
+//! ```
+//!
+//! ```text
+//! RunConfig ── Run::new ──▶ Run: network, learner, trainer; all that can be refused is refused here
+//!                            ├─ data: recorded or read, normalised         recording.rs
+//!                            ├─ updates, validation by rollouts            engine.rs, criterion.rs
+//!                            └─ the best weights with a card               card.rs ──▶ OUT/model
+//! ```
+//!
+//! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors`, `best.safetensors`; the same
+//! settings again continue it. A [`Recipe`] is a file of settings, of one run or of several that follow each other.
+
+mod card;
+mod criterion;
+mod engine;
+mod memory;
+mod network;
+mod recipe;
+mod recording;
+mod settings;
+mod train;
+mod variant;
+
+use std::path::Path;
+
+use nerd_sim::files::{Claim, claim};
+
+pub use recipe::Recipe;
+pub use recording::RecordConfig;
+pub use settings::{BaseName, RunConfig};
+pub use train::Run;
+pub use variant::Variant;
+
+use crate::error::{Error, Result};
+
+/// A folder that this process alone writes.
+pub(crate) fn claimed(folder: &Path) -> Result<Claim> {
+    claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
+}

@@ -1,0 +1,155 @@
+//! A file of settings: one run, or a chain of runs, each from the weights of the one before.
+//!
+//! ```toml
+//! robot = "cube"              # settings of every run, as `RunConfig` has them
+//! base = "flight"
+//!
+//! [[run]]                     # and of each
+//! updates = 70000
+//!
+//! [[run]]
+//! updates = 72000
+//! huber = 0.02
+//! ```
+//!
+//! A chain keeps its runs in `OUT/1`, `OUT/2` and so on; the last one's model is the result. Shipped recipes stand in
+//! `nerd-train/assets/runs`, to be copied.
+
+use std::path::{Path, PathBuf};
+
+use nerd_model::folder::Model;
+use nerd_sim::prelude::*;
+use serde_json::Value;
+
+use super::{Run, RunConfig};
+use crate::error::{Error, Result, refuse};
+use crate::settings::{Given, Settings};
+
+macro_rules! shipped {
+    ($($name:literal)+) => { &[$(($name, include_str!(concat!("../../assets/runs/", $name, ".toml")))),+] };
+}
+
+/// Shipped recipes by name.
+const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "cartpole" "pendulum" "pendulum-paper" "pendulum-small" "cube" "franka" "ant"
+    "anymal" "pendulum-rapier" "cube-rapier" "ant-rapier" "baseline");
+
+/// Runs to be made one after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recipe {
+    /// Each with a folder of its own.
+    pub runs: Vec<RunConfig>,
+}
+
+impl Recipe {
+    /// Names of those that come with the project: three that leave the robot open, one for each shipped model.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        SHIPPED.iter().map(|(name, _)| *name)
+    }
+
+    /// One run: the paper's settings, but for what is given.
+    ///
+    /// # Errors
+    /// If a value makes no sense.
+    pub fn plain(given: &Given) -> Result<Self> {
+        Ok(Self { runs: vec![RunConfig::default().with(given).map_err(Error::Refused)?] })
+    }
+
+    /// A shipped one, but for what is given.
+    ///
+    /// # Errors
+    /// If there is none of that name, it is another robot's, or a value makes no sense.
+    pub fn named(name: &str, given: &Given) -> Result<Self> {
+        let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
+            refuse!("--recipe {name}: known are {}; of your own give the file", Self::names().collect::<Vec<_>>().join(", "));
+        };
+        let path = PathBuf::from(format!("nerd-train/assets/runs/{name}.toml"));
+        let recipe = Self::parse(&path, text, &Given::new())?;
+        let (own, asked) = (&recipe.runs[0].robot, given.get("robot").and_then(Value::as_str));
+        if let Some(asked) = asked.filter(|asked| !own.is_empty() && own != asked) {
+            refuse!("--recipe {name} trains `{own}`, not `{asked}`");
+        }
+        Self::parse(&path, text, given)
+    }
+
+    /// That of a file, but for what is given.
+    ///
+    /// # Errors
+    /// If it cannot be read, has a key that there is not, or a value makes no sense.
+    pub fn read(path: &Path, given: &Given) -> Result<Self> {
+        let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
+        Self::parse(path, &text, given)
+    }
+
+    fn parse(path: &Path, text: &str, given: &Given) -> Result<Self> {
+        let wrong = |reason: String| Error::Format { path: path.into(), reason };
+        let table: toml::Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        let mut common = match serde_json::to_value(table) {
+            Ok(Value::Object(common)) => common,
+            _ => return Err(wrong("no table of settings".into())),
+        };
+        let runs = common.remove("run");
+        let first = RunConfig::default().with(&common).map_err(wrong)?;
+        let Some(runs) = runs else {
+            return Ok(Self { runs: vec![first.with(given).map_err(Error::Refused)?] });
+        };
+        let own: Vec<Given> = serde_json::from_value(runs).map_err(|e| wrong(format!("`run`: {e}; `[[run]]` is needed")))?;
+        if own.is_empty() {
+            return Err(wrong("`run` is empty".into()));
+        }
+        let mut runs: Vec<RunConfig> = Vec::new();
+        for (k, own) in own.iter().enumerate() {
+            let own = first.with(own).map_err(|e| wrong(format!("run {}: {e}", k + 1)))?;
+            let next = link(own, given)?;
+            let out = next.out.join(format!("{}", k + 1));
+            runs.push(match runs.last() {
+                None => RunConfig { out, ..next },
+                // A run from a model has that one's normaliser.
+                Some(before) => RunConfig { from: Some(before.out.join("model")), epsilon: None, out, ..next },
+            });
+        }
+        Ok(Self { runs })
+    }
+
+    /// Trains all runs that are not done yet; the folder of the last one's model, or none if time was over before.
+    ///
+    /// # Errors
+    /// Those of its runs.
+    pub fn train(&self) -> Result<Option<PathBuf>> {
+        if let [one] = &self.runs[..] {
+            return Run::new(one)?.train();
+        }
+        let mut last = None;
+        for run in &self.runs {
+            let done = run.out.join("model");
+            match Model::load(&done, &*System::named(&run.robot)?, Some(&run.record.truth.name())) {
+                Ok(_) => {
+                    last = Some(done);
+                    continue;
+                }
+                Err(e) if done.exists() => eprintln!("{e}; it is made anew"),
+                Err(_) => {}
+            }
+            last = Run::new(run)?.train()?;
+            if last.is_none() || run.finish {
+                break;
+            }
+        }
+        Ok(last)
+    }
+}
+
+/// A run of a chain with what is given. Its runs are of different lengths: `updates` and `transitions` that are given for all are
+/// most that each may have, for a rehearsal.
+fn link(own: RunConfig, given: &Given) -> Result<RunConfig> {
+    let most = (own.updates, own.transitions);
+    let mut run = own.with(given).map_err(Error::Refused)?;
+    run.updates = run.updates.min(most.0);
+    run.transitions = run.transitions.min(most.1);
+    if given.contains_key("updates") && !given.contains_key("validate-every") {
+        run.validate_every = None;
+    }
+    if given.contains_key("transitions") {
+        run.fresh = run.fresh.min(run.transitions);
+    }
+    Ok(run)
+}

@@ -1,0 +1,107 @@
+//! What is recorded of a robot's motion: by `dataset` into a folder, by `train` in memory.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use nerd_model::form::Form;
+use nerd_sim::dataset::{GenerateConfig, Manifest, Pilot};
+use nerd_sim::law::Law;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+
+use crate::bounds::{self, FRAMES, SEEDS};
+use crate::error::{Result, refuse};
+use crate::ppo::Policies;
+use crate::prepare::{Prepared, generate};
+use crate::progress::bar;
+use crate::settings::settings;
+use crate::shipped;
+
+settings! {
+    /// What is recorded. The defaults are the paper's.
+    pub struct RecordConfig {
+        /// What is recorded: articulated (the reference simulator's method) or rapier
+        truth: Truth = Truth::Articulated, Words(&["articulated", "rapier"]);
+        /// Frames of a trajectory: few, and data has many starts and first contacts
+        frames: usize = 100, Whole(FRAMES);
+        /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
+        /// trajectories are passive, as models are asked in rollouts)
+        torque_scale: f64 = 1.0, Number(-10.0..=1.0);
+        /// Most frames for which a random action is held, their number drawn once a trajectory: 1 jitters, more travel
+        hold: usize = 1, Whole(FRAMES);
+        /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data
+        resets: f64 = 0.0, Number(0.0..=1.0);
+        /// Folders of policies that act in part of the data, each in its task: random torques seldom go where they go
+        policy: Vec<PathBuf> = Vec::new(), Texts;
+        /// Share of the trajectories that policies act in
+        policy_share: f64 = 0.5, Number(0.0..=1.0);
+        /// Seed of the data, and in a run of weights and windows (the paper: 0 to train, 10 to validate)
+        seed: u64 = 0, Whole(SEEDS);
+    }
+}
+
+impl RecordConfig {
+    /// What the simulator is asked for, for so many transitions or up to a trajectory more; reads the policies.
+    ///
+    /// # Errors
+    /// If a policy cannot be read or acts on another robot, or a number means nothing for this robot.
+    pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
+        let Self { frames, hold, resets, seed, .. } = *self;
+        let torque_scale = Law { low: self.torque_scale, high: 1.0 };
+        let pilot = self.pilot(system)?;
+        let config = GenerateConfig { transitions, seed, torque_scale, frames, hold, resets, pilot, ..Default::default() };
+        config.check(system)?;
+        Ok(config)
+    }
+
+    /// The policies that act in part of the data.
+    fn pilot(&self, system: &System) -> Result<Option<(Arc<dyn Pilot>, f64)>> {
+        if self.policy.is_empty() {
+            if self.policy_share != Self::default().policy_share {
+                refuse!("--policy-share means nothing without --policy");
+            }
+            return Ok(None);
+        }
+        let mut policies = Vec::new();
+        for folder in &self.policy {
+            let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
+            let robot = nerd_tasks::named(&config.task)?.robot();
+            if robot != system.name {
+                refuse!("{} acts on `{robot}`, not on `{}`", folder.display(), system.name);
+            }
+            policies.push((config.task, policy));
+        }
+        Ok(Some((Arc::new(Policies::new(policies)?), self.policy_share)))
+    }
+
+    /// Records so many transitions into a folder: shards and a manifest, those that are there already kept. One process at a time writes there.
+    ///
+    /// # Errors
+    /// If it is more than the machine bears, the truth cannot step, or a file cannot be written.
+    pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
+        let (config, robot) = (self.of(system, transitions)?, &system.robot);
+        // A shard is recorded, turned into bytes and written: three times its numbers.
+        let trajectories = config.trajectories().min(config.shard_trajectories);
+        let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
+        bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
+        bounds::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
+        let _claim = crate::run::claimed(folder)?;
+        let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
+        let (mut solver, truth) = (self.truth.solver(system), self.truth.name());
+        let tell = &mut |done: usize, _: usize| bar.set(done as u64);
+        let manifest = nerd_sim::dataset::generate(system, &mut *solver, &truth, &config, folder, tell)?;
+        bar.finish();
+        Ok(manifest)
+    }
+
+    /// Records in memory, as tokens.
+    pub(super) fn tokens(&self, system: &Arc<System>, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
+        let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
+        let done = AtomicUsize::new(0);
+        let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
+        let prepared = generate(system, &|| self.truth.solver(system), config, history, form, &tell)?;
+        bar.finish();
+        Ok(prepared)
+    }
+}

@@ -1,0 +1,127 @@
+//! One run's settings. The defaults are the paper's network and training at a tenth of its updates.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::recipe::Recipe;
+use super::recording::RecordConfig;
+use super::variant::Variant;
+use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
+use crate::device::Device;
+use crate::error::{Result, refuse};
+use crate::learner::Optimizer;
+use crate::settings::{Given, Settings, settings};
+
+settings! {
+    /// One run of training. Files and command lines say it with these keys (`torque-scale` for `torque_scale`).
+    pub struct RunConfig {
+        ..
+        /// What it learns from; its keys stand beside the run's own.
+        record: RecordConfig;
+        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+        robot: String = String::new(), Text;
+        /// Folder of the run; the same command continues it
+        out: PathBuf = PathBuf::new(), Text;
+        /// What predictions are added to: state (the paper) or flight (one contact-free frame; the network is left with contact)
+        base: BaseName = BaseName::State, Words(&["state", "flight"]);
+        /// NeRD, or one of the designs it is compared with (paper A.3.3)
+        variant: Variant = Variant::Nerd, Words(Variant::WORDS);
+        /// Width of the network (the paper: 192, or 384)
+        embedding: usize = 192, Whole(EMBEDDING);
+        /// Layers of the network
+        layers: usize = 6, Whole(LAYERS);
+        /// Width of an attention head; there are embedding / this many
+        head_width: usize = 16, Whole(EMBEDDING);
+        /// Tokens of a window: frames that a token sees, itself included
+        history: usize = 10, Whole(1..=1024);
+        /// Places in the table of positions, of which `history` are used (without --stream)
+        block: usize = 32, Whole(1..=8192);
+        /// Rotary positions: rollouts evaluate one token a frame in place of a window
+        stream: bool = false, Flag;
+        /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six
+        /// layers and windows of 10, and at least 32]
+        sequence: Option<usize> = None, Whole(1..=8192);
+        /// Folder of shards made by `dataset`; recorded in memory if absent
+        data: Option<PathBuf> = None, Text;
+        /// Transitions to record before
+        transitions: usize = 10_000_000, Whole(TRANSITIONS);
+        /// Transitions recorded while the run goes on, which take the places of the oldest: nothing is learned by heart
+        fresh: usize = 0, Whole(0..=*TRANSITIONS.end());
+        /// Model folder to start from, normaliser and all [default: random weights]
+        from: Option<PathBuf> = None, Text;
+        /// Optimiser updates in the whole run (the paper: five million)
+        updates: u64 = 500_000, Whole(UPDATES);
+        /// Windows in an update
+        batch: usize = 512, Whole(BATCH);
+        /// Learning rate of the first update
+        rate: f64 = 1e-3, Positive;
+        /// Learning rate the linear decay ends at
+        last_rate: f64 = 1e-4, Number(0.0..=10.0);
+        /// Share of the run, at its end, over which the rate falls on to zero (the paper: 0)
+        tail: f64 = 0.0, Number(0.0..=1.0);
+        /// Updates over which the rate rises from zero (the paper: 0)
+        warmup: u64 = 0, Whole(0..=*UPDATES.end());
+        /// What updates the hidden matrices: adam (the paper) or muon
+        optimizer: Optimizer = Optimizer::Adam, Words(&["adam", "muon"]);
+        /// Error, in deviations of a target, around which the loss goes over from squares (the paper's) to a straight line
+        huber: Option<f32> = None, Positive;
+        /// Added to the variance of every target before it is scaled; the paper's lets targets count less that vary by less than
+        /// some 3e-3 of their unit [default: the paper's, 1e-5; a run --from a model has its]
+        epsilon: Option<f64> = None, Number(1e-30..=1.0);
+        /// Decay of the moving average of the weights, per update
+        average: f64 = 0.9995, Number(0.0..=1.0);
+        /// Updates between validations [default: a fiftieth of the run]
+        validate_every: Option<u64> = None, Whole(0..=*UPDATES.end());
+        /// Windows in a validation
+        validation_windows: usize = 16_384, Whole(TRANSITIONS);
+        /// Updates between lines of `metrics.jsonl`; each waits for the device
+        log_every: u64 = 500, Whole(UPDATES);
+        /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
+        rollouts: usize = 64, Whole(0..=*STARTS.end());
+        /// Stop, with a checkpoint, after so many minutes; the same command continues
+        minutes: Option<f64> = None, Positive;
+        /// Train no further: make a model of the best weights that the run has had so far
+        finish: bool = false, Flag;
+        /// Where to compute: cpu or cuda (needs a build with `--features cuda`)
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
+        f32: bool = false, Flag;
+    }
+}
+
+impl RunConfig {
+    /// The paper's for a robot.
+    pub fn new(robot: &str, out: impl Into<PathBuf>) -> Self {
+        Self { robot: robot.into(), out: out.into(), ..Self::default() }
+    }
+
+    /// A shipped recipe of one run that leaves the robot open: `paper`, `small`, `quick`.
+    ///
+    /// # Errors
+    /// If there is no such recipe, or it is of several runs or another robot.
+    pub fn recipe(name: &str, robot: &str, out: impl Into<PathBuf>) -> Result<Self> {
+        let given = Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
+        match &Recipe::named(name, &given)?.runs[..] {
+            [one] => Ok(one.clone()),
+            runs => refuse!("recipe {name} has {} runs, one is needed", runs.len()),
+        }
+    }
+
+    /// As a TOML file, without what is not set.
+    pub fn to_toml(&self) -> String {
+        let given: Given = self.given().into_iter().filter(|(_, value)| !value.is_null()).collect();
+        toml::to_string(&given).unwrap_or_default()
+    }
+}
+
+/// What predictions are added to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BaseName {
+    /// The state before the frame.
+    #[default]
+    State,
+    /// The state after a frame without contact, as the truth flies it.
+    Flight,
+}

@@ -1,0 +1,323 @@
+//! One run. All that can be refused is refused before anything is recorded or written.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use nerd_model::base::Base;
+use nerd_model::folder::Model;
+use nerd_model::form::Form;
+use nerd_model::normalizer::Normalizer;
+use nerd_model::transformer::{Positions, TransformerConfig, Weights};
+use nerd_sim::dataset::GenerateConfig;
+use nerd_sim::prelude::*;
+
+use super::card::{Identity, export, history, resume};
+use super::engine::{arithmetic, engine};
+use super::{RecordConfig, RunConfig, claimed, memory};
+use crate::best::Best;
+use crate::device::Device;
+use crate::error::{Error, Result, refuse};
+use crate::learner::{Learner, LearnerConfig, LearnerState};
+use crate::prepare::{Prepared, moments, normalize, read};
+use crate::report::write;
+use crate::schedule::Schedule;
+use crate::sessions;
+use crate::supply::{Supply, SupplyConfig};
+use crate::trainer::{HookError, Outcome, Trainer, TrainerConfig};
+use crate::windows::Windows;
+
+/// Transitions that are validated on, and the paper's distance of their seed from the training data's.
+const VALIDATION: (usize, u64) = (200_000, 10);
+
+/// What settings come to, ready to train.
+pub struct Run {
+    pub(super) config: RunConfig,
+    pub(super) system: Arc<System>,
+    base: Base,
+    form: Form,
+    network: TransformerConfig,
+    learner: LearnerConfig,
+    trainer: TrainerConfig,
+    recording: GenerateConfig,
+    /// What it starts from, if not from random weights.
+    parent: Option<Model>,
+    arithmetic: String,
+}
+
+/// What a run learns from.
+struct Data {
+    training: Prepared,
+    validation: Windows,
+    normalizer: Normalizer,
+}
+
+impl Run {
+    /// The run of these settings.
+    ///
+    /// # Errors
+    /// If one of them makes no sense, names what is not there, or asks for more than the machine has.
+    pub fn new(config: &RunConfig) -> Result<Self> {
+        contradictions(config)?;
+        let system = System::named(&config.robot)?;
+        let base = config.base(&system)?;
+        let form = config.variant.form(base);
+        let network = config.network(&system, form)?;
+        let (learner, trainer) = (learner(config), trainer(config));
+        learner.check()?;
+        trainer.check()?;
+        // More than the run looks at would be recorded for nobody, at whatever price.
+        let (fresh, batch, sequence) = (config.fresh, learner.batch, network.sequence());
+        let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;
+        if fresh as u128 > looked_at {
+            refuse!("--fresh {fresh}: {} updates of {batch} sequences of {sequence} look at {looked_at} tokens", trainer.updates);
+        }
+        memory::check(config, &network)?;
+        let mut recording = config.record.of(&system, config.transitions)?;
+        // Small shards come soon, whatever the truth.
+        recording.shard_trajectories = if fresh > 0 { 64 } else { 512 };
+        if fresh > 0 {
+            recording.transitions = recording.transitions.next_multiple_of(recording.frames * recording.shard_trajectories);
+        }
+        recording.check(&system)?;
+        if config.data.is_none() && sequence > config.record.frames {
+            refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
+        }
+        let parent = config.from.as_deref().map(|folder| parent(folder, &system, network, form)).transpose()?;
+        let arithmetic = arithmetic(config, &network)?;
+        Ok(Self { config: config.clone(), system, base, form, network, learner, trainer, recording, parent, arithmetic })
+    }
+
+    /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
+    ///
+    /// # Errors
+    /// If the folder is another run's or in use, the truth cannot step, an update fails, or a file cannot be written.
+    pub fn train(&self) -> Result<Option<PathBuf>> {
+        let (started, out) = (Instant::now(), &self.config.out);
+        let _claim = claimed(out)?;
+        let mut identity = self.identity();
+        resume(out, &identity)?;
+        let data = self.data()?;
+        identity.transitions = data.training.windows.trajectories() * data.training.windows.frames;
+        identity.data_sha256 = data.training.sha256.clone();
+        let (identity, path) = (identity, out.join("run.json"));
+        let first = || self.parent.as_ref().map_or_else(|| Weights::init(self.network, self.learner.seed), |p| p.weights.clone());
+        let state = resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()));
+        let text = serde_json::to_string(&identity).map_err(Error::format(&path))?;
+        let trainer = Trainer::new(self.trainer, self.learner.batch, out, &text);
+        if self.config.finish {
+            let Some(best) = trainer.best()? else { refuse!("{}: no validated weights of this very run", out.display()) };
+            let chosen = format!("{}; the run was ended there", self.averaged(&best));
+            return self.export(&identity, data.normalizer, best.weights, chosen);
+        }
+        write(&path, serde_json::to_string_pretty(&identity).map_err(Error::format(&path))?.as_bytes())?;
+        let (updates, windows) = (self.trainer.updates, data.training.windows.len());
+        eprintln!("{} parameters, {windows} windows, update {} of {updates}", self.network.parameters(), state.step);
+
+        let (normalizer, fresh) = (data.normalizer.clone(), self.supply(&data.normalizer, state.step)?);
+        let step = state.step;
+        let mut engine = engine(&self.config, self.learner, state, data.training, data.validation)?;
+        let outcome = self.learn(&identity, &normalizer, trainer.clone(), &mut *engine, fresh, (step, started))?;
+        if !outcome.finished {
+            self.say_stopped(&outcome, started);
+            return Ok(None);
+        }
+        let Some(best) = trainer.best()? else {
+            refuse!("{}: in no validation did the rollouts end in numbers; give it more --updates", out.display());
+        };
+        let (weights, chosen) = self.choose(&identity, &normalizer, best, &mut *engine)?;
+        self.export(&identity, normalizer, weights, chosen)
+    }
+
+    /// What decides the run's bytes, as far as it is known before its data is.
+    fn identity(&self) -> Identity {
+        let RecordConfig { frames, torque_scale, hold, resets, truth, .. } = self.config.record;
+        Identity {
+            robot: self.system.name.clone(),
+            robot_sha256: self.system.robot_sha256(),
+            system_sha256: self.system.sha256(),
+            truth: truth.name(),
+            base: self.base,
+            variant: self.config.variant,
+            network: self.network,
+            learner: self.learner,
+            trainer: self.trainer,
+            epsilon: self.config.epsilon,
+            arithmetic: self.arithmetic.clone(),
+            rollouts: self.config.rollouts,
+            frames,
+            torque_scale,
+            hold,
+            resets,
+            policies: self.recording.pilot.as_ref().map(|p| format!("{p:?}")),
+            data_sha256: String::new(),
+            transitions: self.config.transitions,
+            fresh: self.config.fresh,
+            from: self.parent.as_ref().map(|p| history(&p.config)),
+            from_sha256: self.parent.as_ref().map(|p| p.config.model_sha256.clone()),
+        }
+    }
+
+    /// Records or reads what is learned from, and normalises it.
+    fn data(&self) -> Result<Data> {
+        let (record, sequence) = (&self.config.record, self.network.sequence());
+        let mut training = match &self.config.data {
+            Some(folder) => read(&self.system, &record.truth.name(), folder, sequence, self.form)?,
+            None => record.tokens(&self.system, &self.recording, sequence, self.form)?,
+        };
+        let (transitions, seed) = (VALIDATION.0.min(self.config.transitions), record.seed + VALIDATION.1);
+        let validation = GenerateConfig { transitions, seed, ..self.recording.clone() };
+        let mut validation = record.tokens(&self.system, &validation, sequence, self.form)?.windows;
+        let windows = &training.windows;
+        if windows.is_empty() || validation.is_empty() {
+            refuse!("{} trajectories of {} frames hold no sequence of {sequence} tokens", windows.trajectories(), windows.frames);
+        }
+        let own = || {
+            let mut own = self.config.variant.normalizer(moments(windows));
+            own.outputs.epsilon = self.config.epsilon.unwrap_or(own.outputs.epsilon);
+            own
+        };
+        let normalizer = self.parent.as_ref().map_or_else(own, |p| p.normalizer.clone());
+        normalize(&mut training.windows, &normalizer);
+        normalize(&mut validation, &normalizer);
+        Ok(Data { training, validation, normalizer })
+    }
+
+    /// Fresh data from update `step` on, if it is asked for.
+    fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
+        if self.config.fresh == 0 {
+            return Ok(None);
+        }
+        let (truth, of, data) = (self.config.record.truth, self.system.clone(), self.recording.clone());
+        let shards = self.config.fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
+        let (updates, history, form, normalizer) = (self.trainer.updates, self.network.sequence(), self.form, normalizer.clone());
+        let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
+        Ok(Some(Supply::new(&self.system, move || truth.solver(&of), config)?))
+    }
+
+    /// All updates, or as many as there is time for; each validation ends a line of `sessions.jsonl`.
+    fn learn(
+        &self,
+        identity: &Identity,
+        normalizer: &Normalizer,
+        trainer: Trainer,
+        engine: &mut dyn Learner,
+        fresh: Option<Supply>,
+        (first, started): (u64, Instant),
+    ) -> Result<Outcome> {
+        let mut logged = (first, Duration::ZERO);
+        let mut log = |step: u64| -> Result<()> {
+            let now = started.elapsed();
+            sessions::log(&self.config.out, logged.0, step, (now - logged.1).as_secs_f64(), "")?;
+            logged = (step, now);
+            Ok(())
+        };
+        let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>, HookError> {
+            let error = if self.config.rollouts > 0 {
+                let weights = Weights { config: self.network, flat: learner.state()?.average };
+                // Early weights may leave; that is an infinite error, not the end of the run.
+                Some(self.rollout_error(identity, normalizer, weights).unwrap_or_else(|e| {
+                    eprintln!("{e}");
+                    f64::INFINITY
+                }))
+            } else {
+                None
+            };
+            log(step)?;
+            Ok(error)
+        };
+        // More minutes than a duration holds are no limit.
+        let left = |minutes: f64| Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok();
+        let outcome = trainer.stop_at(self.config.minutes.and_then(left)).run(engine, fresh, &mut hook)?;
+        log(outcome.step)?;
+        Ok(outcome)
+    }
+
+    fn say_stopped(&self, outcome: &Outcome, started: Instant) {
+        let (TrainerConfig { updates, validate_every, .. }, seconds) = (self.trainer, started.elapsed().as_secs());
+        let so_far = match outcome.best {
+            Some((step, _)) => format!("with --finish it makes a model of the best weights so far, those of update {step}"),
+            None => format!("there is no model yet: the first validation is at update {}", validate_every.max(1).min(updates)),
+        };
+        eprintln!("stopped at update {} of {updates} after {seconds} s; the same command continues; {so_far}", outcome.step);
+    }
+
+    fn averaged(&self, best: &Best) -> String {
+        format!("moving average {} at update {}, chosen by criterion {:.5}", self.learner.average, best.step, best.criterion)
+    }
+
+    /// The best average, or the last weights: where the rate has fallen to zero they need none, and may be better than it.
+    fn choose(&self, identity: &Identity, normalizer: &Normalizer, best: Best, engine: &mut dyn Learner) -> Result<(Weights, String)> {
+        if self.config.rollouts > 0 {
+            let last = engine.state()?.weights;
+            let found = self.rollout_error(identity, normalizer, last.clone()).unwrap_or(f64::INFINITY);
+            if found < best.criterion {
+                let updates = self.trainer.updates;
+                return Ok((last, format!("last, not averaged, at update {updates}, chosen by criterion {found:.5}")));
+            }
+        }
+        let chosen = self.averaged(&best);
+        Ok((best.weights, chosen))
+    }
+
+    fn export(&self, identity: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<Option<PathBuf>> {
+        let out = &self.config.out;
+        let folder = out.join("model");
+        export(&folder, out, identity, normalizer, weights, (chosen, self.learner.seed))?;
+        eprintln!("model written to {}", folder.display());
+        Ok(Some(folder))
+    }
+}
+
+/// Refuses settings that mean nothing together.
+fn contradictions(config: &RunConfig) -> Result<()> {
+    for (key, empty) in [("robot", config.robot.is_empty()), ("out", config.out.as_os_str().is_empty())] {
+        if empty {
+            refuse!("--{key} is needed: see `cargo xtask train --help`");
+        }
+    }
+    let recorded = [("fresh", config.fresh > 0), ("policy", !config.record.policy.is_empty())];
+    if let Some((key, _)) = recorded.iter().find(|(_, given)| *given && config.data.is_some()) {
+        refuse!("--{key} records by itself: leave out --data");
+    }
+    if config.epsilon.is_some() && config.from.is_some() {
+        refuse!("--epsilon cannot be used with --from: the model it starts from has its own");
+    }
+    if config.f32 && config.device != Device::Cuda {
+        refuse!("--f32 means nothing without --device cuda");
+    }
+    Ok(())
+}
+
+fn learner(config: &RunConfig) -> LearnerConfig {
+    let RunConfig { batch, average, huber, optimizer, .. } = *config;
+    LearnerConfig { batch, clip: 1.0, average, seed: config.record.seed, huber, optimizer }
+}
+
+fn trainer(config: &RunConfig) -> TrainerConfig {
+    let RunConfig { updates, rate, last_rate, warmup, validation_windows, log_every, .. } = *config;
+    let tail = (config.tail * updates as f64) as u64;
+    TrainerConfig {
+        updates,
+        schedule: Schedule { start: rate, end: last_rate, warmup, tail },
+        validate_every: config.validate_every.unwrap_or(updates.div_ceil(50)),
+        checkpoint_every: updates.div_ceil(10),
+        validation_windows,
+        log_every,
+    }
+}
+
+/// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
+fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
+    let mut parent = Model::load(folder, system, None)?;
+    let like = |form: Form| (form.view, form.base.flies());
+    if network.positions == Positions::Rotary {
+        // No weight depends on how long its training sequences were.
+        parent.config.network.block = network.block;
+        parent.weights.config.block = network.block;
+    }
+    if parent.config.network != network || like(parent.config.form()) != like(form) {
+        refuse!("--from: its network is {:?} in {:?}, this run's {network:?} in {form:?}", parent.config.network, parent.config.form());
+    }
+    Ok(parent)
+}

@@ -1,0 +1,94 @@
+//! NeRD, and the designs the paper compares it with (A.3.3): each is NeRD with one decision taken back.
+
+use nerd_model::base::Base;
+use nerd_model::form::{Form, View};
+use nerd_model::normalizer::{Moments, Normalizer};
+use nerd_model::transformer::{Architecture, TransformerConfig};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, refuse};
+
+/// A design.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Variant {
+    /// The paper's design.
+    #[default]
+    Nerd,
+    /// A perceptron of the present token alone.
+    Mlp,
+    /// Gated recurrent units in place of the Transformer.
+    Gru,
+    /// Long short-term memory in place of the Transformer.
+    Lstm,
+    /// State and torques in world axes to the next state; contacts unseen.
+    EndToEnd,
+    /// Predicts the next state in place of the change.
+    Absolute,
+    /// State and contacts in world axes.
+    World,
+    /// Inputs as they are.
+    RawInputs,
+    /// Targets as they are.
+    RawOutputs,
+}
+
+impl Variant {
+    /// Their names, as serde has them.
+    pub const WORDS: &[&str] = &["nerd", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "raw-inputs", "raw-outputs"];
+
+    /// Whether it is NeRD itself.
+    pub fn usual(&self) -> bool {
+        *self == Self::Nerd
+    }
+
+    /// In a title.
+    pub fn name(self) -> String {
+        if self.usual() { "NeRD".into() } else { format!("NeRD's rival {self:?}") }
+    }
+
+    /// Refuses what would be two decisions at once.
+    ///
+    /// # Errors
+    /// [`crate::Error::Refused`], naming them.
+    pub fn check(self, base: Base) -> Result<()> {
+        if base == Base::Flight && matches!(self, Self::Absolute | Self::EndToEnd) {
+            refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight out");
+        }
+        Ok(())
+    }
+
+    /// What its tokens hold and what its predictions mean; `base` is what changes are added to.
+    pub fn form(self, base: Base) -> Form {
+        match self {
+            Self::EndToEnd => Form { base: Base::Nothing, view: View::Blind },
+            Self::Absolute => Form { base: Base::Nothing, view: View::Own },
+            Self::World => Form { base, view: View::World },
+            _ => Form { base, view: View::Own },
+        }
+    }
+
+    /// Its network beside NeRD's `nerd`: of another architecture the widest with no more parameters.
+    pub fn network(self, nerd: TransformerConfig) -> TransformerConfig {
+        let architecture = match self {
+            Self::Mlp => Architecture::Mlp,
+            Self::Gru => Architecture::Gru,
+            Self::Lstm => Architecture::Lstm,
+            _ => return nerd,
+        };
+        let history = if self == Self::Mlp { 1 } else { nerd.history };
+        let of = |embedding| TransformerConfig { architecture, embedding, heads: 1, block: history, history, ..nerd };
+        let wider = (1..=4096).map(of).take_while(|c| c.parameters() <= nerd.parameters());
+        wider.last().unwrap_or(of(1))
+    }
+
+    /// Its normaliser, given the data's.
+    pub fn normalizer(self, mut data: Normalizer) -> Normalizer {
+        match self {
+            Self::RawInputs => data.inputs = Moments::identity(data.inputs.mean.len()),
+            Self::RawOutputs => data.outputs = Moments::identity(data.outputs.mean.len()),
+            _ => {}
+        }
+        data
+    }
+}

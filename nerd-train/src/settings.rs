@@ -1,0 +1,162 @@
+//! Settings that a TOML file and a command line say with the same keys. Each key, with what it means, its range and its
+//! default, is written once, in [`settings!`]; whoever shows or reads them asks [`Settings::keys`].
+
+use std::ops::RangeInclusive;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+/// Keys with their values.
+pub type Given = Map<String, Value>;
+
+/// One key.
+#[derive(Debug)]
+pub struct Key {
+    pub(crate) field: &'static str,
+    pub(crate) doc: &'static str,
+    /// What it may be.
+    pub values: Values,
+}
+
+impl Key {
+    /// Its name in a file, and behind `--`.
+    pub fn name(&self) -> String {
+        self.field.replace('_', "-")
+    }
+
+    /// What it means.
+    pub fn help(&self) -> &'static str {
+        self.doc.trim().trim_end_matches('.')
+    }
+}
+
+/// What a key may be.
+#[derive(Clone, Debug)]
+pub enum Values {
+    /// Yes or no.
+    Flag,
+    /// A text: a name, a path.
+    Text,
+    /// Texts; on a command line with commas between.
+    Texts,
+    /// One of some words.
+    Words(&'static [&'static str]),
+    /// A whole number within a range.
+    Whole(RangeInclusive<u64>),
+    /// A number within a range.
+    Number(RangeInclusive<f64>),
+    /// A finite number above 0.
+    Positive,
+}
+
+impl Values {
+    /// A value as a command line says it.
+    ///
+    /// # Errors
+    /// What is needed.
+    pub fn parse(&self, text: &str) -> Result<Value, String> {
+        let value = match self {
+            Self::Flag => text.parse().map_or(Value::Null, Value::Bool),
+            Self::Text | Self::Words(_) => text.into(),
+            Self::Texts => text.split(',').collect(),
+            Self::Whole(_) => text.parse::<u64>().map_or(Value::Null, Value::from),
+            Self::Number(_) | Self::Positive => text.parse::<f64>().map_or(Value::Null, Value::from),
+        };
+        self.check(&value).map(|()| value)
+    }
+
+    /// Refuses what is not among them. No number that is not finite is.
+    ///
+    /// # Errors
+    /// What is needed.
+    pub fn check(&self, value: &Value) -> Result<(), String> {
+        let text = |v: &Value| v.as_str().is_some_and(|s| !s.is_empty());
+        let (good, needed) = match self {
+            Self::Flag => (value.is_boolean(), "true or false is needed".into()),
+            Self::Text => (text(value), "a text is needed".into()),
+            Self::Texts => (value.as_array().is_some_and(|all| all.iter().all(text)), "a list of texts is needed".into()),
+            Self::Words(words) => (value.as_str().is_some_and(|s| words.contains(&s)), format!("one of {} is needed", words.join(", "))),
+            Self::Whole(range) => {
+                let needed = format!("a whole number from {} to {} is needed", range.start(), range.end());
+                (value.as_u64().is_some_and(|n| range.contains(&n)), needed)
+            }
+            Self::Number(range) => {
+                let needed = format!("a number from {} to {} is needed", range.start(), range.end());
+                (value.as_f64().is_some_and(|x| range.contains(&x)), needed)
+            }
+            Self::Positive => (value.as_f64().is_some_and(|x| x > 0.0), "a finite number above 0 is needed".into()),
+        };
+        if good { Ok(()) } else { Err(needed) }
+    }
+}
+
+/// A struct of settings; [`settings!`] makes it.
+pub trait Settings: Default + Serialize + DeserializeOwned {
+    /// All its keys.
+    fn keys() -> Vec<&'static Key>;
+
+    /// As keys with their values; what is not set is null.
+    fn given(&self) -> Given {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(all)) => all,
+            _ => Given::new(),
+        }
+    }
+
+    /// These settings, but for those that are given.
+    ///
+    /// # Errors
+    /// A key that there is not, or what a value must be.
+    fn with(&self, given: &Given) -> Result<Self, String> {
+        let mut all = self.given();
+        for (name, value) in given {
+            let Some(key) = Self::keys().into_iter().find(|key| key.name() == *name) else {
+                let known: Vec<String> = Self::keys().iter().map(|k| k.name()).collect();
+                return Err(format!("`{name}` is no setting; known are {}", known.join(", ")));
+            };
+            key.values.check(value).map_err(|needed| format!("`{name}` is {value}: {needed}"))?;
+            all.insert(name.clone(), value.clone());
+        }
+        serde_json::from_value(all.into()).map_err(|e| e.to_string())
+    }
+}
+
+/// Declares a struct of settings: `/// meaning`, `key: type = default, values;`, and in front of them, if there is one, a struct
+/// of settings that it has in common with others.
+macro_rules! settings {
+    (
+        $(#[doc = $about:literal])+
+        pub struct $name:ident {
+            $( .. $(#[doc = $shared_doc:literal])+ $shared:ident: $shared_type:ty; )?
+            $( $(#[doc = $doc:literal])+ $field:ident: $type:ty = $default:expr, $values:expr; )+
+        }
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+        #[non_exhaustive]
+        pub struct $name {
+            $( $(#[doc = $shared_doc])+ #[serde(flatten)] pub $shared: $shared_type, )?
+            $( $(#[doc = $doc])+ pub $field: $type, )+
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $( $shared: Default::default(), )? $( $field: $default, )+ }
+            }
+        }
+
+        impl $crate::settings::Settings for $name {
+            fn keys() -> Vec<&'static $crate::settings::Key> {
+                use $crate::settings::{Key, Values::*};
+                const OWN: &[Key] =
+                    &[$( Key { field: stringify!($field), doc: concat!($($doc),+), values: $values } ),+];
+                let all = OWN.iter();
+                $( let all = all.chain(<$shared_type as $crate::settings::Settings>::keys()); )?
+                all.collect()
+            }
+        }
+    };
+}
+pub(crate) use settings;

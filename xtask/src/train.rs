@@ -1,0 +1,35 @@
+//! `cargo xtask train`: a run, or a recipe of several.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use nerd_train::run::{Recipe, RunConfig};
+
+use crate::keys::Keys;
+
+/// Train a NeRD model.
+#[derive(clap::Args, Clone, Debug)]
+pub struct TrainArgs {
+    /// File of settings (TOML): the keys are those of the options below, which go before what it says
+    #[arg(conflicts_with = "recipe")]
+    pub file: Option<PathBuf>,
+    /// Settings that come with the project: `paper` (E 192, 6 layers, batch 512: the defaults), `small` (E 48, 2 layers, batch
+    /// 128), `quick` (small, with what training has learned since), `baseline`, or those of a model in `models/`, which is
+    /// trained again, all of its runs (--updates and --transitions are then most that each has)
+    #[arg(long)]
+    pub recipe: Option<String>,
+    #[command(flatten)]
+    pub keys: Keys<RunConfig>,
+}
+
+/// Runs the verb.
+pub fn run(args: TrainArgs) -> Result<()> {
+    let given = &args.keys.given;
+    let recipe = match (&args.file, &args.recipe) {
+        (Some(file), _) => Recipe::read(file, given),
+        (None, Some(name)) => Recipe::named(name, given),
+        (None, None) => Recipe::plain(given),
+    };
+    recipe?.train()?;
+    Ok(())
+}
