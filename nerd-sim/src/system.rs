@@ -84,6 +84,11 @@ impl System {
         BUILT_IN.iter().map(|b| b.0).collect()
     }
 
+    /// Specification (TOML) and URDF of a built-in robot, for robots that are made of it.
+    pub fn texts(name: &str) -> Option<(&'static str, &'static str)> {
+        BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
+    }
+
     /// A built-in robot by name, or the robot of a URDF file by path.
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
         if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {

@@ -9,7 +9,7 @@ use common::{refused, xtask};
 
 /// A run of seconds, in `out`.
 fn small<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let options = "train --robot cartpole --preset small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
+    let options = "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
     options.split(' ').chain([out]).chain(more.iter().copied()).collect()
 }
 
@@ -65,11 +65,11 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         ("--data /nowhere", "/nowhere"),
         ("--data /nowhere --fresh 1000", "--fresh"),
     ] {
-        let args: Vec<&str> = "train --robot cartpole --preset small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
+        let args: Vec<&str> = "train --robot cartpole --recipe small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
-    refused(&["train", "--robot", "cartpole", "--preset", "cartpole", "--rate", "0.1", "--out", out], "--preset cartpole");
+    refused(&["train", "--robot", "cartpole", "--recipe", "cartpole", "--rate", "0.1", "--out", out], "--recipe cartpole");
     assert!(!Path::new(out).exists(), "a recipe changed left something");
 }
 
@@ -145,7 +145,7 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     config.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_sha256") || key == "data_sha256");
     std::fs::write(&path, config.to_string()).expect("written");
     let place = model.to_str().expect("utf-8");
-    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
+    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--frames", "2"];
     refused(&evaluate, "cargo xtask stamp");
     let stamp = || String::from_utf8_lossy(&xtask(&["stamp", folder.path().to_str().expect("utf-8")]).stdout).to_string();
     let said = stamp();

@@ -86,7 +86,7 @@ pub struct Point {
 impl Grow {
     fn check(&self) -> Result<()> {
         let longest = self.links.iter().copied().max().unwrap_or(0);
-        let frames = [("--starts", self.starts), ("--horizon", self.horizon), ("--links", longest)];
+        let frames = [("--starts", self.starts), ("--frames", self.horizon), ("--links", longest)];
         bounds::memory(&frames, 16)?;
         bounds::time(&[frames[0], frames[1], frames[2], ("substeps", FINEST)])?;
         if (1..self.links.len()).any(|k| self.links[..k].contains(&self.links[k])) {

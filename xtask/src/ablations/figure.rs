@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::NERD;
 use super::report::{Errors, Row, gap, here, one_frame};
-use crate::plot::{COLOURS, Picture, save};
+use nerd_train::report::plot::{COLOURS, Picture, save};
 
 const SIZE: (u32, u32) = (1400, 900);
 /// Gap between columns, in bars' places.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::runners::Runners;
 use crate::common::Device;
 
-use crate::truth::Truth;
+use nerd_sim::truth::Truth;
 
 /// Frames of a rollout: those of the paper's first test case; of the Ant, which loses the ground of knowing more than nothing
 /// sooner after so short a training, a third of a second.

@@ -3,7 +3,7 @@
 use super::NERD;
 use super::measure::steps;
 use super::report::{Errors, Row, gap, here, one_frame};
-use crate::table::digits;
+use nerd_train::report::table::digits;
 
 /// The section.
 pub fn text(rows: &[Row], robots: &[String]) -> String {

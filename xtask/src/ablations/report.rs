@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::entry::Entry;
 use super::measure::steps;
 use super::{AblationArgs, BATCH, Measured, NERD};
-use crate::provenance::Provenance;
-use crate::table::{digits, markdown, pair};
+use nerd_train::report::Provenance;
+use nerd_train::report::table::{digits, markdown, pair};
 
 /// A margin of the paper's bars that ours are held to.
 const MARGIN: f64 = 1.5;

@@ -13,7 +13,7 @@ use super::clock::{Clock, Timed};
 use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;
 use crate::solvers::SolverName;
-use crate::truth::Truth;
+use nerd_sim::truth::Truth;
 
 /// A solver that episodes run on.
 #[derive(clap::Args, Clone, Debug)]

@@ -8,8 +8,8 @@ use nerd_tasks::Episodes;
 use nerd_train::ppo::Trainer;
 use nerd_train::ppo::folder::{PolicyConfig, save};
 
-use crate::provenance::Provenance;
-use crate::sessions;
+use nerd_train::report::Provenance;
+use nerd_train::sessions;
 
 /// Writes `<out>/policy`.
 pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer<Episodes>) -> Result<()> {

@@ -7,7 +7,7 @@ use nerd_train::ppo::Iteration;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use crate::plot::{COLOURS, Picture, save};
+use nerd_train::report::plot::{COLOURS, Picture, save};
 
 struct Curve {
     title: String,

@@ -3,10 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_train::experiments::policies::Policies;
 use nerd_train::experiments::{Experiment, conduct};
-use nerd_train::ppo::folder;
 
 use crate::common::{DEVICES, Device, word};
 use crate::numbers::{SEEDS, STARTS, count};
@@ -14,8 +13,6 @@ use crate::numbers::{SEEDS, STARTS, count};
 /// Play a policy in the truth and in the learned simulator.
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Task [default: the policy's]
-    pub task: Option<String>,
     /// Folder of the policy
     #[arg(long)]
     pub policy: PathBuf,
@@ -35,19 +32,13 @@ pub struct EvaluateArgs {
     #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// JSON file to write, and its tables beside it
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: EvaluateArgs) -> Result<()> {
-    let EvaluateArgs { task, policy, model, truth_only, games, seed, device, out } = args;
-    if let Some(task) = task {
-        let found = folder::load(&policy)?.0.task;
-        if nerd_tasks::named(&task)?.name() != found {
-            bail!("{} is a policy of `{found}`, not of `{task}`", policy.display());
-        }
-    }
+    let EvaluateArgs { policy, model, truth_only, games, seed, device, out } = args;
     let stem = |path: &Path| path.file_stem().map_or_else(|| "policy".into(), |s| s.to_string_lossy().into_owned());
     let name = out.as_deref().map(stem).unwrap_or_default();
     let experiment = Policies { name, folders: vec![policy], model, truth_only, games, seed, device };

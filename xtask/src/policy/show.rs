@@ -1,8 +1,8 @@
-//! `cargo xtask policy show ant-run --policy DIR --solver neural --out ant.html`: one episode as a page with everything in it.
+//! `cargo xtask policy show --policy FOLDER --solver neural --out ant.html`: one episode as a page with everything in it.
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_train::ppo::folder;
 use nerd_train::ppo::rollout::Running;
 use nerd_train::report::replay::Replay;
@@ -12,8 +12,6 @@ use super::arena::Arena;
 /// Show a policy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ShowArgs {
-    /// Task, as at `policy train`
-    pub task: String,
     /// Folder of the policy
     #[arg(long)]
     pub policy: PathBuf,
@@ -23,7 +21,7 @@ pub struct ShowArgs {
     #[arg(long, default_value_t = 0, value_parser = crate::numbers::count::<u64>(crate::numbers::SEEDS))]
     pub seed: u64,
     /// HTML file to write
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
 
@@ -31,11 +29,8 @@ pub struct ShowArgs {
 pub fn run(args: ShowArgs) -> Result<()> {
     args.arena.check()?;
     let (config, policy) = folder::load(&args.policy)?;
-    if config.task != args.task {
-        bail!("{} is a policy of `{}`, not of `{}`", args.policy.display(), config.task, args.task);
-    }
-    let mut episodes = args.arena.episodes(&args.task, 1, args.seed)?;
-    let title = format!("{} on {}", args.task, args.arena.title(episodes.task.robot())?);
+    let mut episodes = args.arena.episodes(&config.task, 1, args.seed)?;
+    let title = format!("{} on {}", config.task, args.arena.title(episodes.task.robot())?);
     let bar = crate::common::bar(&title, episodes.task.episode_length());
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(&title, &episodes.simulation.batch, dt);

@@ -18,8 +18,8 @@ use super::clock::{Clock, Split};
 use super::{card, curve};
 use crate::common::Device;
 use crate::numbers::{self, SEEDS, count, finite, positive};
-use crate::sessions;
 use crate::solvers::SolverName;
+use nerd_train::sessions;
 
 /// Train a policy.
 #[derive(clap::Args, Clone, Debug)]
@@ -31,9 +31,9 @@ pub struct TrainArgs {
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU, if
     /// the task has it]
     #[arg(long, value_enum)]
-    pub preset: Option<Preset>,
-    /// TOML with all settings, in place of a preset (see nerd-train/assets/ppo)
-    #[arg(long, conflicts_with = "preset")]
+    pub recipe: Option<Recipe>,
+    /// TOML with all settings, in place of a recipe (see nerd-train/assets/ppo)
+    #[arg(long, value_name = "FILE", conflicts_with = "recipe")]
     pub config: Option<PathBuf>,
     /// Environments, in place of the settings'
     #[arg(long)]
@@ -63,7 +63,7 @@ pub struct TrainArgs {
 
 /// Settings that come with the project.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
+pub enum Recipe {
     /// The paper's.
     Paper,
     /// Fewer environments, more updates a step.
@@ -146,9 +146,9 @@ fn settings(args: &TrainArgs) -> Result<PpoConfig> {
         }
         None => {
             let dear = args.arena.solver == SolverName::Neural && args.arena.device == Device::Cpu;
-            match (args.preset, PpoConfig::small(&args.task)) {
-                (Some(Preset::Small), None) => bail!("task `{}` has no small settings; --config takes your own", args.task),
-                (Some(Preset::Small), Some(small)) => small,
+            match (args.recipe, PpoConfig::small(&args.task)) {
+                (Some(Recipe::Small), None) => bail!("task `{}` has no small settings; --config takes your own", args.task),
+                (Some(Recipe::Small), Some(small)) => small,
                 (None, Some(small)) if dear => small,
                 _ => PpoConfig::of(&args.task)?,
             }

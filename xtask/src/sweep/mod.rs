@@ -20,7 +20,7 @@ use entries::{BASE, Entry, Set, base};
 
 use crate::common::{DEVICES, Device, word};
 use crate::numbers::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES, count};
-use crate::truth::Truth;
+use nerd_sim::truth::Truth;
 use nerd_train::experiments::cost::microseconds;
 
 /// Where runs are kept.
@@ -139,7 +139,7 @@ fn measure(args: &SweepArgs, entry: &Entry, run: &RunConfig, folder: &Path) -> R
         Ok(passive(&system, &scene, &mut *truth(), &mut learned, protocol, &mut |_| ())?)
     };
     // What ends in no number at all has no error to speak of.
-    let (horizon, far) = (rolled(crate::paper::horizon(&args.robot), args.starts).ok(), rolled(AT[2], args.starts).ok());
+    let (horizon, far) = (rolled(nerd_train::paper::horizon(&args.robot), args.starts).ok(), rolled(AT[2], args.starts).ok());
     let quantities = system.robot.joint_count() + if system.robot.floating() { 2 } else { 0 };
     let at = AT.map(|frame| far.as_ref().map_or(f64::INFINITY, |r| r.curve[frame - 1]));
     Ok(Measured {

@@ -4,9 +4,9 @@ use anyhow::Result;
 
 use super::entries::{BASE, Set};
 use super::{AT, Measured, SweepArgs};
-use crate::plot::{Figure, Series};
-use crate::provenance::Provenance;
-use crate::table::{digits, markdown, pair};
+use nerd_train::report::Provenance;
+use nerd_train::report::plot::{Figure, Series};
+use nerd_train::report::table::{digits, markdown, pair};
 
 /// Mean and standard deviation.
 fn moments(x: &[f64]) -> [f64; 2] {
