@@ -35,6 +35,7 @@ const BUILT_IN: [(&str, &str, &str); 7] = built_in! {
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
     #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say)", known = System::built_in().join(", "))]
@@ -82,6 +83,11 @@ impl System {
     /// Names of the robots that come with the crate.
     pub fn built_in() -> Vec<&'static str> {
         BUILT_IN.iter().map(|b| b.0).collect()
+    }
+
+    /// Specification (TOML) and URDF of a built-in robot, for robots that are made of it.
+    pub fn texts(name: &str) -> Option<(&'static str, &'static str)> {
+        BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
     }
 
     /// A built-in robot by name, or the robot of a URDF file by path.

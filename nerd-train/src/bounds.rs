@@ -94,10 +94,10 @@ mod tests {
     #[test]
     fn products_are_refused_before_they_overflow() {
         let most = usize::MAX;
-        assert!(memory(&[("--starts", 16), ("--steps", 100)], 8).is_ok());
-        let said = memory(&[("--starts", most), ("--steps", most), ("--envs", most)], most).expect_err("too much").to_string();
-        assert!(said.starts_with("--starts 18446744073709551615 x --steps") && said.contains("PB of memory"), "{said}");
-        assert!(time(&[("--starts", 2048), ("--steps", 1000), ("--substeps", 128)]).is_ok());
-        assert!(time(&[("--starts", 1_000_000), ("--steps", 1_000_000)]).is_err());
+        assert!(memory(&[("--starts", 16), ("--frames", 100)], 8).is_ok());
+        let said = memory(&[("--starts", most), ("--frames", most), ("--envs", most)], most).expect_err("too much").to_string();
+        assert!(said.starts_with("--starts 18446744073709551615 x --frames") && said.contains("PB of memory"), "{said}");
+        assert!(time(&[("--starts", 2048), ("--frames", 1000), ("--substeps", 128)]).is_ok());
+        assert!(time(&[("--starts", 1_000_000), ("--frames", 1_000_000)]).is_err());
     }
 }

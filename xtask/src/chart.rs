@@ -26,7 +26,7 @@ pub struct ChartArgs {
     pub starts: usize,
     /// Frames over which the error is the mean
     #[arg(long, default_value_t = 100, value_parser = count::<usize>(FRAMES))]
-    pub horizon: usize,
+    pub frames: usize,
     /// Largest number of substeps
     #[arg(long, default_value_t = 256, value_parser = count::<usize>(SUBSTEPS))]
     pub substeps: usize,
@@ -37,15 +37,15 @@ pub struct ChartArgs {
     #[arg(long, value_name = "PYTHON", num_args = 0..=1, default_missing_value = "python3")]
     pub mujoco: Option<PathBuf>,
     /// Folder for chart-ROBOT-SCENE.json, .md, .svg and .png [default: results]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: ChartArgs) -> Result<()> {
-    let ChartArgs { robot, scene, model, starts, horizon, substeps, seed, mujoco, out } = args;
+    let ChartArgs { robot, scene, model, starts, frames, substeps, seed, mujoco, out } = args;
     crate::out::conduct(
-        &Chart::new(ChartSettings { robot, scene, models: model, starts, horizon, substeps, seed, mujoco })?,
+        &Chart::new(ChartSettings { robot, scene, models: model, starts, horizon: frames, substeps, seed, mujoco })?,
         &out.unwrap_or_else(results),
     )
 }

@@ -18,8 +18,3 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
 /// Words for [`nerd_sim::truth::Truth`].
 pub const TRUTHS: &[&str] = &["articulated", "rapier"];
-
-/// A table on standard output, for people or as JSON.
-pub fn show(table: &nerd_train::report::Table, json: bool) {
-    if json { println!("{:#}", table.json()) } else { println!("{}", table.markdown()) }
-}

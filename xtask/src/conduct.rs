@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, anyhow};
-use nerd_train::experiments::{Experiment, conduct};
-use nerd_train::report::Table;
+use anyhow::{Result, anyhow};
+use nerd_train::experiments::Experiment;
 use nerd_train::settings::Settings;
 use nerd_train::shipped::results;
 
 use crate::keys::Keys;
+use crate::out::{conduct, tables};
 
 /// An experiment.
 #[derive(clap::Args, Clone, Debug)]
@@ -18,9 +18,6 @@ pub struct ConductArgs<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'st
     /// Folder to write [default: results]
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Tables as JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> ConductArgs<T> {
@@ -31,10 +28,7 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> ConductAr
 
     /// Measures it into the folder.
     pub fn run(self) -> Result<()> {
-        let (settings, out) = (self.settings()?, self.out.unwrap_or_else(results));
-        show(&conduct(&settings, &out)?.tables, self.json)?;
-        eprintln!("written to {}", out.display());
-        Ok(())
+        conduct(&self.settings()?, &self.out.unwrap_or_else(results))
     }
 
     /// Measures it; writes only where a folder is named.
@@ -43,17 +37,7 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> ConductAr
             return self.run();
         }
         let settings = self.settings()?;
-        show(&settings.tables(&settings.measure()?)?, self.json)
+        tables(&settings.tables(&settings.measure()?)?);
+        Ok(())
     }
-}
-
-/// Tables on standard output, for people or as one JSON object with a list for each.
-fn show(tables: &[Table], json: bool) -> Result<()> {
-    if !json {
-        crate::out::tables(tables);
-        return Ok(());
-    }
-    let all: serde_json::Map<_, _> = tables.iter().map(|table| (table.name.clone(), table.json())).collect();
-    println!("{}", serde_json::to_string_pretty(&all).context("tables as JSON")?);
-    Ok(())
 }

@@ -25,7 +25,7 @@ pub struct DatasetArgs {
     #[arg(long, default_value_t = 1_000_000, value_parser = count::<usize>(TRANSITIONS))]
     pub transitions: usize,
     /// Folder of the shards
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
 }
 

@@ -1,13 +1,14 @@
 //! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --starts 2048`: passive motion against the truth, a
 //! model's against the one it learned ([`nerd_train::experiments::passive`]).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Result, bail};
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::Action;
 use nerd_train::experiments::Experiment;
 use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, STARTS, count, within};
 use crate::out::{conduct, tables};
@@ -29,7 +30,7 @@ pub struct EvaluateArgs {
     pub starts: usize,
     /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
     #[arg(long, value_parser = count::<usize>(FRAMES))]
-    pub steps: Option<usize>,
+    pub frames: Option<usize>,
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
@@ -46,14 +47,18 @@ pub struct EvaluateArgs {
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
     pub control: bool,
-    /// Result to write, FILE.json, with its tables beside it in FILE.md
+    /// Name of the result to write [default: passive]
     #[arg(long)]
+    pub name: Option<String>,
+    /// Folder for the result, NAME.json and .md, or FILE.json, which names it, too; without either nothing is written [default
+    /// with --name: results]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: EvaluateArgs) -> Result<()> {
-    let (name, folder) = args.out.as_deref().map_or(Ok(("passive".into(), None)), place)?;
+    let (name, folder) = place(&args)?;
     let action = match args.drive {
         _ if args.limp => Action::Limp,
         0.0 => Action::Zero,
@@ -65,7 +70,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         scenes: args.scene,
         truth: args.solver.truth,
         starts: args.starts,
-        steps: args.steps,
+        steps: args.frames,
         action,
         shake: args.shake,
         control: args.control,
@@ -75,7 +80,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         println!("control: the truth against itself; anything but 0 is a fault of the program\n");
     }
     match folder {
-        Some(folder) => conduct(&passive, folder),
+        Some(folder) => conduct(&passive, &folder),
         None => {
             tables(&[passive.measure()?.table()]);
             Ok(())
@@ -83,8 +88,13 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     }
 }
 
-/// Name and folder of a result by its file.
-fn place(file: &Path) -> Result<(String, Option<&Path>)> {
-    let name = file.file_name().with_context(|| format!("--out {}: a file is needed", file.display()))?.to_string_lossy();
-    Ok((name.strip_suffix(".json").unwrap_or(&name).into(), file.parent()))
+/// Name of the result and its folder, if it is to be written.
+fn place(args: &EvaluateArgs) -> Result<(String, Option<PathBuf>)> {
+    let named = |name: Option<&str>| name.unwrap_or("passive").to_string();
+    let Some(out) = &args.out else { return Ok((named(args.name.as_deref()), args.name.as_ref().map(|_| results()))) };
+    match out.file_name().and_then(|name| name.to_str()?.strip_suffix(".json")) {
+        Some(_) if args.name.is_some() => bail!("--out {}: a folder is needed beside --name", out.display()),
+        Some(name) => Ok((name.into(), out.parent().map(Into::into))),
+        None => Ok((named(args.name.as_deref()), Some(out.clone()))),
+    }
 }

@@ -23,7 +23,7 @@ pub struct GrowArgs {
     pub starts: usize,
     /// Frames
     #[arg(long, default_value_t = 30, value_parser = count::<usize>(FRAMES))]
-    pub horizon: usize,
+    pub frames: usize,
     /// Errors (mean |dq|, rad) that an analytic solver is asked for, comma-separated
     #[arg(long, value_delimiter = ',', default_value = "0.03,0.01", value_parser = positive)]
     pub tolerance: Vec<f64>,
@@ -31,12 +31,12 @@ pub struct GrowArgs {
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder for grow.json, .md, .svg and .png [default: results]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: GrowArgs) -> Result<()> {
-    let GrowArgs { links, starts, horizon, tolerance, seed, out } = args;
-    crate::out::conduct(&Grow { links, starts, horizon, tolerances: tolerance, seed }, &out.unwrap_or_else(results))
+    let GrowArgs { links, starts, frames, tolerance, seed, out } = args;
+    crate::out::conduct(&Grow { links, starts, horizon: frames, tolerances: tolerance, seed }, &out.unwrap_or_else(results))
 }

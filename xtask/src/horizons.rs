@@ -20,7 +20,7 @@ pub struct HorizonArgs {
     pub starts: usize,
     /// Frames
     #[arg(long, default_value_t = 1000, value_parser = count::<usize>(FRAMES))]
-    pub steps: usize,
+    pub frames: usize,
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
@@ -28,13 +28,13 @@ pub struct HorizonArgs {
     #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Folder for horizons.json, .md and a picture of each model [default: results]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the part.
 pub fn run(args: HorizonArgs) -> Result<()> {
-    let HorizonArgs { model, starts, steps, seed, device, out } = args;
+    let HorizonArgs { model, starts, frames, seed, device, out } = args;
     let models = if model.is_empty() { Horizons::default().models } else { model };
-    crate::out::conduct(&Horizons { models, starts, steps, seed, device }, &out.unwrap_or_else(results))
+    crate::out::conduct(&Horizons { models, starts, steps: frames, seed, device }, &out.unwrap_or_else(results))
 }

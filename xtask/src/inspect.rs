@@ -8,7 +8,7 @@ use nerd_sim::prelude::*;
 use nerd_train::inspect::Inspection;
 
 use crate::numbers::positive;
-use crate::provenance::Provenance;
+use nerd_train::report::Provenance;
 
 /// Show what a data set holds.
 #[derive(clap::Args, Clone, Debug)]
@@ -26,7 +26,7 @@ pub struct InspectArgs {
     #[arg(long, default_value_t = 1e3, value_parser = positive)]
     pub bound: f64,
     /// Folder for inspect.json, .svg and .png [default: the data's]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
@@ -39,7 +39,8 @@ pub fn run(args: InspectArgs) -> Result<()> {
     let system = System::named(robot)
         .with_context(|| format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf", folder.display(), manifest.robot))?;
     let found = Inspection::of(folder, &manifest, &system, args.bound)?;
-    println!("{}\n{}", found.words(), found.table().markdown());
+    println!("{}", found.words());
+    crate::out::table(&found.table());
     let mut json = serde_json::to_value(&found)?;
     json["provenance"] = serde_json::to_value(Provenance::now(manifest.seed))?;
     let stem = args.out.as_ref().unwrap_or(folder).join("inspect");

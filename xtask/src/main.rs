@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
+use nerd_train::report::Provenance;
 
 /// Standard `println!` panics where nobody reads.
 macro_rules! println {
@@ -14,6 +15,7 @@ mod campaign;
 mod chart;
 mod check;
 mod common;
+mod completions;
 mod conduct;
 mod dataset;
 mod evaluate;
@@ -24,9 +26,13 @@ mod grow;
 mod horizons;
 mod inspect;
 mod keys;
+mod light;
+mod list;
 mod numbers;
 mod out;
 mod policy;
+mod reference;
+mod refusals;
 mod report;
 mod reproduce;
 mod results;
@@ -37,30 +43,11 @@ mod stamp;
 mod tosses;
 mod train;
 mod urdf;
-
-/// Moved to the libraries; the verbs name them there as they move, too.
-mod moved {
-    pub mod plot {
-        pub use nerd_train::report::plot::*;
-    }
-    pub mod provenance {
-        pub use nerd_train::report::provenance::*;
-    }
-    pub mod sessions {
-        pub use nerd_train::sessions::*;
-    }
-    pub mod table {
-        pub use nerd_train::report::table::*;
-    }
-    pub mod truth {
-        pub use nerd_sim::truth::Truth;
-    }
-}
-use moved::{plot, provenance, sessions, table, truth};
+mod verbs;
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
-#[command(name = "cargo xtask", version, about)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),
@@ -92,27 +79,34 @@ enum Verb {
     Tosses(tosses::TossesArgs),
     /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
     Stamp(stamp::StampArgs),
+    /// Store hidden matrices as f16, and measure what that costs
+    Light(light::LightArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
+    /// Show robots, scenes, tasks, models, rows: what can be named here
+    List(list::ListArgs),
+    /// Print completions for bash, zsh or fish
+    Completions(completions::CompletionsArgs),
+    /// Write the reference of all commands
+    Reference(reference::ReferenceArgs),
     /// Try hostile input: files and command lines changed at random, runs killed
     Campaign(campaign::CampaignArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
 
-fn parse() -> Result<Verb, clap::Error> {
-    let mut command = negatives(Verb::command());
-    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
-    Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut command))
+/// The command line.
+fn program() -> Command {
+    verbs::prepare(Verb::command())
 }
 
-/// A number below zero behind an option is its value, for the option to refuse by its range.
-fn negatives(command: Command) -> Command {
-    let options = command.mut_args(|arg| {
-        let valued = !arg.is_positional() && arg.get_action().takes_values();
-        arg.allow_negative_numbers(valued)
-    });
-    options.mut_subcommands(negatives)
+fn parse() -> Result<Verb, clap::Error> {
+    let mut program = program();
+    let matches = program.try_get_matches_from_mut(std::env::args_os())?;
+    if verbs::as_json(&matches) {
+        out::json();
+    }
+    Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut program))
 }
 
 fn main() -> ExitCode {
@@ -120,15 +114,9 @@ fn main() -> ExitCode {
         Ok(verb) => verb,
         // Asked for help, or for nothing at all: the list of verbs.
         Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
-        Err(error) => {
-            // clap's message without its usage, on one line.
-            let text = error.to_string();
-            let words = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).flat_map(str::split_whitespace);
-            eprintln!("{}", words.collect::<Vec<_>>().join(" "));
-            return ExitCode::from(2);
-        }
+        Err(error) => return refusals::end(&refusals::usage(&error)),
     };
-    provenance::Provenance::begin();
+    Provenance::begin();
     let done = match verb {
         Verb::Dataset(args) => dataset::run(args),
         Verb::Inspect(args) => inspect::run(args),
@@ -145,29 +133,16 @@ fn main() -> ExitCode {
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
+        Verb::Light(args) => light::run(args),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::List(args) => list::run(args),
+        Verb::Completions(args) => completions::run(args),
+        Verb::Reference(args) => reference::run(args),
         Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     };
-    match done.and_then(|()| out::check()) {
+    match done.and_then(|()| out::finish()) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            // Many errors already say their cause.
-            let said =
-                error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
-            eprintln!("error: {}", brief(&said.unwrap_or_default().replace('\n', " ")));
-            ExitCode::from(2)
-        }
+        Err(error) => refusals::end(&refusals::failure(&error)),
     }
-}
-
-/// The words of an error without the middle of what nobody would read: it may quote a whole file.
-fn brief(words: &str) -> String {
-    const MOST: usize = 2000;
-    let n = words.chars().count();
-    if n <= MOST {
-        return words.into();
-    }
-    let (start, end) = (words.chars().take(MOST - 500), words.chars().skip(n - 500));
-    start.chain(" [..] ".chars()).chain(end).collect()
 }

@@ -1,37 +1,42 @@
-//! Standard output, which may be closed (`| head`) or full: neither ends a command before it has written its files.
+//! Standard output, which may be closed (`| head`) or full: neither ends a command before it has written its files. With
+//! `--json` it has the tables alone, as one object: a table's name, its rows as objects.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write, stdout};
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::{Result, bail};
 use nerd_train::experiments::{self, Experiment};
 use nerd_train::report::Table;
 
 static LOST: OnceLock<String> = OnceLock::new();
+static TABLES: OnceLock<Mutex<serde_json::Map<String, serde_json::Value>>> = OnceLock::new();
+
+/// From now on tables are kept for [`finish`], and all other lines go to standard error.
+pub fn json() {
+    TABLES.get_or_init(Mutex::default);
+}
 
 /// A line, as `println!` writes it.
 pub fn line(text: Arguments) {
-    // Who closes a pipe has read enough.
-    if let Err(error) = writeln!(stdout().lock(), "{text}").and_then(|()| stdout().flush())
-        && error.kind() != ErrorKind::BrokenPipe
-    {
-        let _ = LOST.set(error.to_string());
+    match TABLES.get() {
+        Some(_) => eprintln!("{text}"),
+        None => write(text),
     }
 }
 
-/// Whether all lines came out, but for those that nobody wanted.
-pub fn check() -> Result<()> {
-    match LOST.get() {
-        Some(error) => bail!("standard output: {error}; files are written all the same"),
-        None => Ok(()),
+/// A table, in Markdown unless JSON was asked for.
+pub fn table(table: &Table) {
+    match TABLES.get() {
+        Some(tables) => drop(tables.lock().unwrap_or_else(PoisonError::into_inner).insert(table.name.clone(), table.json())),
+        None => write(format_args!("{}", table.markdown())),
     }
 }
 
 /// Tables, one below the other.
 pub fn tables(tables: &[Table]) {
-    tables.iter().for_each(|table| println!("{}", table.markdown()));
+    tables.iter().for_each(table);
 }
 
 /// Measures an experiment into a folder and shows its tables.
@@ -39,4 +44,24 @@ pub fn conduct<E: Experiment>(experiment: &E, out: &Path) -> Result<()> {
     tables(&experiments::conduct(experiment, out)?.tables);
     eprintln!("written to {}", out.display());
     Ok(())
+}
+
+/// Writes what was kept, and says whether all lines came out, but for those that nobody wanted.
+pub fn finish() -> Result<()> {
+    if let Some(tables) = TABLES.get() {
+        write(format_args!("{:#}", serde_json::Value::Object(tables.lock().unwrap_or_else(PoisonError::into_inner).clone())));
+    }
+    match LOST.get() {
+        Some(error) => bail!("standard output: {error}; files are written all the same"),
+        None => Ok(()),
+    }
+}
+
+fn write(text: Arguments) {
+    // Who closes a pipe has read enough.
+    if let Err(error) = writeln!(stdout().lock(), "{text}").and_then(|()| stdout().flush())
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        let _ = LOST.set(error.to_string());
+    }
 }

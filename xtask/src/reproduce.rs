@@ -55,7 +55,7 @@ pub struct ReproduceArgs {
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder to write; `results` replaces the committed ones, unless they have more behind them [default: out/reproduce]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 

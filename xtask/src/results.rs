@@ -13,9 +13,6 @@ use nerd_train::shipped::{results, root};
 pub struct ResultsArgs {
     #[command(subcommand)]
     pub part: Option<Part>,
-    /// As JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// What is done.
@@ -39,14 +36,14 @@ pub enum Part {
 pub fn run(args: ResultsArgs) -> Result<()> {
     let manifest = Manifest::read(&results())?;
     match args.part {
-        None => list(&manifest, args.json),
+        None => list(&manifest),
         Some(Part::Check) => check(&manifest),
         Some(Part::Make { names, all }) => make(&manifest, &names, all),
         Some(Part::Write) => fill(true).map(drop),
     }
 }
 
-fn list(manifest: &Manifest, json: bool) -> Result<()> {
+fn list(manifest: &Manifest) -> Result<()> {
     let mut rows = Vec::new();
     for entry in &manifest.artefact {
         let status = entry.status(&results())?.to_string();
@@ -55,7 +52,7 @@ fn list(manifest: &Manifest, json: bool) -> Result<()> {
     rows.extend(
         manifest.strangers(&results()).into_iter().map(|name| vec![name, "not in the manifest".into(), String::new(), String::new()]),
     );
-    crate::common::show(&Table::new("results", &["result", "status", "what it shows", "made by"]).with(rows), json);
+    crate::out::table(&Table::new("results", &["result", "status", "what it shows", "made by"]).with(rows));
     Ok(())
 }
 
@@ -70,7 +67,10 @@ fn check(manifest: &Manifest) -> Result<()> {
     }
     wrong.extend(fill(false)?);
     match wrong.is_empty() {
-        true => Ok(println!("{} results hold, and the documents say what they say", manifest.artefact.len())),
+        true => {
+            println!("{} results hold, and the documents say what they say", manifest.artefact.len());
+            Ok(())
+        }
         false => bail!("{}", wrong.join("; ")),
     }
 }

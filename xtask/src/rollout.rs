@@ -1,5 +1,5 @@
 //! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated --preset paper --friction coulomb
-//! --states FILE.csv --steps 100 --out OUT.csv`: how anyone checks us. What the files hold stands in [`TABLES`].
+//! --states FILE.csv --frames 100 --out OUT.csv`: how anyone checks us. What the files hold stands in [`TABLES`].
 
 use std::path::PathBuf;
 
@@ -41,9 +41,9 @@ pub struct RolloutArgs {
     pub states: PathBuf,
     /// Frames to roll out [default: as many as the file has]
     #[arg(long, value_parser = count::<usize>(FRAMES))]
-    pub steps: Option<usize>,
+    pub frames: Option<usize>,
     /// CSV to write
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
 
@@ -60,9 +60,9 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let steps = steps(&args, &file)?;
     let n = file.trajectories.len();
     // The table is written whole, so it is kept until then: some 20 characters a number.
-    numbers::memory(&[("trajectories", n), ("--steps", steps)], 24 * (system.robot.state_dim() + 2))?;
+    numbers::memory(&[("trajectories", n), ("--frames", steps)], 24 * (system.robot.state_dim() + 2))?;
     numbers::memory(&[("trajectories", n)], bytes)?;
-    numbers::time(&[("trajectories", n), ("--steps", steps), ("substeps", choice.substeps())])?;
+    numbers::time(&[("trajectories", n), ("--frames", steps), ("substeps", choice.substeps())])?;
     let mut solver = choice.build(&system, &scene.name, n)?;
     let bar = crate::common::bar("frames", steps as u64);
     let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
@@ -76,12 +76,12 @@ const ASKED: usize = 100_000;
 /// Frames to roll out, for all of which the file has torques if it has any.
 fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     let name = args.states.display();
-    let (steps, n) = (args.steps.unwrap_or_else(|| file.frames()), file.trajectories.len());
-    if args.steps.is_none() && n.saturating_mul(steps) > ASKED.max(file.rows()) {
-        bail!("{name}: {n} trajectories to step {steps}, but only {} rows; say with --steps if so many frames are wanted", file.rows());
+    let (steps, n) = (args.frames.unwrap_or_else(|| file.frames()), file.trajectories.len());
+    if args.frames.is_none() && n.saturating_mul(steps) > ASKED.max(file.rows()) {
+        bail!("{name}: {n} trajectories to step {steps}, but only {} rows; say with --frames if so many frames are wanted", file.rows());
     }
     if steps == 0 {
-        bail!("{name}: there are starts alone, no row after step 0; say with --steps how many frames are wanted");
+        bail!("{name}: there are starts alone, no row after step 0; say with --frames how many frames are wanted");
     }
     file.check(steps)?;
     Ok(steps)

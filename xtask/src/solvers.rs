@@ -10,7 +10,7 @@ use nerd_train::shipped;
 use crate::common::{DEVICES, Device, TRUTHS, word};
 use crate::flags::unused;
 use crate::numbers::{SUBSTEPS, count, positive};
-use crate::truth::Truth;
+use nerd_sim::truth::Truth;
 
 /// Which solver, and how it is set.
 #[derive(clap::Args, Clone, Debug, Default)]

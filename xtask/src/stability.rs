@@ -10,6 +10,7 @@ use nerd_train::experiments::stability::Stability;
 use nerd_train::experiments::{Experiment, conduct};
 
 use crate::flags::unused;
+use crate::out::table;
 
 /// Show where methods fail.
 #[derive(clap::Args, Clone, Debug)]
@@ -24,7 +25,7 @@ pub struct StabilityArgs {
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
     /// Folder for stability.json, .md, .svg and .png [default: results]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
@@ -34,18 +35,19 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         unused(&[("--out", args.out.is_some())], "beside --fault, under which nothing is written")?;
         unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
         let broken = Stability::new(&args.rows, Some(fault))?;
-        println!("{}", broken.measure()?.table().markdown());
+        table(&broken.measure()?.table());
         println!("rows that {fault} must turn red: {}", broken.reddened(fault).join(", "));
         return Ok(());
     }
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
     if args.model.is_empty() {
-        println!("{}", conduct(&Stability::new(&args.rows, None)?, &out)?.data.table().markdown());
+        table(&conduct(&Stability::new(&args.rows, None)?, &out)?.data.table());
         return Ok(());
     }
     let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>, _>>()?;
     for model in models {
-        println!("{}\n\n{}", model.title(), conduct(&model, &out)?.data.table().markdown());
+        println!("{}\n", model.title());
+        table(&conduct(&model, &out)?.data.table());
     }
     Ok(())
 }

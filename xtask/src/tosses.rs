@@ -4,11 +4,11 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::experiments::conduct;
 use nerd_train::experiments::tosses::Tosses;
 use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, count};
+use crate::out::conduct;
 
 /// Predict real tosses of a cube.
 #[derive(clap::Args, Clone, Debug)]
@@ -23,13 +23,11 @@ pub struct TossesArgs {
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// Folder for tosses.json, .md, .svg and .png [default: results]
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: TossesArgs) -> Result<()> {
-    let measured = conduct(&Tosses::new(&args.data, args.every, args.seed)?, &args.out.unwrap_or_else(results))?;
-    println!("{}", measured.markdown());
-    Ok(())
+    conduct(&Tosses::new(&args.data, args.every, args.seed)?, &args.out.unwrap_or_else(results))
 }

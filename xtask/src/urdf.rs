@@ -6,8 +6,9 @@ use anyhow::{Context, Result, bail};
 use nerd_sim::survey::{FRAMES, Surveyed, find, survey};
 
 use crate::common::bar;
-use crate::provenance::Provenance;
-use crate::table::{digits, markdown};
+use nerd_train::report::artifact::Head;
+use nerd_train::report::table::digits;
+use nerd_train::report::{Inputs, Provenance, Table};
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]
@@ -15,8 +16,8 @@ pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// Markdown file to write the table to
-    #[arg(long)]
+    /// Folder to write urdfs.json and urdfs.md into
+    #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
@@ -40,23 +41,20 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     std::panic::set_hook(hook);
     bar.finish();
-    let table = markdown(
-        &["file", "links", "joints", "mass (kg)", "meshes passed over", "fixed base", "floating base"],
-        &robots.iter().map(row).collect::<Vec<_>>(),
-    );
+    let header = ["file", "links", "joints", "mass (kg)", "meshes passed over", "fixed base", "floating base"];
     let sum = format!(
         "{} files: {} move on a fixed base, {} on a floating one. `ok`: {FRAMES} frames from zero coordinates under gravity, \
          `articulated`, preset `converged`, finite; else what is missing. Links and joints are those that move on a fixed base; \
-         a joint has one DoF, a floating base six more.\n",
+         a joint has one DoF, a floating base six more.",
         files.len(),
         robots.iter().filter(|r| r.fixed.is_ok()).count(),
         robots.iter().filter(|r| r.floating.is_ok()).count()
     );
-    println!("{table}\n{sum}");
+    let tables = vec![Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum)];
+    crate::out::tables(&tables);
     let Some(out) = args.out else { return Ok(()) };
-    let stamp = Provenance::now(0);
-    let from = format!("\n`{}`, commit {}, {}, {}\n", stamp.command, stamp.commit, stamp.machine, stamp.date);
-    crate::files::write(&out, format!("# Other people's robots\n\n{sum}\n{table}{from}").as_bytes())
+    let (provenance, effort) = (Provenance::now(0), files.len() as f64);
+    Ok(Head { provenance, inputs: Inputs::default(), effort, tables, data: Default::default() }.write(&out, "urdfs")?)
 }
 
 fn row(robot: &Surveyed) -> Vec<String> {

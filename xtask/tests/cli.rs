@@ -102,7 +102,7 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         args
     };
     let chart_with = |python: &str| -> Vec<String> {
-        let short = ["--starts", "1", "--horizon", "1", "--substeps", "1"];
+        let short = ["--starts", "1", "--frames", "1", "--substeps", "1"];
         ["chart", "--robot", "ant", "--out", &out, "--mujoco", python].into_iter().chain(short).map(String::from).collect()
     };
     let cases: Vec<(Vec<String>, &str)> = vec![
@@ -116,20 +116,20 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (rollout(&good, &["--robot", "unicorn"]), "unicorn"),
         (rollout(&good, &["--solver", "magic"]), "magic"),
         (rollout(&good, &["--substeps", "0"]), "--substeps"),
-        (rollout(&good, &["--steps", "-1"]), "-1"),
+        (rollout(&good, &["--frames", "-1"]), "-1"),
         (rollout(&good, &["--solver", "neural", "--model", "/nowhere"]), "/nowhere"),
         (rollout(&good, &["--nonsense"]), "--nonsense"),
         (["evaluate", "--robot", "cartpole", "--starts", "0", "--out", &out].map(String::from).into(), "--starts"),
-        (["chart", "--robot", "cartpole", "--horizon", "0", "--out", &out].map(String::from).into(), "--horizon"),
+        (["chart", "--robot", "cartpole", "--frames", "0", "--out", &out].map(String::from).into(), "--frames"),
         (chart_with(&path("no-python")), "no-python"),
         (["reproduce", "ablations", "--robot", "cube", "--out", &out].map(String::from).into(), "cube"),
         (["reproduce", "ablations", "--updates", "0", "--out", &out].map(String::from).into(), "--updates"),
         (["train", "--robot", "ant", "--variant", "absolute", "--base", "flight", "--out", &out].map(String::from).into(), "--variant"),
-        (["train", "--robot", "ant", "--preset", "pendulum", "--out", &out].map(String::from).into(), "`pendulum`"),
-        (["train", "--robot", "ant", "--preset", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
+        (["train", "--robot", "ant", "--recipe", "pendulum", "--out", &out].map(String::from).into(), "`pendulum`"),
+        (["train", "--robot", "ant", "--recipe", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
         (["train", "--robot", "ant", "--hold", "0", "--out", &out].map(String::from).into(), "--hold"),
         (
-            ["train", "--robot", "ant", "--preset", "small", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out]
+            ["train", "--robot", "ant", "--recipe", "small", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out]
                 .map(String::from)
                 .into(),
             "cartpole",
@@ -158,7 +158,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
             "train",
             "--robot",
             robot,
-            "--preset",
+            "--recipe",
             "small",
             "--transitions",
             "20000",
@@ -187,7 +187,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let cut = format!("{out}-cut");
     let killed = |more: &[&str]| {
         let options =
-            "train --robot cartpole --preset small --transitions 20000 --updates 1000000 --batch 16 --rollouts 2 --validate-every 4";
+            "train --robot cartpole --recipe small --transitions 20000 --updates 1000000 --batch 16 --rollouts 2 --validate-every 4";
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_xtask"));
         command.args(options.split(' ')).args(["--out", &cut]).args(more).stderr(std::process::Stdio::null());
         command
@@ -207,7 +207,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let table = folder.path().join("table.json");
     let table = table.to_str().expect("utf-8");
     let run = xtask(&[
-        "evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "5", "--out", table,
+        "evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--frames", "5", "--out", table,
     ]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(table).expect("table")).expect("JSON");
@@ -223,7 +223,7 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
         (["--robot", "cartpole", "--friction", "huber"].as_slice(), "huber"),
     ] {
         refused(
-            &[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--steps", "2"].as_slice(), args].concat(),
+            &[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--frames", "2"].as_slice(), args].concat(),
             culprit,
         );
     }

@@ -27,7 +27,7 @@ fn options_that_nothing_reads_are_refused() {
         ("--solver neural --truth rapier --preset paper", ["--truth", "--preset"]),
     ];
     let rollout = ["rollout", "--robot", "pendulum", "--states", states];
-    let evaluate = ["evaluate", "--robot", "pendulum", "--starts", "2", "--steps", "2"];
+    let evaluate = ["evaluate", "--robot", "pendulum", "--starts", "2", "--frames", "2"];
     let mut cases: Vec<(Vec<&str>, [&str; 2])> = Vec::new();
     for (options, words) in both {
         cases.extend([&rollout[..], &evaluate].map(|verb| (verb.iter().copied().chain(options.split(' ')).collect(), words)));
@@ -54,7 +54,7 @@ fn options_that_nothing_reads_are_refused() {
 
 #[test]
 fn the_truth_is_held_against_itself_only_as_a_control() {
-    let measure = ["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--steps", "3"];
+    let measure = ["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--frames", "3"];
     // The robot's own substeps, given by hand, are the same settings.
     let substeps = nerd_sim::prelude::System::named("pendulum").expect("built in").spec.substeps.to_string();
     for more in [&[][..], &["--solver", "articulated"], &["--preset", "paper", "--friction", "coulomb"], &["--substeps", &substeps]] {

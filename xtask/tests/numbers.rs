@@ -18,12 +18,12 @@ fn counts_out_of_range_are_refused_by_every_verb() {
     let states = states.to_str().expect("utf-8");
     let verbs: [(&str, &[&str]); 10] = [
         ("dataset --robot pendulum", &["--transitions", "--frames", "--hold"]),
-        ("rollout --robot pendulum --states STATES", &["--steps", "--substeps"]),
-        ("evaluate --robot pendulum --preset converged", &["--starts", "--steps", "--substeps"]),
-        ("chart --robot pendulum", &["--starts", "--horizon", "--substeps"]),
-        ("grow", &["--links", "--starts", "--horizon"]),
+        ("rollout --robot pendulum --states STATES", &["--frames", "--substeps"]),
+        ("evaluate --robot pendulum --preset converged", &["--starts", "--frames", "--substeps"]),
+        ("chart --robot pendulum", &["--starts", "--frames", "--substeps"]),
+        ("grow", &["--links", "--starts", "--frames"]),
         ("reproduce", &["--starts"]),
-        ("reproduce horizons", &["--starts", "--steps"]),
+        ("reproduce horizons", &["--starts", "--frames"]),
         ("reproduce ablations", &["--updates", "--transitions", "--starts", "--games"]),
         ("reproduce sweep --set sizes --robot ant", &["--updates", "--batch", "--embedding", "--layers", "--transitions", "--starts"]),
         ("tosses --data .", &["--every"]),
@@ -47,8 +47,8 @@ fn every_other_number_has_a_range_and_the_message_says_it() {
     let out = folder.path().join("out");
     let place = out.to_str().expect("utf-8");
     for (args, words) in [
-        ("dataset --robot pendulum --torque-scale nan", ["--torque-scale", "from 0 to 1"]),
-        ("dataset --robot pendulum --torque-scale -1", ["--torque-scale", "from 0 to 1"]),
+        ("dataset --robot pendulum --torque-scale nan", ["--torque-scale", "from -10 to 1"]),
+        ("dataset --robot pendulum --torque-scale -11", ["--torque-scale", "from -10 to 1"]),
         ("dataset --robot pendulum --resets 1.5", ["--resets", "from 0 to 1"]),
         ("dataset --robot pendulum --seed 18446744073709551615", ["--seed", "from 0 to 9223372036854775807"]),
         ("evaluate --robot pendulum --solver neural --drive nan", ["--drive", "from 0 to 1000"]),
@@ -81,12 +81,12 @@ fn products_that_no_machine_bears_are_refused_before_work_begins() {
     std::fs::write(&states, format!("traj,step,q1,q2,qd1,qd2\n{rows}")).expect("written");
     let states = states.to_str().expect("utf-8");
     for (args, words) in [
-        ("evaluate --robot pendulum --preset converged --starts 1000000 --steps 1000000", ["--starts 1000000", "--steps 1000000"]),
+        ("evaluate --robot pendulum --preset converged --starts 1000000 --frames 1000000", ["--starts 1000000", "--frames 1000000"]),
         ("dataset --robot ant --transitions 1000000000 --frames 1000000", ["--frames 1000000", "TB of memory"]),
-        ("chart --robot ant --starts 1000000 --horizon 1000000", ["--starts 1000000 x --horizon 1000000", "TB of memory"]),
-        ("grow --links 256 --starts 100000 --horizon 1000000", ["--links 256", "TB of memory"]),
-        ("reproduce horizons --model models/cartpole --starts 1000000 --steps 1000000", ["--steps 1000000", "TB of memory"]),
-        ("rollout --robot pendulum --states STATES --steps 1000000", ["trajectories 2000 x --steps 1000000", "GB of memory"]),
+        ("chart --robot ant --starts 1000000 --frames 1000000", ["--starts 1000000 x --frames 1000000", "TB of memory"]),
+        ("grow --links 256 --starts 100000 --frames 1000000", ["--links 256", "TB of memory"]),
+        ("reproduce horizons --model models/cartpole --starts 1000000 --frames 1000000", ["--frames 1000000", "TB of memory"]),
+        ("rollout --robot pendulum --states STATES --frames 1000000", ["trajectories 2000 x --frames 1000000", "GB of memory"]),
     ] {
         let all: Vec<&str> = args.split(' ').map(|w| if w == "STATES" { states } else { w }).chain(["--out", place]).collect();
         words.iter().for_each(|word| refused(&all, word));

@@ -35,20 +35,20 @@ fn a_policy_is_trained_continued_played_and_shown() {
     ["another --out", "articulated paper coulomb", "rapier 16 steps"].iter().for_each(|word| refused(&other, word));
 
     let (policy, table, page) = (format!("{whole}/policy"), path("table.json"), path("page.html"));
-    let run = xtask(&["policy", "evaluate", "cartpole-swingup", "--policy", &policy, "--games", "3", "--truth-only", "--out", &table]);
+    let run = xtask(&["policy", "evaluate", "--policy", &policy, "--games", "3", "--truth-only", "--out", &table]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let json: serde_json::Value = serde_json::from_slice(&read(table)).expect("JSON");
     assert!(json["provenance"]["commit"].is_string() && json["rows"][0]["real"]["mean"].as_f64().is_some(), "{json}");
-    let run = xtask(&["policy", "show", "cartpole-swingup", "--policy", &policy, "--out", &page]);
+    let run = xtask(&["policy", "show", "--policy", &policy, "--out", &page]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let html = String::from_utf8(read(page)).expect("utf-8");
     assert!(html.contains("\"poses\":[[[") && !html.contains("http") && !html.contains("src="), "a page that loads nothing");
-    refused(&["policy", "evaluate", "ant-run", "--policy", &policy], "cartpole-swingup");
-    refused(&["policy", "show", "ant-run", "--policy", &policy, "--out", &path("no.html")], "cartpole-swingup");
+    refused(&["policy", "evaluate", "ant-run", "--policy", &policy], "knows its task");
+    refused(&["policy", "show", "ant-run", "--policy", &policy, "--out", &path("no.html")], "knows its task");
     // The weights of the policy under another task's name.
     let config = std::fs::read_to_string(format!("{whole}/policy/config.json")).expect("text");
     std::fs::write(format!("{whole}/policy/config.json"), config.replace("cartpole-swingup", "ant-run")).expect("written");
-    refused(&["policy", "evaluate", "ant-run", "--policy", &policy], "ant-run` needs");
+    refused(&["policy", "evaluate", "--policy", &policy], "ant-run` needs");
     refused(&["reproduce", "policies", "--policies", folder.path().to_str().expect("utf-8")], "no policy");
 }
 
@@ -74,8 +74,8 @@ fn what_cannot_be_trained_is_refused_in_one_line() {
         (&["policy", "train", "ant-run", "--solver", "magic"], "magic"),
         (&["policy", "train", "ant-run", "--solver", "neural", "--model", "nowhere"], "nowhere"),
         (&["policy", "train", "ant-run", "--config", settings], "hurry"),
-        (&["policy", "train", "ant-run", "--preset", "small"], "ant-run"),
-        (&["policy", "evaluate", "ant-run", "--policy", "nowhere"], "nowhere"),
+        (&["policy", "train", "ant-run", "--recipe", "small"], "ant-run"),
+        (&["policy", "evaluate", "--policy", "nowhere"], "nowhere"),
     ] {
         let args = if args[1] == "train" { [args, &["--out", out]].concat() } else { args.to_vec() };
         refused(&args, culprit);

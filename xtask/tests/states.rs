@@ -1,4 +1,4 @@
-//! `rollout`'s table of starts: what is wrong in it is one line and no file; nothing but starts needs `--steps`.
+//! `rollout`'s table of starts: what is wrong in it is one line and no file; nothing but starts needs `--frames`.
 
 mod common;
 
@@ -13,7 +13,7 @@ fn a_table_is_rolled_out_or_refused_without_output() {
     let header = "traj,step,q1,q2,qd1,qd2";
     for (rows, words) in [
         ("0,0,0,inf,0,0\n", ["states.csv", "line 2, column `q2`"]),
-        ("0,0,0,0,0,0\n", ["states.csv", "--steps"]),
+        ("0,0,0,0,0,0\n", ["states.csv", "--frames"]),
         ("0,0,0,0,0,0\n0,1000000,,,,\n", ["states.csv", "only 2 rows"]),
     ] {
         std::fs::write(&file, format!("{header}\n{rows}")).expect("written");

@@ -9,7 +9,7 @@ use common::{refused, xtask};
 
 /// A run of seconds, in `out`.
 fn small<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let options = "train --robot cartpole --preset small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
+    let options = "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
     options.split(' ').chain([out]).chain(more.iter().copied()).collect()
 }
 
@@ -65,12 +65,18 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         ("--data /nowhere", "/nowhere"),
         ("--data /nowhere --fresh 1000", "--fresh"),
     ] {
-        let args: Vec<&str> = "train --robot cartpole --preset small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
+        let args: Vec<&str> = "train --robot cartpole --recipe small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
-    refused(&["train", "--robot", "cartpole", "--preset", "cartpole", "--rate", "0.1", "--out", out], "--preset cartpole");
-    assert!(!Path::new(out).exists(), "a recipe changed left something");
+    let file = folder.path().join("my.toml");
+    std::fs::write(&file, "robot = \"cartpole\"\nhurry = 1\n").expect("written");
+    let file = file.to_str().expect("utf-8");
+    for culprit in ["my.toml", "`hurry`"] {
+        refused(&["train", file, "--out", out], culprit);
+    }
+    refused(&["train", file, "--recipe", "cartpole", "--out", out], "--recipe");
+    assert!(!Path::new(out).exists(), "a file with an unknown key left something");
 }
 
 #[test]
@@ -145,7 +151,7 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     config.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_sha256") || key == "data_sha256");
     std::fs::write(&path, config.to_string()).expect("written");
     let place = model.to_str().expect("utf-8");
-    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--steps", "2"];
+    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--frames", "2"];
     refused(&evaluate, "cargo xtask stamp");
     let stamp = || String::from_utf8_lossy(&xtask(&["stamp", folder.path().to_str().expect("utf-8")]).stdout).to_string();
     let said = stamp();
@@ -154,4 +160,18 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     assert!(stamp().contains("as it was"));
     let empty = tempfile::tempdir().expect("temporary folder");
     refused(&["stamp", empty.path().to_str().expect("utf-8")], "no model");
+}
+
+#[test]
+fn a_file_says_what_options_say_and_options_go_before_it() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("utf-8").to_string();
+    let text = "robot = \"cartpole\"\nembedding = 48\nlayers = 2\nhead-width = 12\nblock = 16\nvalidation-windows = 4096\nlog-every = 20\n\
+                transitions = 20000\nupdates = 600\nbatch = 16\nrollouts = 2\nvalidate-every = 3\n";
+    std::fs::write(path("my.toml"), text).expect("written");
+    let (file, line) = (path("file"), path("line"));
+    trained(&["train", &path("my.toml"), "--updates", "6", "--out", &file]);
+    trained(&small(&line, &[]));
+    let weights = |out: &str| std::fs::read(Path::new(out).join("model/model.safetensors")).expect("weights");
+    assert!(weights(&file) == weights(&line), "the same settings, from a file and from options, led to other weights");
 }

@@ -47,7 +47,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     let model = path("run/model");
     done(&["dataset", "--robot", "pendulum", "--truth", "rapier", "--transitions", "2000", "--out", &data]);
     let train = |truth: &str, out: &str, check: &dyn Fn(&[&str])| {
-        let small = ["--preset", "small", "--transitions", "1000", "--updates", "6", "--batch", "16", "--rollouts", "1"];
+        let small = ["--recipe", "small", "--transitions", "1000", "--updates", "6", "--batch", "16", "--rollouts", "1"];
         let run = ["train", "--robot", "pendulum", "--base", "flight", "--truth", truth, "--data", &data, "--out", out];
         check(&[&run[..], &small].concat());
     };
@@ -57,7 +57,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     assert_eq!((&config["truth"], &config["base"]), (&NAME.into(), &"exact_flight".into()), "{config}");
 
     let learned = ["--solver", "neural", "--model", &model];
-    let measure = [&["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--steps", "5"][..], &learned].concat();
+    let measure = [&["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--frames", "5"][..], &learned].concat();
     done(&[&measure[..], &["--out", &table]].concat());
     let row = &json(Path::new(&table))["rows"][0];
     assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");
@@ -65,7 +65,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     refused(&[&measure[..], &["--truth", "articulated"]].concat(), "`rapier 16 steps 4 iterations`, not `articulated paper coulomb`");
 
     let charts = path("charts");
-    let short = ["--starts", "1", "--horizon", "2", "--substeps", "1", "--scene", "ground1", "--model", &model, "--out", &charts];
+    let short = ["--starts", "1", "--frames", "2", "--substeps", "1", "--scene", "ground1", "--model", &model, "--out", &charts];
     done(&[&["chart", "--robot", "pendulum"][..], &short].concat());
     let chart = json(&folder.path().join("charts/chart-pendulum-ground1.json"));
     let points = chart["points"].as_array().expect("points");

@@ -9,6 +9,7 @@ use crate::spatial::{Motion, SpatialInertia, Wrench};
 
 /// Accelerations into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
 /// [`super::kinematics`]; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+#[must_use = "without inertia there is no acceleration"]
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
     let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     inertias(robot, data);

@@ -8,6 +8,8 @@ use nerd_core::robot::{Joint, JointKind};
 use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::system::System;
 
+use crate::stats::mean;
+
 /// What is compared: a floating root's position (m, Euclidean distance) and orientation (rad, angle between), then the joints.
 pub fn quantities(system: &System) -> Vec<String> {
     let root = ["position", "orientation"].into_iter().filter(|_| system.robot.floating()).map(String::from);
@@ -21,7 +23,7 @@ pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
         return figures.to_vec();
     }
     let (root, angles) = figures.split_at(figures.len() - joints);
-    [root, &[angles.iter().sum::<f64>() / joints as f64]].concat()
+    [root, &[mean(angles)]].concat()
 }
 
 /// What [`summary`] has, with units.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use nerd_model::folder::ModelConfig;
-use nerd_sim::instruments::Timed;
+use nerd_sim::instruments::{Replay, Timed};
 use nerd_sim::prelude::*;
 
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::evaluate::{Action, PassiveConfig, passive};
+use crate::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 
 /// How often something is run to be timed. What disturbs a run makes it longer, so the shortest counts.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +50,27 @@ impl Repeat {
     }
 }
 
+/// A solver's errors against these frames of a truth, and the microseconds of a frame of its own, by time and errors of the same
+/// steps.
+///
+/// # Errors
+/// If it cannot step.
+pub fn timed(
+    (system, scene): (&Arc<System>, &Arc<Scene>),
+    solver: Box<dyn Solver>,
+    truth: &[Vec<f64>],
+    protocol: PassiveConfig,
+) -> Result<(PassiveReport, f64), StepError> {
+    let (mut solver, mut report) = (Timed::new(solver), None);
+    let best = Repeat::briefly().best(|| {
+        solver.spent = Duration::ZERO;
+        report = Some(passive(system, scene, &mut Replay::new(truth), &mut solver, protocol, &mut |_| ())?);
+        Ok(solver.spent)
+    })?;
+    let report = report.ok_or_else(|| StepError::Solver("it never ran".into()))?;
+    Ok((report, each(best, protocol.starts * protocol.steps)))
+}
+
 /// Microseconds of one of `frames` frames that took so long.
 pub fn each(spent: Duration, frames: usize) -> f64 {
     spent.as_secs_f64() * 1e6 / frames as f64
@@ -79,4 +100,25 @@ pub fn microseconds(folder: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> 
         })?;
         Ok(each(best, protocol.starts * protocol.steps))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shortest_of_as_many_runs_as_were_asked_for_counts() {
+        let of = |repeat: Repeat, seconds: f64| {
+            let mut runs = 0;
+            let best = repeat.best(|| -> Result<_> {
+                runs += 1;
+                Ok(Duration::from_secs_f64(seconds / f64::from(runs)))
+            });
+            (runs, best.map(|b| b.as_secs_f64()).unwrap_or(f64::NAN))
+        };
+        assert_eq!(of(Repeat::times(5), 100.0), (5, 20.0));
+        assert_eq!(of(Repeat::briefly(), 1e-6).0, 20, "what is short is run often");
+        assert_eq!(of(Repeat::briefly(), 1.0).0, 3, "what is long is run three times");
+        assert_eq!(of(Repeat::briefly(), 60.0).0, 1, "what is very long is run once");
+    }
 }

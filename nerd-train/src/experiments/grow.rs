@@ -17,12 +17,12 @@ use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::pick::Setting;
 use nerd_model::transformer::{Positions, TransformerConfig, Weights};
-use nerd_sim::instruments::{Hold, Recorder, Replay, Timed};
+use nerd_sim::instruments::{Hold, Recorder};
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
-use super::cost::{Repeat, each, on_one_core};
+use super::cost::{Repeat, each, on_one_core, timed};
 use crate::error::{Result, refuse};
 use crate::evaluate::{Action, PassiveConfig, passive};
 use crate::report::plot::{Figure, Series};
@@ -86,7 +86,7 @@ pub struct Point {
 impl Grow {
     fn check(&self) -> Result<()> {
         let longest = self.links.iter().copied().max().unwrap_or(0);
-        let frames = [("--starts", self.starts), ("--horizon", self.horizon), ("--links", longest)];
+        let frames = [("--starts", self.starts), ("--frames", self.horizon), ("--links", longest)];
         bounds::memory(&frames, 16)?;
         bounds::time(&[frames[0], frames[1], frames[2], ("substeps", FINEST)])?;
         if (1..self.links.len()).any(|k| self.links[..k].contains(&self.links[k])) {
@@ -105,10 +105,9 @@ impl Grow {
         let mut points = Vec::new();
         let settings = [1, 2, 4, 8, 16].map(Setting::Implicit).into_iter().chain([4, 8, 16, 32, 64, 128].map(Setting::Euler));
         for setting in settings.chain([Setting::RapierSteps(4)]) {
-            let mut timed = Timed::new(setting.solver(&system)?);
             // What leaves has no error to speak of.
-            let Ok(report) = passive(&system, &scene, &mut Replay::new(&truth.frames), &mut timed, config, &mut |_| ()) else { continue };
-            let (microseconds, error) = (each(timed.spent, self.starts * self.horizon), mean(&report.error));
+            let Ok((report, microseconds)) = timed((&system, &scene), setting.solver(&system)?, &truth.frames, config) else { continue };
+            let error = mean(&report.error);
             bounds::figures(&format!("{setting} on {links} links: its mean error"), &[error])?;
             points.push(Point { links, solver: setting.to_string(), setting: Some(setting), microseconds, error: Some(error) });
         }

@@ -19,6 +19,7 @@ pub mod passive;
 pub mod policies;
 mod redraw;
 pub mod stability;
+pub mod storage;
 pub mod sweep;
 pub mod tosses;
 pub mod transfer;

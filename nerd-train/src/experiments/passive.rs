@@ -185,7 +185,7 @@ fn check(case: &Case, truth: Truth, system: &System, steps: usize) -> Result<()>
     // Two batches with what their solvers keep, sums over steps, working memory of the truth.
     let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());
     bounds::memory(&[("--starts", case.starts)], bytes)?;
-    bounds::time(&[("--starts", case.starts), ("--steps", steps), ("substeps", case.solver.substeps().max(system.spec.substeps))])
+    bounds::time(&[("--starts", case.starts), ("--frames", steps), ("substeps", case.solver.substeps().max(system.spec.substeps))])
 }
 
 impl Asked {

@@ -22,7 +22,8 @@ impl Log {
     pub fn over(values: impl IntoIterator<Item = f64>) -> Self {
         let above = values.into_iter().filter(|v| *v > 0.0 && v.is_finite());
         let (low, high) = above.fold((f64::MAX, 0.0_f64), |(a, b), v| (a.min(v), b.max(v)));
-        if low > high { Self::new(0.1, 10.0) } else { Self::new(low / 2.0, high * 4.0) }
+        let room = (high / low).powf(0.07).max(1.25);
+        if low > high { Self::new(0.1, 10.0) } else { Self::new(low / room, high * room) }
     }
 
     /// Ticks: the finest of all digits, of 1, 2 and 5, of decades and of every so many decades that are not too many.
@@ -61,7 +62,8 @@ impl Ranged for Log {
 
 impl ValueFormatter<f64> for Log {
     fn format_ext(&self, v: &f64) -> String {
-        if (0.01..100_000.0).contains(v) { format!("{}", (v * 1000.0).round() / 1000.0) } else { format!("{v:.0e}") }
+        let plain = self.0.start >= 1e-3 && self.0.end <= 1e5;
+        if plain || *v == 1.0 { format!("{}", (v * 1e4).round() / 1e4) } else { format!("{v:.0e}") }
     }
 }
 

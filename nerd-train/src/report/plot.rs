@@ -4,6 +4,7 @@ use std::path::Path;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
 pub use super::axis::Log;
@@ -115,7 +116,8 @@ impl Figure {
             let (column, row) = (k as i32 / down, k as i32 % down);
             let (x, y) = (90 + column * (SIZE.0 as i32 / 2 - 40), row * ROW + ROW / 2);
             area.draw(&Circle::new((x, y), 5, colour.filled()))?;
-            area.draw(&Text::new(name, (x + 14, y - 8), ("sans-serif", 14)))?;
+            let middle = ("sans-serif", 14).into_font().into_text_style(area).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(name, (x + 14, y), middle))?;
         }
         Ok(())
     }

@@ -1,13 +1,13 @@
 //! Our own solvers, timed and held against the reference.
 
 use nerd_model::pick::Setting;
-use nerd_sim::instruments::{Recorder, Replay, Timed};
+use nerd_sim::instruments::{Recorder, Replay};
 use nerd_sim::prelude::*;
 
 use super::{Chart, ChartData, Method, Point};
 use crate::error::Result;
 use crate::evaluate::{PassiveReport, passive};
-use crate::experiments::cost::{Repeat, each};
+use crate::experiments::cost::timed;
 use crate::stats::mean;
 use crate::{bounds, progress};
 
@@ -31,7 +31,7 @@ pub(super) fn all(chart: &Chart) -> Result<(ChartData, Frames)> {
         bar.set(k as u64 + 1);
         bar.say(&method.setting.to_string());
         let theirs = method.own.map(|own| recorded(chart, own.solver(system), &truth)).transpose()?;
-        match timed(chart, solver, theirs.as_ref().unwrap_or(&truth)) {
+        match timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol) {
             Ok((report, microseconds)) => points.push(point(method, report, microseconds)?),
             Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
         }
@@ -56,18 +56,6 @@ fn recorded(chart: &Chart, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<
     let mut truth = Recorder::new(truth);
     passive(&chart.system, &chart.scene, &mut truth, &mut Replay::new(idle), chart.protocol, &mut |_| ())?;
     Ok(truth.frames)
-}
-
-/// A solver's errors against these frames, and the microseconds of one of its own.
-fn timed(chart: &Chart, solver: Box<dyn Solver>, frames: &[Vec<f64>]) -> Result<(PassiveReport, f64), StepError> {
-    let (mut solver, mut report) = (Timed::new(solver), None);
-    let best = Repeat::briefly().best(|| {
-        solver.spent = Default::default();
-        report = Some(passive(&chart.system, &chart.scene, &mut Replay::new(frames), &mut solver, chart.protocol, &mut |_| ())?);
-        Ok(solver.spent)
-    })?;
-    let report = report.ok_or_else(|| StepError::Solver("it never ran".into()))?;
-    Ok((report, each(best, chart.protocol.starts * chart.protocol.steps)))
 }
 
 fn point(method: &Method, report: PassiveReport, microseconds: f64) -> Result<Point> {

@@ -137,7 +137,7 @@ impl Chart {
         let ChartSettings { starts, horizon, substeps, seed, .. } = settings;
         let system = System::named(&settings.robot)?;
         let scene = system.scene(&settings.scene)?;
-        let frames = [("--starts", starts), ("--horizon", horizon)];
+        let frames = [("--starts", starts), ("--frames", horizon)];
         // Every state of the reference is kept, and of a model's own truth.
         bounds::memory(&frames, 16 * system.robot.state_dim())?;
         // The reference has four times the substeps.

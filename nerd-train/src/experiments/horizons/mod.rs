@@ -191,7 +191,7 @@ impl Experiment for Horizons {
         for folder in &self.models {
             let Asked { system, scene, truth, .. } = Asked::new(folder)?;
             // Of every frame the errors of every start are kept, and the floor's.
-            let frames = [("--starts", self.starts), ("--steps", self.steps)];
+            let frames = [("--starts", self.starts), ("--frames", self.steps)];
             bounds::memory(&frames, 64 + 16 * (2 + system.robot.joint_count()))?;
             bounds::time(&[frames[0], frames[1], ("substeps", system.spec.substeps)])?;
             inputs.add(Input::robot(&system));

@@ -1,0 +1,124 @@
+//! `cargo xtask list robots|scenes|tasks|models|rows`: what there is to name on the command line.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use nerd_model::folder::ModelConfig;
+use nerd_sim::prelude::*;
+use nerd_sim::worlds::WORLDS;
+use nerd_tasks::{named, names};
+use nerd_train::report::Table;
+use nerd_train::shipped::{folders, from_root, root};
+
+use crate::out;
+use nerd_train::choice::describe;
+
+/// Show what can be named on the command line.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ListArgs {
+    #[command(subcommand)]
+    pub what: What,
+}
+
+/// What is listed.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub enum What {
+    /// Robots that are built in; the path of any .urdf names one, too
+    Robots,
+    /// Scenes of each robot
+    Scenes {
+        /// Of one robot: its name, or the path of a .urdf
+        #[arg(long)]
+        robot: Option<String>,
+    },
+    /// Tasks of policies
+    Tasks,
+    /// Models that are shipped
+    Models,
+}
+
+/// Runs the verb.
+pub fn run(args: ListArgs) -> Result<()> {
+    out::table(&match args.what {
+        What::Robots => robots()?,
+        What::Scenes { robot } => scenes(robot.as_deref())?,
+        What::Tasks => tasks()?,
+        What::Models => models()?,
+    });
+    Ok(())
+}
+
+fn robots() -> Result<Table> {
+    let header = ["robot", "base", "joints", "state", "contact points", "frame (ms)", "data from"];
+    let mut rows = Vec::new();
+    for name in System::built_in() {
+        let system = System::named(name)?;
+        let (robot, spec) = (&system.robot, &system.spec);
+        let base = if robot.floating() { "free" } else { "fixed" };
+        let random = if spec.random_plane.is_some() { "random planes" } else { "free" };
+        let data = spec.data_scene.as_deref().unwrap_or(random);
+        let numbers = [robot.joint_count(), robot.state_dim(), robot.contact_points.len()].map(|n| n.to_string());
+        let frame = format!("{:.2}", 1000.0 * system.frame_time);
+        rows.push([&[name.into(), base.into()], &numbers[..], &[frame, data.into()]].concat());
+    }
+    Ok(Table::new("robots", &header).with(rows))
+}
+
+fn scenes(robot: Option<&str>) -> Result<Table> {
+    let robots = match robot {
+        Some(robot) => vec![robot],
+        None => System::built_in(),
+    };
+    let mut rows = Vec::new();
+    for name in robots {
+        let system = System::named(name)?;
+        let worlds = WORLDS.into_iter().filter(|_| !system.robot.contact_points.is_empty());
+        for scene in system.scene_names().into_iter().chain(worlds) {
+            let (ground, friction) = ground(&system.scene(scene)?);
+            rows.push(vec![system.name.clone(), scene.into(), ground, friction]);
+        }
+    }
+    Ok(Table::new("scenes", &["robot", "scene", "ground", "friction"]).with(rows))
+}
+
+/// What is there to touch, and its friction coefficient.
+fn ground(scene: &Arc<Scene>) -> (String, String) {
+    let Some(first) = scene.colliders.first() else { return ("empty space".into(), String::new()) };
+    let words = match (&first.plane, scene.colliders.len()) {
+        (Some(plane), 1) => {
+            let slope = (-plane.normal.dot(&scene.gravity) / scene.gravity.norm()).clamp(-1.0, 1.0).acos().to_degrees();
+            format!("plane, {slope:.0} degrees, at {:.2} m", plane.offset)
+        }
+        (_, 1) => "one shape".into(),
+        (_, n) => format!("{n} shapes"),
+    };
+    (words, first.material.friction.to_string())
+}
+
+fn tasks() -> Result<Table> {
+    let mut rows = Vec::new();
+    for name in names() {
+        let task = named(name)?;
+        let numbers =
+            [task.observation_dim() as u64, task.action_dim() as u64, task.episode_length(), task.frames()].map(|n| n.to_string());
+        rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
+    }
+    Ok(Table::new("tasks", &["task", "robot", "scene", "observation", "action", "steps", "frames a step"]).with(rows))
+}
+
+fn models() -> Result<Table> {
+    let mut rows = Vec::new();
+    for folder in ["models", "models/sizes"].map(|folder| root().join(folder)) {
+        for folder in folders(&folder, "")? {
+            let Ok(model) = ModelConfig::read(&folder) else { continue };
+            rows.push(row(&folder, &model));
+        }
+    }
+    Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
+}
+
+fn row(folder: &Path, model: &ModelConfig) -> Vec<String> {
+    let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
+    [&[from_root(folder), model.robot.clone(), model.truth.clone(), describe(model)], &numbers[..]].concat()
+}
