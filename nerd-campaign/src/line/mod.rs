@@ -42,7 +42,7 @@ const VERBS: [(&str, &str); 9] = [
         "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --minutes 0.02 --out out",
         "--solver rapier --until 1 --seed 3 --recipe small --model f/model --device cuda",
     ),
-    ("policy evaluate --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out/p.json"),
+    ("policy evaluate --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out"),
     ("urdf f/robot.urdf", "--out out"),
 ];
 

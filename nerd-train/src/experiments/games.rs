@@ -52,9 +52,13 @@ pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
 /// # Errors
 /// If the task is unknown, the model cannot be read, or the solver cannot step.
 pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
+    if n == 0 {
+        refuse!("--games 0: at least one is needed");
+    }
     let mut episodes = arena.episodes(task, n, seed)?;
+    // Nobody goes on with these.
     episodes.remember(0);
-    let bar = bar(&format!("steps of {n} games of {task} in {}", arena.title()?), episodes.task.episode_length());
+    let bar = bar(&format!("steps of {n} games of {task} on {}", arena.title()?), episodes.task.episode_length());
     let mut step = 0;
     let games = play(policy, &mut episodes, &mut |_| {
         step += 1;

@@ -104,7 +104,8 @@ impl Policies {
         let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
         let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
         let real = play(Arena::Truth(truth))?;
-        let learned = if self.truth_only { None } else { Some(play(Arena::Model { folder: model.clone(), device: self.device })?) };
+        let learned = Arena::Model { folder: model.clone(), device: self.device };
+        let learned = if self.truth_only { None } else { Some(play(learned)?) };
         let (mean, played) = (Reward::of(&real), learned.as_deref().map(Reward::of));
         Ok(Row {
             policy: from_root(path),
