@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
 
-pub mod arena;
+mod arena;
 pub mod evaluate;
 
-use arena::Arena;
+use arena::ArenaArgs;
 
 use crate::numbers::{SEEDS, count, finite, positive};
 
@@ -36,7 +36,7 @@ pub struct TrainArgs {
     /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side
     pub task: String,
     #[command(flatten)]
-    pub arena: Arena,
+    pub arena: ArenaArgs,
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU, if
     /// the task has it]
     #[arg(long, value_parser = ["paper", "small"])]
@@ -77,7 +77,7 @@ pub struct ShowArgs {
     #[arg(long)]
     pub policy: PathBuf,
     #[command(flatten)]
-    pub arena: Arena,
+    pub arena: ArenaArgs,
     /// Seed of the start
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,

@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use super::cost::microseconds;
-use super::games::{Place, Reward, games, gap, policy_of, truth_of};
+use super::games::{Reward, games, gap, policy_of, truth_of};
 use crate::bounds::{SEEDS, STARTS};
 use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::evaluate::{Action, PassiveConfig, passive, summary};
 use crate::paper::horizon;
-use crate::ppo::Policy;
+use crate::ppo::{Arena, Policy};
 use crate::report::plot::{Figure, Series};
 use crate::report::table::{digits, pair};
 use crate::report::{Input, Inputs, Table};
@@ -109,13 +109,14 @@ impl Runner {
     /// Plays it in the truth.
     pub(super) fn new(path: PathBuf, n: usize, seed: u64) -> Result<Self> {
         let policy = policy_of(&path, TASK)?;
-        let real = Reward::of(&games(TASK, Place::Truth(Truth::Articulated), &policy, n, seed)?);
+        let real = Reward::of(&games(TASK, &Arena::Truth(Truth::Articulated), &policy, n, seed)?);
         Ok(Self { path, policy, real })
     }
 
     /// Plays it in a model.
     pub(super) fn play(&self, model: &Path, device: Device, n: usize, seed: u64) -> Result<Played> {
-        let learned = Reward::of(&games(TASK, Place::Model(model, device), &self.policy, n, seed)?);
+        let arena = Arena::Model { folder: model.into(), device };
+        let learned = Reward::of(&games(TASK, &arena, &self.policy, n, seed)?);
         Ok(Played { policy: from_root(&self.path), real: self.real, learned })
     }
 }

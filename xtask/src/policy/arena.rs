@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_sim::truth::Truth;
 use nerd_tasks::named;
+use nerd_train::ppo::Arena;
+use nerd_train::shipped;
 
 use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;
@@ -12,35 +14,33 @@ use crate::solvers::SolverName;
 
 /// A solver that episodes run on.
 #[derive(clap::Args, Clone, Debug)]
-pub struct Arena {
+pub struct ArenaArgs {
     /// Solver: neural, or one of the truths, articulated (preset paper, Coulomb friction) and rapier (16 steps)
     #[arg(long, value_enum, default_value_t = SolverName::Articulated)]
     pub solver: SolverName,
     /// Folder of the model of `neural` [default: models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Where `neural` is computed
-    #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
-    pub device: Device,
+    /// Where `neural` is computed [default: cpu]
+    #[arg(long, value_parser = word::<Device>(DEVICES))]
+    pub device: Option<Device>,
 }
 
-impl Arena {
+impl ArenaArgs {
     /// The arena of a task; options of the learned solver are refused for another one.
-    pub fn of(&self, task: &str) -> Result<nerd_train::ppo::Arena> {
-        use nerd_train::ppo::Arena;
+    pub fn of(self, task: &str) -> Result<Arena> {
         if self.solver != SolverName::Neural {
-            let given = [("--model", self.model.is_some()), ("--device", self.device != Device::Cpu)];
-            unused(&given, "without --solver neural")?;
+            unused(&[("--model", self.model.is_some()), ("--device", self.device.is_some())], "without --solver neural")?;
         }
-        Ok(match self.solver {
-            SolverName::Articulated => Arena::Truth(Truth::Articulated),
-            SolverName::Rapier => Arena::Truth(Truth::Rapier),
-            SolverName::Neural => Arena::Model { folder: self.folder(named(task)?.robot()), device: self.device },
-        })
-    }
-
-    /// Folder of the model for a robot.
-    pub fn folder(&self, robot: &str) -> PathBuf {
-        self.model.clone().unwrap_or_else(|| nerd_train::shipped::model(Truth::Articulated, robot))
+        let truth = match self.solver {
+            SolverName::Articulated => Truth::Articulated,
+            SolverName::Rapier => Truth::Rapier,
+            SolverName::Neural => {
+                let robot = named(task)?.robot();
+                let folder = self.model.unwrap_or_else(|| shipped::model(Truth::Articulated, robot));
+                return Ok(Arena::Model { folder, device: self.device.unwrap_or_default() });
+            }
+        };
+        Ok(Arena::Truth(truth))
     }
 }

@@ -9,12 +9,12 @@ use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
-use super::games::{Place, Reward, games, gap, gap_error, truth_of};
+use super::games::{Reward, games, gap, gap_error, truth_of};
 use crate::bounds::{SEEDS, STARTS};
 use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::paper::policy_reward;
-use crate::ppo::folder;
+use crate::ppo::{Arena, folder};
 use crate::report::{Input, Inputs, Table};
 use crate::settings::settings;
 use crate::shipped::{self, from_root};
@@ -102,9 +102,10 @@ impl Policies {
         let (config, policy) = folder::load(path)?;
         let task = config.task;
         let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
-        let play = |place| games(&task, place, &policy, self.games, self.seed);
-        let real = play(Place::Truth(truth))?;
-        let learned = if self.truth_only { None } else { Some(play(Place::Model(&model, self.device))?) };
+        let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
+        let real = play(Arena::Truth(truth))?;
+        let learned = Arena::Model { folder: model.clone(), device: self.device };
+        let learned = if self.truth_only { None } else { Some(play(learned)?) };
         let (mean, played) = (Reward::of(&real), learned.as_deref().map(Reward::of));
         Ok(Row {
             policy: from_root(path),

@@ -1,13 +1,4 @@
-//! Rounding of a trained network's hidden matrices to f16 so that what a layer says of real tokens changes least.
-//!
-//! The nearest f16 of each weight moves a layer's outputs `x W` by some 3e-4 of themselves, which a long rollout makes much of.
-//! But the inputs x of a layer lie near a space of far fewer dimensions than W has rows, so most of an error in one row can
-//! be taken back in the rows after it. With `H = mean x^T x` over tokens of training data (inputs times their norm's weights)
-//! and `U^T U = (H + damping)^-1`, rows are rounded one after another, the largest inputs first (Frantar et al. 2022, GPTQ):
-//!
-//! ```text
-//! q_i = f16(w_i)        w_j -= U_ij (w_i - q_i) / U_ii   for all rows j behind i
-//! ```
+//! Hidden matrices as f16.
 
 use half::f16;
 use nalgebra::DMatrix;
@@ -26,6 +17,15 @@ const DAMPING: f64 = 1e-6;
 
 /// The network with every [hidden matrix](nerd_model::transformer::TensorSpec::hidden) rounded to what f16 can hold; all other
 /// tensors are as they were. `windows` are normalised tokens like those it was trained on; some ten thousand are enough.
+///
+/// The nearest f16 of each weight moves a layer's outputs `x W` by some 3e-4 of themselves, which a long rollout makes much of.
+/// But the inputs x of a layer lie near a space of far fewer dimensions than W has rows, so most of an error in one row can
+/// be taken back in the rows after it. With `H = mean x^T x` over tokens of training data (inputs times their norm's weights)
+/// and `U^T U = (H + damping)^-1`, rows are rounded one after another, the largest inputs first (Frantar et al. 2022, GPTQ):
+///
+/// ```text
+/// q_i = f16(w_i)        w_j -= U_ij (w_i - q_i) / U_ii   for all rows j behind i
+/// ```
 ///
 /// # Errors
 /// If the network is no Transformer, there is no window, or its inputs are not finite.
