@@ -36,7 +36,8 @@ fn a_result_gives_way_to_none_with_less_behind_it() {
     assert!(said.contains("shaken.json") && said.contains("--out"), "{said}");
     conduct(&shaken(3), folder.path()).expect("as much is enough");
     let read: Artifact<Rows> = Artifact::read(folder.path(), "shaken").expect("read");
-    assert_eq!(read.data.rows[0].report, written.data.rows[0].report, "the file holds what was measured");
+    let [found, measured] = [&read, &written].map(|result| result.data.rows[0].report.error[0]);
+    assert!((found / measured - 1.0).abs() < 1e-14, "{found} in the file, {measured} measured");
     assert_eq!(read.inputs.changed(), Vec::<String>::new(), "nothing has changed since");
 }
 
