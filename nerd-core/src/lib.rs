@@ -1,7 +1,4 @@
-//! Robot models, spatial algebra, articulated-body dynamics, robot-centric frames and contact quantities.
-//!
-//! Units are SI; frames are right-handed; numbers are f64. Quaternions in a state are `(x, y, z, w)`, twists and
-//! wrenches hold the angular part first. This crate knows no engine and no network.
+#![doc = include_str!("../README.md")]
 
 pub mod contact;
 pub mod dynamics;
@@ -9,6 +6,8 @@ pub mod frames;
 pub mod robot;
 pub mod spatial;
 pub mod state;
+
+pub use nalgebra;
 
 /// What most programs need.
 pub mod prelude {

@@ -41,8 +41,8 @@ fn against(robot: &Robot, closed: impl Fn(&[f64], &[f64], &[f64]) -> ([[f64; 2];
 
 #[test]
 fn cartpole_obeys_its_closed_form() {
-    let robot = with_armature(include_str!("../../nerd-sim/assets/cartpole.urdf"));
-    let (mc, mp, l, iyy, g) = (50.0, 2.5, 0.5, 0.2188542, 9.81);
+    let robot = with_armature(include_str!("../assets/cartpole.urdf"));
+    let (mc, mp, l, iyy, g) = (3.0, 0.4, 0.5, 0.03, 9.81);
     let worst = against(&robot, |q, qd, tau| {
         let (sin, cos) = q[1].sin_cos();
         let m = [[mc + mp + 0.01, mp * l * cos], [mp * l * cos, iyy + mp * l * l + 0.01]];
@@ -54,9 +54,9 @@ fn cartpole_obeys_its_closed_form() {
 
 #[test]
 fn double_pendulum_obeys_its_closed_form() {
-    let robot = with_armature(include_str!("../../nerd-sim/assets/pendulum.urdf"));
+    let robot = with_armature(include_str!("../assets/pendulum.urdf"));
     // Two equal links, angles from the horizontal: mass, length, half length, inertia about the axis at the centre.
-    let (m, l, h, i, g) = (25.65634, 1.5, 0.75, 5.881054, 9.81);
+    let (m, l, h, i, g) = (1.2, 1.0, 0.5, 0.1, 9.81);
     let worst = against(&robot, |q, qd, tau| {
         let (sin, cos) = q[1].sin_cos();
         let own = i + m * h * h;

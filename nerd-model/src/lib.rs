@@ -1,5 +1,4 @@
-//! Learned dynamics: features, normaliser, causal Transformer (and the networks it is compared with), the `Neural` solver and
-//! model folders.
+#![doc = include_str!("../README.md")]
 
 pub mod base;
 pub mod features;
@@ -16,3 +15,12 @@ pub mod transformer;
 
 /// Where burn computes: `BurnDevice::flex()`, the CPU.
 pub use burn::tensor::Device as BurnDevice;
+pub use nerd_sim;
+
+/// What most programs need.
+pub mod prelude {
+    pub use nerd_sim::prelude::*;
+
+    pub use crate::folder::Model;
+    pub use crate::neural::Neural;
+}

@@ -134,6 +134,7 @@ pub struct Picked {
 
 /// Why no solver was picked.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PickError {
     /// No chart of the scene, or not one of this program.
     #[error("{path}: {reason}; `cargo xtask chart --robot {robot} --scene {scene}` measures it", path = path.display())]

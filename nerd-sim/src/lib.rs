@@ -1,20 +1,4 @@
-//! Simulation: systems (a robot and what URDF cannot say of it), scenes, batches, and the [`solver::Solver`] that
-//! advances a batch by one control frame. Two analytic solvers stand behind that trait: [`articulated`] and, with
-//! the feature of that name, `rapier`.
-//!
-//! The same seed gives the same bytes for any number of threads, on one machine with one build. Across machines it need not:
-//! sines come from the platform's library, and rapier is built without its `enhanced-determinism`.
-//!
-//! ```
-//! use nerd_sim::prelude::*;
-//! let system = System::named("pendulum")?;
-//! let scene = system.scene("ground1")?;
-//! let mut batch = Batch::new(&system, &scene, 2);
-//! let mut solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-//! solver.step(&mut batch, &[0.0; 4])?;
-//! assert!(batch.state(0)[2] < 0.0, "the arm falls");
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+#![doc = include_str!("../README.md")]
 
 pub mod articulated;
 pub mod batch;
@@ -51,10 +35,14 @@ pub mod truth;
 mod validate;
 pub mod worlds;
 
+pub use nerd_core;
+pub use parry3d_f64 as parry;
+
 /// What most programs need.
 pub mod prelude {
     pub use crate::articulated::{Articulated, ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
     pub use crate::batch::Batch;
+    pub use crate::control::Controller;
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
     pub use crate::scene::{Collider, Material, Plane, Scene};

@@ -8,6 +8,7 @@ use nerd_core::state::wrap_state;
 
 /// Why a frame could not be stepped.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StepError {
     /// Some environments could not be stepped: they stand where they stood. Every other one was, as if these were not there.
     #[error("{}", said(.0))]
@@ -57,8 +58,8 @@ fn said(faults: &[Fault]) -> String {
     format!("environment {env}, frame {frame}: {reason}{others}")
 }
 
-/// Advances every environment of a batch by one control frame.
-pub trait Solver {
+/// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
+pub trait Solver: Send {
     /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame. Angles of endless joints come back
     /// wrapped to [-pi, pi).
     ///

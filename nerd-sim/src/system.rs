@@ -35,6 +35,7 @@ const BUILT_IN: [(&str, &str, &str); 7] = built_in! {
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
     #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say)", known = System::built_in().join(", "))]

@@ -32,3 +32,10 @@ fn real_tosses_are_predicted_as_well_as_was_measured() {
         assert!(lost == 0 && found.position < 0.0125 && found.rotation < 0.27, "{name}: {found:?}");
     }
 }
+
+/// A panic, once: a cut of the tosses may hold no start of the kind that is asked for.
+#[test]
+fn no_motions_are_no_distance_apart() {
+    let none = against(&[], &[]);
+    assert_eq!((none.position, none.rotation, none.by_step.len()), (0.0, 0.0, 0), "{none:?}");
+}

@@ -1,5 +1,4 @@
-//! Tasks: what a policy sees, does, is rewarded for, and when an episode ends. A task knows a robot and no solver, so
-//! swapping the solver changes no line here. Words are Gymnasium's.
+#![doc = include_str!("../README.md")]
 
 pub mod ant;
 mod ant_run;
@@ -27,3 +26,7 @@ pub use franka_reach::FrankaReach;
 pub use memory::Snapshot;
 pub use registry::{TaskError, named, names};
 pub use task::{Task, View, Work};
+
+pub use nerd_sim;
+pub use rand;
+pub use rand_chacha::ChaCha8Rng;

@@ -15,6 +15,7 @@ use crate::learner::LearnerState;
 
 /// A checkpoint that cannot be written, read or used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CheckpointError {
     /// The file system refused.
     #[error("{path}: {source}")]

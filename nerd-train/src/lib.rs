@@ -1,4 +1,4 @@
-//! Training of NeRD models, evaluation of their rollouts, and policies learned on any solver.
+#![doc = include_str!("../README.md")]
 
 pub mod best;
 pub mod bounds;
@@ -31,3 +31,4 @@ pub mod trainer;
 pub mod windows;
 
 pub use error::{Error, Result};
+pub use {nerd_model, nerd_sim, nerd_tasks};

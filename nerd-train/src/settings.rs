@@ -44,6 +44,8 @@ pub enum Values {
     Words(&'static [&'static str]),
     /// A whole number within a range.
     Whole(RangeInclusive<u64>),
+    /// Whole numbers within a range; on a command line with commas between.
+    Wholes(RangeInclusive<u64>),
     /// A number within a range.
     Number(RangeInclusive<f64>),
     /// A finite number above 0.
@@ -61,6 +63,7 @@ impl Values {
             Self::Text | Self::Words(_) => text.into(),
             Self::Texts => text.split(',').collect(),
             Self::Whole(_) => text.parse::<u64>().map_or(Value::Null, Value::from),
+            Self::Wholes(_) => text.split(',').map(|part| part.parse::<u64>().map_or(Value::Null, Value::from)).collect(),
             Self::Number(_) | Self::Positive => text.parse::<f64>().map_or(Value::Null, Value::from),
         };
         self.check(&value).map(|()| value)
@@ -80,6 +83,11 @@ impl Values {
             Self::Whole(range) => {
                 let needed = format!("a whole number from {} to {} is needed", range.start(), range.end());
                 (value.as_u64().is_some_and(|n| range.contains(&n)), needed)
+            }
+            Self::Wholes(range) => {
+                let whole = |v: &Value| v.as_u64().is_some_and(|n| range.contains(&n));
+                let needed = format!("whole numbers from {} to {} are needed", range.start(), range.end());
+                (value.as_array().is_some_and(|all| !all.is_empty() && all.iter().all(whole)), needed)
             }
             Self::Number(range) => {
                 let needed = format!("a number from {} to {} is needed", range.start(), range.end());

@@ -51,6 +51,14 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
+/// Folders of the policies that come with the project, by how their names begin.
+///
+/// # Errors
+/// If they cannot be listed.
+pub fn policies(prefix: &str) -> Result<Vec<PathBuf>> {
+    folders(&root().join("models/policies"), prefix)
+}
+
 /// Folder of the project's results.
 pub fn results() -> PathBuf {
     root().join("results")

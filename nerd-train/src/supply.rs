@@ -37,6 +37,7 @@ pub struct SupplyConfig {
 
 /// Why there is no fresh data.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SupplyError {
     /// It could not be recorded.
     #[error("fresh data: {0}")]

@@ -66,6 +66,7 @@ impl Default for TrainerConfig {
 
 /// A run that could not go on.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TrainError {
     /// A setting out of its range.
     #[error(transparent)]

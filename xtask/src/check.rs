@@ -1,4 +1,4 @@
-//! `cargo xtask check`: format, clippy, documentation, tests; stops at the first that fails, and says how long each took.
+//! `cargo xtask check`: format, clippy, documentation, outside packages, tests; stops at the first that fails, and says how long each took.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -15,16 +15,28 @@ pub struct CheckArgs {
 
 /// What is asked of cargo, cheapest first. Clippy and the documentation share what they compile of the dependencies; the CUDA
 /// engine needs no CUDA to be type-checked, and only what knows the feature is checked again.
-const STEPS: [(&str, &[&str]); 5] = [
+/// What stands outside the workspace is built a package at a time, each with the features that it alone asks for.
+const STEPS: [(&str, &[&str]); 10] = [
     ("format", &["fmt", "--all", "--check"]),
+    ("format of examples", &["fmt", "--all", "--check", "--manifest-path", "examples/Cargo.toml"]),
     ("clippy", &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]),
     (
         "clippy with CUDA",
         &["clippy", "--release", "--workspace", "--all-targets", "--features", "nerd-train/cuda,xtask/cuda", "--", "-D", "warnings"],
     ),
     ("documentation", &["doc", "--release", "--workspace", "--no-deps"]),
+    ("core-only", &outside("core-only")),
+    ("sim-only", &outside("sim-only")),
+    ("model-only", &outside("model-only")),
+    ("own-task", &outside("own-task")),
     ("tests", &["test", "--release", "--workspace"]),
 ];
+
+const fn outside(package: &'static str) -> [&'static str; 12] {
+    let shared = ["clippy", "--release", "--locked", "--manifest-path", "examples/Cargo.toml", "--target-dir", "target", "-p"];
+    let [a, b, c, d, e, f, g, h] = shared;
+    [a, b, c, d, e, f, g, h, package, "--", "-D", "warnings"]
+}
 
 /// Runs the verb.
 pub fn run(args: CheckArgs) -> Result<()> {

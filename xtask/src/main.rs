@@ -11,12 +11,12 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod ablations;
 mod campaign;
 mod chart;
 mod check;
 mod common;
 mod completions;
+mod conduct;
 mod dataset;
 mod evaluate;
 mod files;
@@ -26,6 +26,7 @@ mod grow;
 mod horizons;
 mod inspect;
 mod keys;
+mod light;
 mod list;
 mod numbers;
 mod out;
@@ -39,7 +40,6 @@ mod rollout;
 mod solvers;
 mod stability;
 mod stamp;
-mod sweep;
 mod tosses;
 mod train;
 mod urdf;
@@ -79,6 +79,8 @@ enum Verb {
     Tosses(tosses::TossesArgs),
     /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
     Stamp(stamp::StampArgs),
+    /// Store hidden matrices as f16, and measure what that costs
+    Light(light::LightArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
     /// Show robots, scenes, tasks, models, rows: what can be named here
@@ -131,6 +133,7 @@ fn main() -> ExitCode {
         Verb::Stability(args) => stability::run(args),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
+        Verb::Light(args) => light::run(args),
         Verb::Urdf(args) => urdf::run(args),
         Verb::List(args) => list::run(args),
         Verb::Completions(args) => completions::run(args),

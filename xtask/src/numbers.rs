@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 
 use anyhow::Result;
 
-pub use nerd_train::bounds::{BATCH, EMBEDDING, FRAMES, LAYERS, SEEDS, STARTS, SUBSTEPS, TRANSITIONS, UPDATES};
+pub use nerd_train::bounds::{FRAMES, SEEDS, STARTS, SUBSTEPS, TRANSITIONS};
 
 /// A whole number within a range.
 pub fn count<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
@@ -45,13 +45,10 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     Ok(nerd_train::bounds::time(factors)?)
 }
 
-/// [`nerd_train::bounds::figures`].
-pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
-    Ok(nerd_train::bounds::figures(whose, figures)?)
-}
-
 #[cfg(test)]
 mod tests {
+    use nerd_train::bounds::LAYERS;
+
     use super::*;
 
     #[test]

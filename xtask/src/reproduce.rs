@@ -8,18 +8,20 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use nerd_train::choice::Choice;
+use nerd_train::experiments::ablations::Ablations;
 use nerd_train::experiments::chart::{Chart, ChartSettings};
 use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::experiments::policies::Policies;
+use nerd_train::experiments::sweep::Sweep;
+use nerd_train::experiments::transfer::Transfer;
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
-use crate::ablations::{self, AblationArgs};
 use crate::common::{DEVICES, Device, word};
+use crate::conduct::ConductArgs;
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
 use crate::out::conduct;
-use crate::policy::reproduce::{PoliciesArgs, TransferArgs, policies, transfer};
-use crate::sweep::{self, SweepArgs};
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
@@ -60,25 +62,25 @@ pub struct ReproduceArgs {
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
     /// The paper's Figure A.2: NeRD against itself with one design decision taken back
-    Ablations(AblationArgs),
+    Ablations(ConductArgs<Ablations>),
     /// Error against time of the shipped models, over 1000 frames
     Horizons(HorizonArgs),
     /// One run's options changed one at a time, over several seeds
-    Sweep(SweepArgs),
+    Sweep(ConductArgs<Sweep>),
     /// The shipped policies in the truth and in the simulator that learned it
-    Policies(PoliciesArgs),
+    Policies(ConductArgs<Policies>),
     /// Policies' gaps by the size of the network they were trained in
-    Transfer(TransferArgs),
+    Transfer(ConductArgs<Transfer>),
 }
 
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
-        Some(Part::Ablations(args)) => return ablations::run(args),
+        Some(Part::Ablations(args)) => return args.run(),
         Some(Part::Horizons(args)) => return horizons::run(args),
-        Some(Part::Sweep(args)) => return sweep::run(args),
-        Some(Part::Policies(args)) => return policies(args),
-        Some(Part::Transfer(args)) => return transfer(args),
+        Some(Part::Sweep(args)) => return args.run(),
+        Some(Part::Policies(args)) => return args.run(),
+        Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));

@@ -5,10 +5,10 @@ use clap::{Arg, ArgAction, ArgMatches, Command};
 /// Groups, and their verbs.
 pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "urdf"]),
-    ("Learn", &["train", "stamp"]),
+    ("Learn", &["train", "stamp", "light"]),
     ("Measure", &["rollout", "evaluate", "chart", "grow", "stability", "tosses", "reproduce"]),
     ("Policies", &["policy"]),
-    ("Project", &["list", "results", "gif", "completions", "reference", "campaign", "check"]),
+    ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "check"]),
 ];
 
 /// Verbs that print tables, with all below them; they take `--json`.

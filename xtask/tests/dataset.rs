@@ -40,3 +40,18 @@ fn what_is_refused_leaves_no_folder() {
         assert!(!Path::new(&out).exists(), "{robot} left a folder");
     }
 }
+
+#[test]
+fn what_policies_do_and_passive_robots_are_recorded() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let out = folder.path().join("data");
+    let line = "dataset --robot cartpole --transitions 600 --frames 30 --torque-scale -1 --hold 4 --resets 0.5 --policy \
+                models/policies/cartpole-swingup-neural-0 --policy-share 0.5 --out";
+    let args: Vec<&str> = line.split_whitespace().chain([out.to_str().expect("utf-8")]).collect();
+    let run = xtask(&args);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let shard = std::fs::read(out.join("shard-00000.safetensors")).expect("a shard");
+    assert!(String::from_utf8_lossy(&shard).contains("cartpole-swingup"), "the shard does not say who acted in it");
+    let other: Vec<&str> = args.iter().map(|w| if *w == "cartpole" { "cube" } else { w }).collect();
+    refused(&other, "acts on `cartpole`");
+}

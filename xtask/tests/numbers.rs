@@ -47,8 +47,8 @@ fn every_other_number_has_a_range_and_the_message_says_it() {
     let out = folder.path().join("out");
     let place = out.to_str().expect("utf-8");
     for (args, words) in [
-        ("dataset --robot pendulum --torque-scale nan", ["--torque-scale", "from 0 to 1"]),
-        ("dataset --robot pendulum --torque-scale -1", ["--torque-scale", "from 0 to 1"]),
+        ("dataset --robot pendulum --torque-scale nan", ["--torque-scale", "from -10 to 1"]),
+        ("dataset --robot pendulum --torque-scale -11", ["--torque-scale", "from -10 to 1"]),
         ("dataset --robot pendulum --resets 1.5", ["--resets", "from 0 to 1"]),
         ("dataset --robot pendulum --seed 18446744073709551615", ["--seed", "from 0 to 9223372036854775807"]),
         ("evaluate --robot pendulum --solver neural --drive nan", ["--drive", "from 0 to 1000"]),

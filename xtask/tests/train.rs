@@ -69,8 +69,14 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
-    refused(&["train", "--robot", "cartpole", "--recipe", "cartpole", "--rate", "0.1", "--out", out], "--recipe cartpole");
-    assert!(!Path::new(out).exists(), "a recipe changed left something");
+    let file = folder.path().join("my.toml");
+    std::fs::write(&file, "robot = \"cartpole\"\nhurry = 1\n").expect("written");
+    let file = file.to_str().expect("utf-8");
+    for culprit in ["my.toml", "`hurry`"] {
+        refused(&["train", file, "--out", out], culprit);
+    }
+    refused(&["train", file, "--recipe", "cartpole", "--out", out], "--recipe");
+    assert!(!Path::new(out).exists(), "a file with an unknown key left something");
 }
 
 #[test]
@@ -154,4 +160,18 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     assert!(stamp().contains("as it was"));
     let empty = tempfile::tempdir().expect("temporary folder");
     refused(&["stamp", empty.path().to_str().expect("utf-8")], "no model");
+}
+
+#[test]
+fn a_file_says_what_options_say_and_options_go_before_it() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("utf-8").to_string();
+    let text = "robot = \"cartpole\"\nembedding = 48\nlayers = 2\nhead-width = 12\nblock = 16\nvalidation-windows = 4096\nlog-every = 20\n\
+                transitions = 20000\nupdates = 600\nbatch = 16\nrollouts = 2\nvalidate-every = 3\n";
+    std::fs::write(path("my.toml"), text).expect("written");
+    let (file, line) = (path("file"), path("line"));
+    trained(&["train", &path("my.toml"), "--updates", "6", "--out", &file]);
+    trained(&small(&line, &[]));
+    let weights = |out: &str| std::fs::read(Path::new(out).join("model/model.safetensors")).expect("weights");
+    assert!(weights(&file) == weights(&line), "the same settings, from a file and from options, led to other weights");
 }

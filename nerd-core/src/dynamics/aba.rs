@@ -1,5 +1,4 @@
-//! Articulated-body algorithm: `qdd` from torques in O(n). With `U = I^A S`, `D = S . U + armature`, `u = tau - S . p`:
-//! `I^A_p += I^A - U U^T / D`, `p_p += p + I^a c + U u / D`, then outward `qdd = (u - U . A') / D`.
+//! Forward dynamics.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
@@ -9,6 +8,10 @@ use crate::spatial::{Motion, SpatialInertia, Wrench};
 
 /// Accelerations into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
 /// [`super::kinematics`]; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+///
+/// Articulated-body algorithm: `qdd` from torques in O(n). With `U = I^A S`, `D = S . U + armature`, `u = tau - S . p`:
+/// `I^A_p += I^A - U U^T / D`, `p_p += p + I^a c + U u / D`, then outward `qdd = (u - U . A') / D`.
+#[must_use = "without inertia there is no acceleration"]
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
     let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     inertias(robot, data);

@@ -1,5 +1,4 @@
-//! Composite rigid bodies: `M_ij = S_i . (I^c_j S_j)` for i an ancestor of j, with `I^c` the inertia of a subtree,
-//! plus each joint's armature on the diagonal.
+//! The mass matrix.
 
 use nalgebra::Vector3;
 
@@ -8,6 +7,9 @@ use crate::robot::Robot;
 use crate::spatial::Motion;
 
 /// Mass matrix into `data.mass`, both triangles. Needs [`super::kinematics`]; fills `data.inertia`.
+///
+/// Composite rigid bodies: `M_ij = S_i . (I^c_j S_j)` for i an ancestor of j, with `I^c` the inertia of a subtree,
+/// plus each joint's armature on the diagonal.
 pub fn crba(robot: &Robot, data: &mut Data) {
     let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     data.mass.fill(0.0);

@@ -1,11 +1,13 @@
-//! Factorisation `M = L^T L` that keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only
-//! at i and its ancestors, so a chain costs what dense Cholesky does and a star of legs far less.
+//! The mass matrix's factor.
 
 use nalgebra::DMatrix;
 
 use crate::robot::Robot;
 
 /// Lower-triangular factor of a mass matrix; made once, refilled at will.
+///
+/// Factorisation `M = L^T L` that keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only
+/// at i and its ancestors, so a chain costs what dense Cholesky does and a star of legs far less.
 #[derive(Clone, Debug)]
 pub struct Factor {
     /// Rows of L, its diagonal inverted: a product is a quarter of the time of a division.

@@ -1,9 +1,4 @@
-//! Recursive Newton-Euler: `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of
-//! the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the
-//! subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is taken in Newton's and Euler's words, force
-//! at the centre of mass c and moment in link axes, which spares turning its inertia into world axes:
-//! `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`.
-//! A joint's armature adds `armature qdd`. Its damping and limits are the caller's: they are forces of the joint, not of the tree.
+//! Inverse dynamics.
 
 use nalgebra::Vector3;
 
@@ -19,6 +14,13 @@ pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) 
 }
 
 /// Torques for accelerations `qdd` (length `nv`), into `data.tau`; otherwise as [`bias`].
+///
+/// Recursive Newton-Euler: `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of
+/// the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the
+/// subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is taken in Newton's and Euler's words, force
+/// at the centre of mass c and moment in link axes, which spares turning its inertia into world axes:
+/// `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`.
+/// A joint's armature adds `armature qdd`. Its damping and limits are the caller's: they are forces of the joint, not of the tree.
 #[inline]
 pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<true>(robot, qd, qdd, gravity, data);

@@ -17,6 +17,7 @@ use crate::spatial::BodyInertia;
 
 /// Why a URDF cannot be honoured.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum UrdfError {
     /// Not a URDF.
     #[error("not a URDF: {0}")]

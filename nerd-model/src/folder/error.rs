@@ -6,6 +6,7 @@ use serde::Deserialize;
 
 /// Why a model cannot be loaded or saved.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// The file system said no.
     #[error("{path}: {source}", path = path.display())]

@@ -6,6 +6,7 @@
 
 mod config;
 mod error;
+mod stamp;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -15,6 +16,7 @@ use sha2::{Digest, Sha256};
 
 pub use config::ModelConfig;
 pub use error::ModelError;
+pub use stamp::{models_in, stamp};
 
 use crate::normalizer::{Moments, Normalizer};
 use crate::transformer::{Storage, Weights};

@@ -1,8 +1,4 @@
-//! Causal self-attention over the tokens of one window.
-//!
-//! `[q k v] = x W_qkv`, split in heads of width d = E / heads; `A = softmax(q k^T / sqrt(d) + M) v` with the mask
-//! M_ij = 0 where token i may look at token j and -inf elsewhere ([`Places`]); the result is `A W_proj`. No biases, no
-//! dropout.
+//! Causal self-attention.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Tensor, activation::softmax};
@@ -11,6 +7,12 @@ use super::network::Reader;
 use super::places::Places;
 
 /// Causal multi-head self-attention.
+///
+/// Causal self-attention over the tokens of one window.
+///
+/// `[q k v] = x W_qkv`, split in heads of width d = E / heads; `A = softmax(q k^T / sqrt(d) + M) v` with the mask
+/// M_ij = 0 where token i may look at token j and -inf elsewhere ([`Places`]); the result is `A W_proj`. No biases, no
+/// dropout.
 #[derive(Module, Debug)]
 pub struct Attention {
     qkv: Param<Tensor<2>>,

@@ -1,7 +1,7 @@
 //! What a learned solver asks of a network, whoever evaluates it.
 
 /// Evaluates a network on windows; what computes it is the implementer's business.
-pub trait Forward {
+pub trait Forward: Send {
     /// Predictions at the newest token of each window, in normalised target units.
     ///
     /// `inputs` is `[windows][tokens][inputs]`, normalised, row-major, the oldest token first; `last[w]` is the index

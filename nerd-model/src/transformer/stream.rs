@@ -7,7 +7,7 @@ use super::forward::{Forward, ForwardError};
 ///
 /// A prediction is that of the training pass over all frames since the environment was cleared: every frame is a token, as in
 /// training, whether anything was asked of it or not.
-pub trait Stream {
+pub trait Stream: Send {
     /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions for the environments
     /// `asked` (increasing), in normalised target units, replace `out`: `[asked][outputs]`. The same number of environments
     /// in every call.

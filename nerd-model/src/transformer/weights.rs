@@ -12,10 +12,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::config::{Init, TransformerConfig};
+use super::config::{Init, TensorSpec, TransformerConfig};
 
 /// A file whose tensors do not fit the configuration.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WeightsError {
     /// Not a safetensors file.
     #[error("not a readable safetensors file: {0}")]
@@ -72,6 +73,21 @@ pub enum Storage {
     F32,
     /// Rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them.
     F16,
+    /// [Hidden matrices](TensorSpec::hidden) as f16, the few other tensors as they are: these act on all that a network says, and
+    /// a model that predicts whole frames shows their rounding (`results/f16.md`).
+    Mixed,
+}
+
+impl Storage {
+    /// Of one tensor.
+    fn of(self, tensor: &TensorSpec) -> Dtype {
+        match self {
+            Self::F32 => Dtype::F32,
+            Self::F16 => Dtype::F16,
+            Self::Mixed if tensor.hidden() => Dtype::F16,
+            Self::Mixed => Dtype::F32,
+        }
+    }
 }
 
 /// All parameters of one network, flat.
@@ -113,15 +129,15 @@ impl Weights {
 
     /// The bytes of a safetensors file with `metadata` in its header.
     pub fn to_bytes(&self, metadata: HashMap<String, String>, storage: Storage) -> Result<Vec<u8>, WeightsError> {
-        let encode = |x: &[f32]| -> Vec<u8> {
-            match storage {
-                Storage::F32 => x.iter().flat_map(|v| v.to_le_bytes()).collect(),
-                Storage::F16 => x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect(),
+        let encode = |x: &[f32], dtype: Dtype| -> Vec<u8> {
+            match dtype {
+                Dtype::F16 => x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect(),
+                _ => x.iter().flat_map(|v| v.to_le_bytes()).collect(),
             }
         };
-        let dtype = if storage == Storage::F32 { Dtype::F32 } else { Dtype::F16 };
-        let raw: Vec<_> = self.iter().map(|(name, shape, x)| (name, shape, encode(x))).collect();
-        let views = raw.iter().map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(dtype, shape.clone(), bytes)?)));
+        let dtypes = self.config.tensors().into_iter().map(|tensor| storage.of(&tensor));
+        let raw: Vec<_> = self.iter().zip(dtypes).map(|((name, shape, x), dtype)| (name, shape, dtype, encode(x, dtype))).collect();
+        let views = raw.iter().map(|(name, shape, dtype, bytes)| Ok((name.as_str(), TensorView::new(*dtype, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, WeightsError>>()?;
         Ok(safetensors::serialize(views, Some(metadata))?)
     }

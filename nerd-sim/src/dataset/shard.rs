@@ -10,6 +10,7 @@ use crate::solver::StepError;
 
 /// Why data could not be made, written or read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DatasetError {
     /// The file system said no.
     #[error("{path}: {source}", path = path.display())]

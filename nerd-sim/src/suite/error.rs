@@ -15,9 +15,6 @@ pub enum Error {
         /// Names of the rows.
         known: String,
     },
-    /// No fault has that name.
-    #[error("no fault is called `{0}`; known are {known}", known = super::Fault::ALL.map(|f| f.name()).join(", "))]
-    Fault(String),
     /// The world of a row could not be made.
     #[error(transparent)]
     System(#[from] SystemError),

@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use nerd_core::state::{quaternion, vector};
 
-use super::error::Error;
 use crate::batch::Batch;
 use crate::scene::Scene;
 use crate::solver::{Solver, StepError};
@@ -86,11 +85,16 @@ impl fmt::Display for Fault {
     }
 }
 
-impl FromStr for Fault {
-    type Err = Error;
+/// No fault has that name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no fault is called `{0}`; known are {known}", known = Fault::ALL.map(Fault::name).join(", "))]
+pub struct UnknownFault(pub String);
 
-    fn from_str(name: &str) -> Result<Self, Error> {
-        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| Error::Fault(name.into()))
+impl FromStr for Fault {
+    type Err = UnknownFault;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFault> {
+        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| UnknownFault(name.into()))
     }
 }
 

@@ -36,7 +36,7 @@ mod trial;
 
 pub use cell::{Cell, Line, Verdict};
 pub use error::Error;
-pub use fault::Fault;
+pub use fault::{Fault, UnknownFault};
 pub use method::Method;
 pub use row::Row;
 

@@ -3,14 +3,12 @@
 use std::path::Path;
 
 use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use nerd_tasks::{Episodes, named};
+use nerd_tasks::named;
 use serde::{Deserialize, Serialize};
 
-use crate::device::Device;
 use crate::error::{Result, refuse};
-use crate::ppo::{Game, Policy, folder, play};
+use crate::ppo::{Arena, Game, Policy, folder, play};
 use crate::progress::bar;
 use crate::report::Input;
 
@@ -50,32 +48,18 @@ pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
 }
 
-/// What policies act in.
-#[derive(Clone, Copy, Debug)]
-pub enum Place<'a> {
-    /// A truth.
-    Truth(Truth),
-    /// The model of a folder.
-    Model(&'a Path, Device),
-}
-
 /// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
 ///
 /// # Errors
 /// If the task is unknown, the model cannot be read, or the solver cannot step.
-pub fn games(task: &str, place: Place, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
-    let task = named(task)?;
+pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
     if n == 0 {
         refuse!("--games 0: at least one is needed");
     }
-    let system = System::named(task.robot())?;
-    let batch = Batch::new(&system, &system.scene(task.scene())?, n);
-    let (solver, title): (Box<dyn Solver>, _) = match place {
-        Place::Truth(truth) => (truth.solver(&system), truth.name()),
-        Place::Model(folder, device) => (Box::new(device.neural(folder, &system, None, n)?), folder.display().to_string()),
-    };
-    let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
-    let bar = bar(&format!("steps of {n} games of {} in {title}", episodes.task.name()), episodes.task.episode_length());
+    let mut episodes = arena.episodes(task, n, seed)?;
+    // Nobody goes on with these.
+    episodes.remember(0);
+    let bar = bar(&format!("steps of {n} games of {task} on {}", arena.title()?), episodes.task.episode_length());
     let mut step = 0;
     let games = play(policy, &mut episodes, &mut |_| {
         step += 1;

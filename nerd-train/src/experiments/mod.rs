@@ -7,6 +7,8 @@
 //!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
 //! ```
 
+pub mod ablations;
+pub mod changes;
 pub mod chart;
 pub mod cost;
 pub mod games;
@@ -15,7 +17,10 @@ pub mod horizons;
 pub mod learned;
 pub mod passive;
 pub mod policies;
+mod redraw;
 pub mod stability;
+pub mod storage;
+pub mod sweep;
 pub mod tosses;
 pub mod transfer;
 
@@ -23,6 +28,8 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+pub use redraw::redraw;
 
 use crate::error::Result;
 use crate::report::artifact::{Artifact, may_write};

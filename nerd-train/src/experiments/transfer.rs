@@ -12,15 +12,17 @@ use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use super::cost::microseconds;
-use super::games::{Place, Reward, games, gap, policy_of, truth_of};
+use super::games::{Reward, games, gap, policy_of, truth_of};
+use crate::bounds::{SEEDS, STARTS};
 use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::evaluate::{Action, PassiveConfig, passive, summary};
 use crate::paper::horizon;
-use crate::ppo::Policy;
+use crate::ppo::{Arena, Policy};
 use crate::report::plot::{Figure, Series};
 use crate::report::table::{digits, pair};
 use crate::report::{Input, Inputs, Table};
+use crate::settings::settings;
 use crate::shipped::{self, folders, from_root, root};
 
 const ROBOT: &str = "ant";
@@ -28,19 +30,20 @@ const TASK: &str = "ant-run";
 /// A model's policies transfer if their mean reward in it is at most so far (%) from that in the truth.
 const TRANSFERS: f64 = 1.0;
 
-/// Which models, and how much of each.
-#[derive(Clone, Debug)]
-pub struct Transfer {
-    /// Folders of models.
-    pub models: Vec<PathBuf>,
-    /// Games of each policy (the paper: 2048).
-    pub games: usize,
-    /// Trajectories of passive motion.
-    pub starts: usize,
-    /// Where networks are computed; a frame is timed on the CPU.
-    pub device: Device,
-    /// Seed of the starts.
-    pub seed: u64,
+settings! {
+    /// Policies' gaps by the size of the network that they were trained in.
+    pub struct Transfer {
+        /// Folders of models, comma-separated [default: models/sizes/ant-*, models/ant]
+        model: Vec<PathBuf> = Vec::new(), Texts;
+        /// Games of each policy (the paper: 2048)
+        games: usize = 512, Whole(STARTS);
+        /// Trajectories of passive motion
+        starts: usize = 128, Whole(STARTS);
+        /// Where networks are computed (cpu or cuda); a frame is timed on the CPU
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+    }
 }
 
 /// One policy in one model.
@@ -88,10 +91,9 @@ fn home() -> PathBuf {
 /// # Errors
 /// If they cannot be read, or there is none.
 pub(super) fn runners() -> Result<Vec<PathBuf>> {
-    let all = root().join("models/policies");
-    let found = folders(&all, &format!("{TASK}-neural-"))?;
+    let found = shipped::policies(&format!("{TASK}-neural-"))?;
     if found.is_empty() {
-        refuse!("{} has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`", all.display());
+        refuse!("models/policies has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`");
     }
     Ok(found)
 }
@@ -107,23 +109,27 @@ impl Runner {
     /// Plays it in the truth.
     pub(super) fn new(path: PathBuf, n: usize, seed: u64) -> Result<Self> {
         let policy = policy_of(&path, TASK)?;
-        let real = Reward::of(&games(TASK, Place::Truth(Truth::Articulated), &policy, n, seed)?);
+        let real = Reward::of(&games(TASK, &Arena::Truth(Truth::Articulated), &policy, n, seed)?);
         Ok(Self { path, policy, real })
     }
 
     /// Plays it in a model.
     pub(super) fn play(&self, model: &Path, device: Device, n: usize, seed: u64) -> Result<Played> {
-        let learned = Reward::of(&games(TASK, Place::Model(model, device), &self.policy, n, seed)?);
+        let arena = Arena::Model { folder: model.into(), device };
+        let learned = Reward::of(&games(TASK, &arena, &self.policy, n, seed)?);
         Ok(Played { policy: from_root(&self.path), real: self.real, learned })
     }
 }
 
 impl Transfer {
-    /// Models of several sizes that are at hand, and the shipped one.
+    /// Folders of the models.
     ///
     /// # Errors
-    /// If their folder cannot be read.
-    pub fn shipped() -> Result<Vec<PathBuf>> {
+    /// If they cannot be listed.
+    pub fn models(&self) -> Result<Vec<PathBuf>> {
+        if !self.model.is_empty() {
+            return Ok(self.model.clone());
+        }
         let mut models = folders(&root().join("models/sizes"), &format!("{ROBOT}-"))?;
         models.push(home());
         Ok(models)
@@ -168,29 +174,27 @@ impl Experiment for Transfer {
     }
 
     fn effort(&self) -> f64 {
-        (self.models.len() * (self.games + self.starts)) as f64
+        (self.models().map_or(0, |all| all.len()) * (self.games + self.starts)) as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
         inputs.add(Input::robot(&*System::named(ROBOT)?));
         inputs.add(truth_of(TASK, Truth::Articulated)?);
-        for model in &self.models {
+        let models = self.models()?;
+        for model in &models {
             inputs.add(Input::model(model)?);
         }
-        for policy in self.models.iter().filter_map(|m| own(m)).chain(runners()?) {
+        for policy in models.iter().filter_map(|m| own(m)).chain(runners()?) {
             inputs.add(Input::policy(&policy)?);
         }
         Ok(inputs)
     }
 
     fn measure(&self) -> Result<Gaps> {
-        if self.games == 0 || self.starts == 0 {
-            refuse!("--games, --starts: at least one is needed");
-        }
         let guests = runners()?.into_iter().map(|path| Runner::new(path, self.games, self.seed)).collect::<Result<Vec<_>>>()?;
         let system = System::named(ROBOT)?;
-        let mut rows = self.models.iter().map(|model| self.row(&system, model, &guests)).collect::<Result<Vec<_>>>()?;
+        let mut rows = self.models()?.iter().map(|model| self.row(&system, model, &guests)).collect::<Result<Vec<_>>>()?;
         rows.sort_by(|a, b| a.microseconds.total_cmp(&b.microseconds));
         Ok(Gaps { rows })
     }

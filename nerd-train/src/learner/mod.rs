@@ -12,7 +12,7 @@ pub mod muon;
 mod sharded;
 
 pub use burn::BurnLearner;
-pub use cpu::CpuLearner;
+pub use cpu::{CpuLearner, round_hidden};
 #[cfg(feature = "cuda")]
 pub mod cuda;
 
@@ -112,6 +112,7 @@ pub struct Progress {
 
 /// Why an update could not be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LearnError {
     /// The loss stopped being finite.
     #[error("loss is {loss} at update {step}: lower the learning rate or look at the data")]

@@ -192,7 +192,7 @@ impl<P: Pass> Learner for Sharded<P> {
 }
 
 /// The windows `rows` of a set.
-fn shard(set: &Windows, rows: &[u64]) -> Shard {
+pub fn shard(set: &Windows, rows: &[u64]) -> Shard {
     let gather = |data: &[f32], width: usize| {
         let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
         rows.iter().flat_map(window).copied().collect()

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::activation::Activation;
 use crate::ranges::{OutOfRange, positive, within};
 
-/// Settings of a run; the defaults are those that all tasks of the paper share.
+/// Settings of a run; what a file leaves out is what all tasks of the paper share.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PpoConfig {
@@ -65,6 +65,33 @@ pub struct PpoConfig {
     pub kl: f64,
 }
 
+/// Of a small task of one's own: seconds an iteration at most, on any machine.
+impl Default for PpoConfig {
+    fn default() -> Self {
+        Self {
+            environments: 256,
+            horizon: 32,
+            iterations: 100,
+            minibatch: 2048,
+            epochs: 5,
+            hidden: vec![64, 64],
+            activation: Activation::default(),
+            stack: one(),
+            spread_by_state: false,
+            gamma: gamma(),
+            lambda: lambda(),
+            clip: clip(),
+            value_clip: 0.0,
+            critic: critic(),
+            entropy: 0.0,
+            bounds: bounds(),
+            gradient_norm: gradient_norm(),
+            rate: rate(),
+            kl: kl(),
+        }
+    }
+}
+
 fn one() -> usize {
     1
 }
@@ -95,6 +122,7 @@ fn kl() -> f64 {
 
 /// Settings that cannot be.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ConfigError {
     /// No such task.
     #[error(transparent)]

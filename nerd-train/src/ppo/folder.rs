@@ -7,6 +7,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
+use nerd_tasks::Task;
 use serde::{Deserialize, Serialize};
 
 use super::config::PpoConfig;
@@ -68,11 +69,26 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
     write("config.json", json + "\n")
 }
 
-/// Reads a folder.
+/// Reads the folder of a policy of a built-in task.
 ///
 /// # Errors
 /// If a file is absent or not what it should be.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
+    read(folder, |config| check(config, &*nerd_tasks::named(&config.task).map_err(|e| e.to_string())?))
+}
+
+/// Reads the folder of a policy of this task, whoever wrote it.
+///
+/// # Errors
+/// If a file is absent or not what it should be, or the policy is of another task.
+pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy), CheckpointError> {
+    read(folder, |config| match config.task == task.name() {
+        true => check(config, task),
+        false => Err(format!("a policy of task `{}`, not of `{}`", config.task, task.name())),
+    })
+}
+
+fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> Result<(PolicyConfig, Policy), CheckpointError> {
     let path = folder.join("config.json");
     let text = std::fs::read_to_string(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
     let wrong = |reason: String| CheckpointError::Format { path: path.clone(), reason };
@@ -103,11 +119,10 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
 }
 
 /// Says what of a policy does not fit its task.
-fn check(config: &PolicyConfig) -> Result<(), String> {
+fn check(config: &PolicyConfig, task: &dyn Task) -> Result<(), String> {
     let Shape { observation, action, .. } = config.shape;
     config.shape.check().map_err(|e| format!("shape: {e}"))?;
     config.ppo.check().map_err(|e| e.to_string())?;
-    let task = nerd_tasks::named(&config.task).map_err(|e| e.to_string())?;
     let wanted = (task.observation_dim(), task.action_dim());
     if (observation, action) != wanted {
         return Err(format!("maps {observation} to {action} numbers; task `{}` needs {} to {}", config.task, wanted.0, wanted.1));

@@ -9,11 +9,15 @@
 //! steps costs tenths of a second on two cores. Whatever the number of threads, the same seed gives the same bytes.
 //!
 //! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`]; [`Trainer`] repeats it and keeps all that a run needs
-//! to go on; [`play()`] plays the result.
+//! to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
 
 mod activation;
+mod arena;
+mod card;
 mod checkpoint;
+pub mod clock;
 mod config;
+pub mod curve;
 mod environments;
 pub mod folder;
 pub mod gae;
@@ -24,17 +28,20 @@ mod pilot;
 mod play;
 mod policy;
 pub mod rollout;
+mod run;
 mod stack;
 mod tensors;
 mod trainer;
 pub mod update;
 
 pub use activation::Activation;
+pub use arena::Arena;
 pub use config::{ConfigError, PpoConfig};
 pub use environments::Environments;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;
-pub use play::{Game, play};
+pub use play::{Game, play, replay};
 pub use policy::{Answer, Policy, Shape};
+pub use run::{Learned, PolicyRun};
 pub use stack::Stack;
 pub use trainer::{Iteration, PpoError, State, Trainer};

@@ -19,42 +19,46 @@ const NOISE: f64 = 2.0;
 
 /// Policies, one of which acts in each trajectory.
 pub struct Policies {
-    of: Vec<(String, Arc<Policy>)>,
+    of: Vec<(Arc<dyn Task>, Arc<Policy>)>,
 }
 
 impl Policies {
-    /// Policies with the names of their tasks.
+    /// Policies with the names of built-in tasks.
     ///
     /// # Errors
     /// If there is no such task.
     pub fn new(of: Vec<(String, Policy)>) -> Result<Self, TaskError> {
-        of.iter().try_for_each(|(task, _)| named(task).map(|_| ()))?;
-        Ok(Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(policy))).collect() })
+        let of = of.into_iter().map(|(task, policy)| Ok((Arc::from(named(&task)?), policy)));
+        Ok(Self::of(of.collect::<Result<_, TaskError>>()?))
+    }
+
+    /// Policies with their tasks, whoever wrote these.
+    pub fn of(of: Vec<(Arc<dyn Task>, Policy)>) -> Self {
+        Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(policy))).collect() }
     }
 }
 
 /// Data that policies acted in is known by what these were.
 impl fmt::Debug for Policies {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{task} {}", p.sha256()))).finish()
+        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{} {}", task.name(), p.sha256()))).finish()
     }
 }
 
 impl Pilot for Policies {
     fn launch(&self, system: &Arc<System>, rng: &mut ChaCha8Rng) -> (Vec<f64>, Box<dyn Act>) {
-        let (name, policy) = &self.of[rng.random_range(0..self.of.len())];
-        let task = named(name).unwrap_or_else(|e| unreachable!("{e}: `new` has found it"));
+        let (task, policy) = self.of[rng.random_range(0..self.of.len())].clone();
         let mut goal = vec![0.0; task.goal_dim()];
         task.draw_goal(rng, &mut goal);
         let (state, noise) = (task.reset(system, rng), NOISE * rng.random::<f64>());
         let (work, observation, action) = (Work::new(system), vec![0.0; task.observation_dim()], Vec::new());
-        (state, Box::new(Acting { task, policy: policy.clone(), goal, work, noise, observation, action, stack: None, frame: 0 }))
+        (state, Box::new(Acting { task, policy, goal, work, noise, observation, action, stack: None, frame: 0 }))
     }
 }
 
 /// One policy in one trajectory.
 struct Acting {
-    task: Box<dyn Task>,
+    task: Arc<dyn Task>,
     policy: Arc<Policy>,
     goal: Vec<f64>,
     work: Work,

@@ -16,6 +16,7 @@ use crate::checkpoint::CheckpointError;
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PpoError {
     /// Settings that cannot be.
     #[error(transparent)]

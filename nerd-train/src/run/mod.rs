@@ -10,7 +10,7 @@
 //! ```
 //!
 //! ```text
-//! RunConfig ── Run::new ──▶ Run: network, learner, trainer; all that can be refused is refused here
+//! RunConfig ── Run::new ──▶ Run: network, learner, trainer (plan.rs); all that can be refused is refused here
 //!                            ├─ data: recorded or read, normalised         recording.rs
 //!                            ├─ updates, validation by rollouts            engine.rs, criterion.rs
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
@@ -23,7 +23,7 @@ mod card;
 mod criterion;
 mod engine;
 mod memory;
-mod network;
+mod plan;
 mod recipe;
 mod recording;
 mod settings;

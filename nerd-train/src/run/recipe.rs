@@ -100,7 +100,8 @@ impl Recipe {
         for (k, own) in own.iter().enumerate() {
             let own = first.with(own).map_err(|e| wrong(format!("run {}: {e}", k + 1)))?;
             let next = link(own, given)?;
-            let out = next.out.join(format!("{}", k + 1));
+            // Without a folder there is none below it.
+            let out = if next.out.as_os_str().is_empty() { next.out.clone() } else { next.out.join(format!("{}", k + 1)) };
             runs.push(match runs.last() {
                 None => RunConfig { out, ..next },
                 // A run from a model has that one's normaliser.
@@ -118,6 +119,7 @@ impl Recipe {
         if let [one] = &self.runs[..] {
             return Run::new(one)?.train();
         }
+        self.runs.iter().try_for_each(RunConfig::check)?;
         let mut last = None;
         for run in &self.runs {
             let done = run.out.join("model");

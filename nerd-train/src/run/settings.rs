@@ -110,7 +110,7 @@ impl RunConfig {
 
     /// As a TOML file, without what is not set.
     pub fn to_toml(&self) -> String {
-        let given: Given = self.given().into_iter().filter(|(_, value)| !value.is_null()).collect();
+        let given: Given = self.given().into_iter().filter(|(_, value)| !value.is_null() && *value != "").collect();
         toml::to_string(&given).unwrap_or_default()
     }
 }

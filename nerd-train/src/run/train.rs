@@ -16,13 +16,12 @@ use super::card::{Identity, export, history, resume};
 use super::engine::{arithmetic, engine};
 use super::{RecordConfig, RunConfig, claimed, memory};
 use crate::best::Best;
-use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
 use crate::prepare::{Prepared, moments, normalize, read};
 use crate::report::write;
-use crate::schedule::Schedule;
 use crate::sessions;
+use crate::shipped;
 use crate::supply::{Supply, SupplyConfig};
 use crate::trainer::{HookError, Outcome, Trainer, TrainerConfig};
 use crate::windows::Windows;
@@ -58,12 +57,12 @@ impl Run {
     /// # Errors
     /// If one of them makes no sense, names what is not there, or asks for more than the machine has.
     pub fn new(config: &RunConfig) -> Result<Self> {
-        contradictions(config)?;
+        config.check()?;
         let system = System::named(&config.robot)?;
         let base = config.base(&system)?;
         let form = config.variant.form(base);
         let network = config.network(&system, form)?;
-        let (learner, trainer) = (learner(config), trainer(config));
+        let (learner, trainer) = (config.learner(), config.trainer());
         learner.check()?;
         trainer.check()?;
         // More than the run looks at would be recorded for nobody, at whatever price.
@@ -269,47 +268,9 @@ impl Run {
     }
 }
 
-/// Refuses settings that mean nothing together.
-fn contradictions(config: &RunConfig) -> Result<()> {
-    for (key, empty) in [("robot", config.robot.is_empty()), ("out", config.out.as_os_str().is_empty())] {
-        if empty {
-            refuse!("--{key} is needed: see `cargo xtask train --help`");
-        }
-    }
-    let recorded = [("fresh", config.fresh > 0), ("policy", !config.record.policy.is_empty())];
-    if let Some((key, _)) = recorded.iter().find(|(_, given)| *given && config.data.is_some()) {
-        refuse!("--{key} records by itself: leave out --data");
-    }
-    if config.epsilon.is_some() && config.from.is_some() {
-        refuse!("--epsilon cannot be used with --from: the model it starts from has its own");
-    }
-    if config.f32 && config.device != Device::Cuda {
-        refuse!("--f32 means nothing without --device cuda");
-    }
-    Ok(())
-}
-
-fn learner(config: &RunConfig) -> LearnerConfig {
-    let RunConfig { batch, average, huber, optimizer, .. } = *config;
-    LearnerConfig { batch, clip: 1.0, average, seed: config.record.seed, huber, optimizer }
-}
-
-fn trainer(config: &RunConfig) -> TrainerConfig {
-    let RunConfig { updates, rate, last_rate, warmup, validation_windows, log_every, .. } = *config;
-    let tail = (config.tail * updates as f64) as u64;
-    TrainerConfig {
-        updates,
-        schedule: Schedule { start: rate, end: last_rate, warmup, tail },
-        validate_every: config.validate_every.unwrap_or(updates.div_ceil(50)),
-        checkpoint_every: updates.div_ceil(10),
-        validation_windows,
-        log_every,
-    }
-}
-
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
-    let mut parent = Model::load(folder, system, None)?;
+    let mut parent = Model::load(&shipped::find(folder), system, None)?;
     let like = |form: Form| (form.view, form.base.flies());
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.

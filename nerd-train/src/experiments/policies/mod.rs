@@ -9,33 +9,36 @@ use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
-use super::games::{Place, Reward, games, gap, gap_error, truth_of};
+use super::games::{Reward, games, gap, gap_error, truth_of};
+use crate::bounds::{SEEDS, STARTS};
 use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::paper::policy_reward;
-use crate::ppo::folder;
+use crate::ppo::{Arena, folder};
 use crate::report::{Input, Inputs, Table};
+use crate::settings::settings;
 use crate::shipped::{self, from_root};
 
 mod curves;
 
-/// Which policies, and how many games.
-#[derive(Clone, Debug)]
-pub struct Policies {
-    /// Name of the result.
-    pub name: String,
-    /// Folders of the policies.
-    pub folders: Vec<PathBuf>,
-    /// Folder of the learned simulator's model, if it is not the robot's shipped one. The truth is the one it learned.
-    pub model: Option<PathBuf>,
-    /// Play in the truth alone.
-    pub truth_only: bool,
-    /// Games of each policy (the paper: 2048).
-    pub games: usize,
-    /// Seed of the starts.
-    pub seed: u64,
-    /// Where the learned simulators are computed.
-    pub device: Device,
+settings! {
+    /// Policies in the truth and in the simulator that learned it.
+    pub struct Policies {
+        /// Name of the result [default: `policies`; of one policy its own]
+        name: String = String::new(), Text;
+        /// Folders of policies, comma-separated [default: all in models/policies]
+        policy: Vec<PathBuf> = Vec::new(), Texts;
+        /// Folder of the learned simulator's model [default: models/ROBOT]; the truth is the one it learned
+        model: Option<PathBuf> = None, Text;
+        /// Play in the truth alone
+        truth_only: bool = false, Flag;
+        /// Games of each policy (the paper: 2048)
+        games: usize = 2048, Whole(STARTS);
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+        /// Where the learned simulators are computed (cpu or cuda)
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+    }
 }
 
 /// One policy.
@@ -72,6 +75,21 @@ pub struct Played {
 }
 
 impl Policies {
+    /// Folders of the policies.
+    ///
+    /// # Errors
+    /// If there is none, or they cannot be listed.
+    pub fn folders(&self) -> Result<Vec<PathBuf>> {
+        if !self.policy.is_empty() {
+            return Ok(self.policy.clone());
+        }
+        let found = shipped::policies("")?;
+        if found.is_empty() {
+            refuse!("models/policies holds no policy: train one with `cargo xtask policy train`, or name one with --policy");
+        }
+        Ok(found)
+    }
+
     /// Folder of the model that a robot's policies are played in, and the truth that it learned.
     fn host(&self, robot: &str) -> Result<(PathBuf, Truth)> {
         let folder = self.model.clone().unwrap_or_else(|| shipped::model(Truth::default(), robot));
@@ -84,9 +102,10 @@ impl Policies {
         let (config, policy) = folder::load(path)?;
         let task = config.task;
         let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
-        let play = |place| games(&task, place, &policy, self.games, self.seed);
-        let real = play(Place::Truth(truth))?;
-        let learned = if self.truth_only { None } else { Some(play(Place::Model(&model, self.device))?) };
+        let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
+        let real = play(Arena::Truth(truth))?;
+        let learned = Arena::Model { folder: model.clone(), device: self.device };
+        let learned = if self.truth_only { None } else { Some(play(learned)?) };
         let (mean, played) = (Reward::of(&real), learned.as_deref().map(Reward::of));
         Ok(Row {
             policy: from_root(path),
@@ -108,7 +127,12 @@ impl Experiment for Policies {
     type Data = Played;
 
     fn name(&self) -> String {
-        self.name.clone()
+        let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
+        match one {
+            _ if !self.name.is_empty() => self.name.clone(),
+            Some(name) => name.to_string_lossy().into_owned(),
+            None => "policies".into(),
+        }
     }
 
     fn seed(&self) -> u64 {
@@ -116,12 +140,13 @@ impl Experiment for Policies {
     }
 
     fn effort(&self) -> f64 {
-        (self.games * self.folders.len() * if self.truth_only { 1 } else { 2 }) as f64
+        let policies = self.folders().map_or(0, |all| all.len());
+        (self.games * policies * if self.truth_only { 1 } else { 2 }) as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
-        for path in &self.folders {
+        for path in &self.folders()? {
             let task = folder::load(path)?.0.task;
             let robot = nerd_tasks::named(&task)?.robot();
             let (model, truth) = self.host(robot)?;
@@ -136,10 +161,7 @@ impl Experiment for Policies {
     }
 
     fn measure(&self) -> Result<Played> {
-        if self.folders.is_empty() {
-            refuse!("no policy to play: --policies names a folder of policies' folders");
-        }
-        Ok(Played { rows: self.folders.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
+        Ok(Played { rows: self.folders()?.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
     }
 
     fn tables(&self, data: &Played) -> Result<Vec<Table>> {

@@ -13,7 +13,7 @@ use crate::progress::bar;
 pub struct Line {
     /// What.
     pub change: String,
-    /// Under each of the two solvers; none where the change is not one of that solver's.
+    /// Under each of the two solvers; none where the change is not one of that solver's, or there are no such starts.
     pub by_method: Vec<Option<Effect>>,
 }
 
@@ -93,7 +93,7 @@ pub fn lines(tosses: &[Toss], every: usize, seed: u64) -> Result<(Vec<Line>, Noi
         let compliance = cube == rigid && cube != Cube::default();
         let mut by_method = Vec::new();
         for (m, method) in pair(&cube, finer, other)?.iter().enumerate() {
-            if compliance && m == 0 {
+            if starts.is_empty() || compliance && m == 0 {
                 by_method.push(None);
                 continue;
             }

@@ -5,6 +5,7 @@ mod attention;
 mod elementwise;
 mod network;
 mod parts;
+mod rounding;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,6 +15,7 @@ use super::sharded::{Loss, Pass, Shard, Sharded};
 use super::{LearnError, LearnerConfig, LearnerState};
 use crate::windows::Windows;
 use network::Network;
+pub use rounding::round_hidden;
 
 /// Trains a Transformer on the CPU.
 pub type CpuLearner = Sharded<Fused>;

@@ -5,11 +5,12 @@
 
 use faer::Accum::{Add, Replace};
 use faer::MatRef;
+use nalgebra::DMatrix;
 use nerd_model::transformer::TransformerConfig;
 
 use super::attention::Attention;
 use super::elementwise::{gelu, multiply, normalize, normalize_back, relu, relu_back, sum_rows};
-use super::parts::Parts;
+use super::parts::{Block, Parts};
 use crate::learner::sharded::Shard;
 use crate::product::{matrix, product};
 
@@ -100,6 +101,23 @@ impl Network {
             row.iter_mut().zip(w.head_bias).zip(y).for_each(|((x, b), y)| *x += b - y);
         }
         &mut t.error
+    }
+
+    /// The inputs of every hidden matrix in the last forward pass, a row for each token.
+    pub fn hidden_inputs(&self) -> Vec<DMatrix<f64>> {
+        let (e, t, w) = (self.config.embedding, &self.tape, Parts::of(&self.config, &self.flat));
+        let tokens = t.x.len() / e;
+        let plain = |x: &[f32]| DMatrix::from_row_iterator(tokens, x.len() / tokens, x.iter().map(|x| f64::from(*x)));
+        let normed = |x: &[f32], norm: &[f32]| {
+            let mut x = plain(x);
+            x.column_iter_mut().zip(norm).for_each(|(mut column, w)| column *= f64::from(*w));
+            x
+        };
+        let of = |(b, k): (&Block<&[f32]>, &Kept)| {
+            let (attn, mlp) = (normed(&k.norm_attn.out, b.norm_attn), normed(&k.norm_mlp.out, b.norm_mlp));
+            [attn, plain(&k.attended), mlp, plain(&k.active)]
+        };
+        w.blocks.iter().zip(&t.blocks).flat_map(of).collect()
     }
 
     /// Gradient by the parameters from that by the predictions, which stands where [`Network::forward`] left the errors.

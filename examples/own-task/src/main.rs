@@ -1,0 +1,75 @@
+//! A task of one's own, from an outside crate to a trained policy in half a minute:
+//! `cargo run --release --manifest-path examples/Cargo.toml -p own-task`.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::Path;
+
+use nerd_train::nerd_sim::prelude::*;
+use nerd_train::nerd_sim::sampling::{Start, start};
+use nerd_train::nerd_tasks::{ChaCha8Rng, Episodes, Task, View, Work};
+use nerd_train::ppo::folder::{PolicyConfig, load_for, save};
+use nerd_train::ppo::{PpoConfig, Trainer, play};
+
+/// Hold the Cartpole's pole upright, near the middle of the rail. A state is (x, theta, x_dot, theta_dot).
+struct Balance;
+
+impl Task for Balance {
+    fn name(&self) -> &'static str {
+        "balance"
+    }
+    fn robot(&self) -> &'static str {
+        "cartpole"
+    }
+    fn observation_dim(&self) -> usize {
+        4
+    }
+    fn action_dim(&self) -> usize {
+        1
+    }
+    fn episode_length(&self) -> u64 {
+        200
+    }
+    fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        start(system, Start::Reset, rng).iter().map(|x| 0.03 * x).collect()
+    }
+    fn observe(&self, view: View, _: &mut Work, out: &mut [f64]) {
+        out.copy_from_slice(view.state);
+    }
+    fn act(&self, _: View, action: &[f64], _: &mut Work, torques: &mut [f64]) {
+        torques.copy_from_slice(&[400.0 * action[0], 0.0]);
+    }
+    fn reward(&self, view: View, _: &[f64], _: &mut Work) -> f64 {
+        1.0 - view.state[0].powi(2) - view.state[1].powi(2)
+    }
+    fn terminated(&self, view: View, _: &mut Work) -> bool {
+        view.state[0].abs() > 2.0 || view.state[1].abs() > 0.5
+    }
+}
+
+/// So many episodes, on the analytic solver; any other would do.
+fn episodes(count: usize, seed: u64) -> Result<Episodes, Box<dyn Error>> {
+    let system = System::named(Balance.robot())?;
+    let batch = Batch::new(&system, &system.scene(Balance.scene())?, count);
+    Ok(Episodes::new(Box::new(Balance), Simulation::new(batch, Truth::Articulated.solver(&system)), seed))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let ppo = PpoConfig { iterations: 60, ..PpoConfig::default() };
+    let mut trainer = Trainer::new(episodes(ppo.environments, 0)?, ppo.clone(), 0)?;
+    for _ in 0..ppo.iterations {
+        let iteration = trainer.iterate()?;
+        if iteration.step % 10 == 0 {
+            println!("iteration {}: reward {:.1} of 200", iteration.step, iteration.reward.unwrap_or(f64::NAN));
+        }
+    }
+    let (policy, reward) = trainer.best();
+    let (folder, iterations) = (Path::new("out/balance"), ppo.iterations);
+    let (task, solver, shape, provenance) = (Balance.name().into(), Truth::Articulated.name(), policy.shape.clone(), BTreeMap::new());
+    save(folder, &PolicyConfig { task, solver, shape, ppo, iterations, reward, provenance }, policy, "# A policy of `balance`\n")?;
+
+    let (_, policy) = load_for(folder, &Balance)?;
+    let games = play(&policy, &mut episodes(64, 1)?, &mut |_| ())?;
+    println!("{}: {:.1} of 200 steps upright in 64 new episodes", folder.display(), games.iter().map(|g| g.length).sum::<f64>() / 64.0);
+    Ok(())
+}

@@ -1,0 +1,250 @@
+//! One run's settings changed one at a time, every run with several seeds: errors at 10, 100 and 1000 frames of passive motion on
+//! the robot's first ground, and the time of a frame on the CPU.
+//!
+//! A finished run is kept in `out/sweep` and not trained again.
+
+use std::path::Path;
+
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use serde::{Deserialize, Serialize};
+
+mod entries;
+
+use entries::{BASE, entries};
+
+use super::Experiment;
+use super::changes::{chosen, each, model, moved};
+use super::cost::microseconds;
+use crate::bounds::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES};
+use crate::device::Device;
+use crate::error::Result;
+use crate::evaluate::summary;
+use crate::learner::Optimizer;
+use crate::paper::horizon;
+use crate::report::plot::{Figure, Series};
+use crate::report::table::{digits, pair};
+use crate::report::{Input, Inputs, Table};
+use crate::run::{BaseName, RunConfig};
+use crate::settings::settings;
+
+/// Where runs are kept.
+const RUNS: &str = "out/sweep";
+/// Frames that errors are given at.
+const AT: [usize; 3] = [10, 100, 1000];
+
+settings! {
+    /// One run's settings changed one at a time.
+    pub struct Sweep {
+        /// Set of runs: switches (one decision of training taken back, or added, at a time), sizes (width, depth and window of the
+        /// network), forms (the paper's form, optimiser and loss beside ours), sameness (what rollouts differ in from training)
+        set: String = "switches".into(), Text;
+        /// Robot
+        robot: String = "pendulum".into(), Text;
+        /// Runs, comma-separated, beside `base` [default: all of the set]
+        only: Vec<String> = Vec::new(), Texts;
+        /// Seeds of data, weights and windows, comma-separated [default: 0,1,2]
+        seeds: Vec<u64> = vec![0, 1, 2], Wholes(SEEDS);
+        /// Updates of each run
+        updates: u64 = 1500, Whole(UPDATES);
+        /// Sequences of 32 tokens in an update
+        batch: usize = 32, Whole(BATCH);
+        /// Width of the base's network
+        embedding: usize = 48, Whole(EMBEDDING);
+        /// Its layers
+        layers: usize = 2, Whole(LAYERS);
+        /// Transitions that a run starts with
+        transitions: usize = 100_000, Whole(TRANSITIONS);
+        /// Transitions recorded while it goes on
+        fresh: usize = 200_000, Whole(0..=*TRANSITIONS.end());
+        /// Trajectories of the evaluation
+        starts: usize = 128, Whole(STARTS);
+        /// Where networks are trained and evaluated (cpu or cuda); a frame is timed on the CPU
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+    }
+}
+
+/// One run of one seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// What is changed.
+    pub name: String,
+    /// Its seed.
+    pub seed: u64,
+    /// Of its network.
+    pub parameters: usize,
+    /// Of its training, as its card says.
+    pub minutes: String,
+    /// Mean |difference| over trajectories and quantities at 10, 100 and 1000 frames; none if a rollout ended in no number.
+    pub at: Option<[f64; 3]>,
+    /// Mean over the paper's horizon, by quantity; none if a rollout ended in no number.
+    pub error: Option<Vec<f64>>,
+    /// Rollouts that left.
+    pub diverged: usize,
+    /// A frame of one environment on one core.
+    pub microseconds: f64,
+}
+
+/// All of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Swept {
+    /// What was asked for.
+    #[serde(flatten)]
+    pub settings: Sweep,
+    /// By seed and run.
+    pub rows: Vec<Measured>,
+}
+
+impl Sweep {
+    /// The run that the others change.
+    fn base(&self, seed: u64) -> RunConfig {
+        let Self { set, robot, embedding, layers, updates, batch, transitions, fresh, .. } = self;
+        let folder = format!("{robot}-{set}-e{embedding}l{layers}-{updates}x{batch}-{transitions}+{fresh}-seed{seed}");
+        let mut run = RunConfig::new(robot, Path::new(RUNS).join(folder));
+        (run.base, run.stream, run.sequence, run.optimizer) = (BaseName::Flight, true, Some(32), Optimizer::Muon);
+        (run.embedding, run.layers, run.batch, run.updates) = (*embedding, *layers, *batch, *updates);
+        (run.transitions, run.fresh, run.device) = (*transitions, *fresh, self.device);
+        (run.huber, run.warmup, run.last_rate) = (Some(0.02), updates / 20, 0.0);
+        (run.record.torque_scale, run.record.seed) = (-1.0, seed);
+        // The end of the run alone is looked at: the last weights or their average.
+        (run.validate_every, run.rollouts) = (Some(*updates), 32);
+        run
+    }
+
+    /// The scene that runs are judged in.
+    fn scene(&self) -> Result<String> {
+        let system = System::named(&self.robot)?;
+        Ok(system.usual_scenes().into_iter().find(|s| *s != "free").unwrap_or("free").into())
+    }
+
+    /// Rolls a run's model out.
+    fn measured(&self, name: &str, run: &RunConfig) -> Result<Measured> {
+        let (system, scene) = (System::named(&self.robot)?, self.scene()?);
+        let mut learned = model(run, &system, self.starts)?;
+        // What ends in no number at all has no error to speak of.
+        let mut rolled = |steps| moved(&mut learned, &system, &scene, (self.starts, steps)).ok();
+        let (near, far) = (rolled(horizon(&self.robot)), rolled(AT[2]));
+        let config = &learned.model().config;
+        Ok(Measured {
+            name: name.into(),
+            seed: run.record.seed,
+            parameters: config.network.parameters(),
+            minutes: config.provenance.get("minutes").cloned().unwrap_or_default(),
+            at: far.as_ref().map(|r| AT.map(|frame| r.curve[frame - 1])),
+            error: near.map(|r| summary(&system, &r.error)),
+            diverged: far.map_or(self.starts, |r| r.diverged),
+            microseconds: microseconds(&run.out.join("model"), &system, &system.scene(&scene)?)?,
+        })
+    }
+}
+
+impl Experiment for Sweep {
+    type Data = Swept;
+
+    fn name(&self) -> String {
+        format!("sweep-{}-{}", self.set, self.robot)
+    }
+
+    fn seed(&self) -> u64 {
+        self.seeds.first().copied().unwrap_or_default()
+    }
+
+    fn effort(&self) -> f64 {
+        let runs = entries(&self.set).and_then(|all| chosen(&all, &self.only, BASE)).map_or(0, |all| all.len());
+        (runs * self.seeds.len()) as f64 * self.updates as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        Ok(Inputs(vec![Input::robot(&*System::named(&self.robot)?), Input::motion(&self.robot, &self.scene()?, &Setting::Paper)?]))
+    }
+
+    fn measure(&self) -> Result<Swept> {
+        let entries = chosen(&entries(&self.set)?, &self.only, BASE)?;
+        let runs = self.seeds.iter().flat_map(|seed| entries.iter().map(|e| (*e, e.run(&self.base(*seed)))));
+        let rows = each(&runs.collect::<Vec<_>>(), |change, run, _| self.measured(change.name, run))?;
+        Ok(Swept { settings: self.clone(), rows })
+    }
+
+    fn tables(&self, data: &Swept) -> Result<Vec<Table>> {
+        let base = of(data, BASE);
+        let rows = names(data).into_iter().map(|name| {
+            let runs = of(data, name);
+            let mut row = vec![name.to_string(), runs[0].parameters.to_string()];
+            row.extend((0..AT.len()).map(|k| {
+                let at = |runs: &[&Measured]| over_seeds(runs, |m| m.at.map(|at| at[k]));
+                match (at(&runs), at(&base)) {
+                    (Some([mean, spread]), Some([whole, _])) => format!("{} +- {} ({:.2})", digits(mean), digits(spread), mean / whole),
+                    // A run that left has no error to take the mean of.
+                    (None, _) => "left".into(),
+                    (Some([mean, _]), None) => digits(mean),
+                }
+            }));
+            let error = |q: usize| over_seeds(&runs, |m| Some(*m.error.as_ref()?.get(q)?)).map(|m| m[0]);
+            let errors: Vec<f64> = (0..).map_while(error).collect();
+            row.push(if errors.is_empty() { "left".into() } else { pair(&errors) });
+            row.push(runs.iter().map(|m| m.diverged).sum::<usize>().to_string());
+            row.push(over_seeds(&runs, |m| Some(m.microseconds)).map_or_else(String::new, |m| digits(m[0])));
+            row
+        });
+        let [a, b, c] = AT.map(|frame| format!("{frame} frames (over base's)"));
+        let header = ["run", "parameters", &a, &b, &c, "over the paper's horizon", "diverged", "us a frame, one core"];
+        Ok(vec![Table::new("sweep", &header).with(rows).noted(&self.note())])
+    }
+
+    /// Of sizes, error against time.
+    fn pictures(&self, data: &Swept, stem: &Path) -> Result<()> {
+        if self.set != "sizes" {
+            return Ok(());
+        }
+        // A size is one point: the quickest of its runs, since others may be on the machine, and the mean of their errors.
+        let series = names(data).into_iter().filter_map(|name| {
+            let runs = of(data, name);
+            let time = runs.iter().map(|m| m.microseconds).fold(f64::INFINITY, f64::min);
+            let [error, _] = over_seeds(&runs, |m| m.error.as_ref().map(|e| e.iter().sum::<f64>() / e.len() as f64))?;
+            Some(Series { name: name.into(), points: vec![(time, error, name.into())] })
+        });
+        let figure = Figure {
+            title: format!("{}: networks of several sizes", self.robot),
+            x: "microseconds a frame, one environment, one core".into(),
+            y: "mean error over the paper's horizon (rad or m)".into(),
+            series: series.collect(),
+            front: Vec::new(),
+            levels: Vec::new(),
+        };
+        figure.save(stem)
+    }
+}
+
+impl Sweep {
+    /// What the base is.
+    fn note(&self) -> String {
+        let mut base = self.base(self.seed());
+        let change = entries(&self.set).ok().and_then(|all| all.into_iter().find(|e| e.name == BASE));
+        change.iter().for_each(|e| (e.change)(&mut base));
+        format!(
+            "Each run differs from `base` in one thing: a network of width {} and {} layers on flight, streaming, Muon, bent loss at 0.02, half of the \
+             data passive, {} updates of {} sequences of 32 tokens on {} transitions and {} fresh ones. Passive motion from {} starts: mean error (rad or m) \
+             at a frame, mean and standard deviation over seeds {:?}, and divided by the base's.",
+            base.embedding, base.layers, self.updates, self.batch, self.transitions, self.fresh, self.starts, self.seeds
+        )
+    }
+}
+
+/// Runs of one name.
+fn of<'a>(data: &'a Swept, name: &str) -> Vec<&'a Measured> {
+    data.rows.iter().filter(|m| m.name == name).collect()
+}
+
+/// Names of all runs, each once, as they were measured.
+fn names(data: &Swept) -> Vec<&str> {
+    let first = data.rows.iter().enumerate().filter(|(k, m)| data.rows[..*k].iter().all(|other| other.name != m.name));
+    first.map(|(_, m)| m.name.as_str()).collect()
+}
+
+/// Mean and standard deviation over seeds, if there is a figure of each.
+fn over_seeds(runs: &[&Measured], of: impl Fn(&Measured) -> Option<f64>) -> Option<[f64; 2]> {
+    let x: Vec<f64> = runs.iter().map(|m| of(m)).collect::<Option<_>>()?;
+    let mean = x.iter().sum::<f64>() / x.len() as f64;
+    let spread = (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (x.len().max(2) - 1) as f64).sqrt();
+    (!x.is_empty()).then_some([mean, spread])
+}

@@ -1,0 +1,103 @@
+//! Where a policy acts: a truth, or a model of one.
+
+use std::path::PathBuf;
+
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::neural::Neural;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_tasks::{Episodes, named};
+
+use super::clock::{Clock, Timed};
+use crate::device::Device;
+use crate::error::{Result, refuse};
+
+/// What episodes run on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Arena {
+    /// A solver that models are learned from.
+    Truth(Truth),
+    /// A learned one.
+    Model {
+        /// The model's folder.
+        folder: PathBuf,
+        /// Where its network is computed.
+        device: Device,
+    },
+}
+
+impl Arena {
+    /// In a word, for a folder's name.
+    pub fn word(&self) -> String {
+        match self {
+            Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
+            Self::Model { .. } => "neural".into(),
+        }
+    }
+
+    /// In words that tell it from any other, settings and all.
+    ///
+    /// # Errors
+    /// If the model cannot be read.
+    pub fn title(&self) -> Result<String> {
+        Ok(match self {
+            Self::Truth(truth) => truth.name(),
+            Self::Model { folder, .. } => format!("neural {} of {}", folder.display(), ModelConfig::read(folder)?.truth),
+        })
+    }
+
+    /// What it computes, by content: robot, truth or model, whatever their folder is called.
+    ///
+    /// # Errors
+    /// If the model cannot be read.
+    pub fn identity(&self, system: &System) -> Result<String> {
+        let solver = match self {
+            Self::Truth(truth) => truth.name(),
+            Self::Model { folder, .. } => {
+                let ModelConfig { truth, model_sha256, .. } = ModelConfig::read(folder)?;
+                format!("model {} of {truth}", model_sha256.get(..16).unwrap_or("without a hash"))
+            }
+        };
+        Ok(format!("{solver}, robot {} {}", system.name, &system.sha256()[..16]))
+    }
+
+    /// Whether a step is dear: where small settings pay.
+    pub fn dear(&self) -> bool {
+        matches!(self, Self::Model { device: Device::Cpu, .. })
+    }
+
+    /// `n` episodes of a task.
+    ///
+    /// # Errors
+    /// If the task is unknown, or the model is not of its robot.
+    pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
+        self.timed(task, n, seed, &Clock::default())
+    }
+
+    /// The same, with the time that its solver takes on a clock.
+    ///
+    /// # Errors
+    /// As [`Arena::episodes`].
+    pub fn timed(&self, task: &str, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
+        let task = named(task)?;
+        let system = System::named(task.robot())?;
+        if n == 0 {
+            refuse!("at least one environment is needed");
+        }
+        let batch = Batch::new(&system, &system.scene(task.scene())?, n);
+        // And how many frames back its next step depends on.
+        let (solver, memory): (Box<dyn Solver>, usize) = match self {
+            Self::Truth(truth) => (truth.solver(&system), 0),
+            Self::Model { folder, device } => {
+                let model = Model::load(folder, &system, None)?;
+                let network = Timed(device.network(&model.weights, n)?, clock.network.clone());
+                let reach = model.config.network.reach();
+                (Box::new(Neural::new(model, &system, Box::new(network))), reach)
+            }
+        };
+        let solver = Box::new(Timed(solver, clock.solver.clone()));
+        let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
+        episodes.remember(memory);
+        Ok(episodes)
+    }
+}

@@ -1,0 +1,168 @@
+//! A policy's training in a folder: PPO in an arena, resumable, with the record, the curve and the best policy it came to.
+//!
+//! The folder holds `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and, drawn at the end, `curve.svg` and `curve.png`
+//! (feature `report`); the same run again continues it. The policy with the largest mean reward is in `OUT/policy`.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use nerd_sim::prelude::*;
+use nerd_tasks::{Episodes, Task, named};
+
+use super::clock::{Clock, Split};
+use super::{Arena, PpoConfig, Trainer, card};
+use crate::bounds;
+use crate::error::{Error, Result, refuse};
+use crate::metrics::Metrics;
+use crate::progress::{Bar, bar};
+use crate::sessions;
+
+/// Two checkpoints are at least this far apart.
+const SAVE: Duration = Duration::from_secs(60);
+
+/// One run.
+#[derive(Clone, Debug)]
+pub struct PolicyRun {
+    /// Its task.
+    pub task: String,
+    /// Where it learns.
+    pub arena: Arena,
+    /// How.
+    pub config: PpoConfig,
+    /// Seed of weights, noise and starts.
+    pub seed: u64,
+    /// Stops once the mean reward of the last episodes has reached this.
+    pub until: Option<f64>,
+    /// Stops, with a checkpoint, after so many minutes.
+    pub minutes: Option<f64>,
+    /// Folder of the run.
+    pub out: PathBuf,
+}
+
+/// What a run came to so far.
+#[derive(Clone, Debug)]
+pub struct Learned {
+    /// Task and solver.
+    pub title: String,
+    /// Folder of the policy.
+    pub policy: PathBuf,
+    /// Its mean reward; none before a full set of episodes has ended.
+    pub reward: Option<f64>,
+    /// Iterations done.
+    pub iterations: u64,
+    /// Episodes that ended because the solver could not go on with them, this time.
+    pub failed: usize,
+    /// Time of this call.
+    pub elapsed: Duration,
+    /// What it was spent on, in words.
+    pub spent: String,
+}
+
+/// A run that goes on.
+struct Going {
+    trainer: Trainer<Episodes>,
+    metrics: Metrics,
+    split: Split,
+    failed: usize,
+}
+
+impl PolicyRun {
+    /// Trains, or goes on training.
+    ///
+    /// # Errors
+    /// If task, model or settings cannot be, the folder is another run's or in use, the solver cannot step, or a file cannot be
+    /// written.
+    pub fn train(&self) -> Result<Learned> {
+        let (started, out) = (Instant::now(), &self.out);
+        let task = named(&self.task)?;
+        self.config.check()?;
+        memory(&*task, &self.config)?;
+        let (system, solver) = (System::named(task.robot())?, self.arena.title()?);
+        let title = format!("{} on {solver}", self.task);
+        // What a checkpoint is known by: a model is its weights, wherever they are.
+        let identity = format!("{} on {}", self.task, self.arena.identity(&system)?);
+        let clock = Clock::default();
+        let episodes = self.arena.timed(&self.task, self.config.environments, self.seed, &clock)?;
+        let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
+        let _claim = crate::run::claimed(out)?;
+        if out.join(LAST).exists() {
+            let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
+            trainer.resume(&out.join(LAST), &identity).map_err(other)?;
+            eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
+        }
+        let first = trainer.state.iteration;
+        let metrics = Metrics::open(&out.join("metrics.jsonl"), first)?;
+        let bar = bar(&format!("steps of {title}"), trainer.config.iterations * trainer.config.steps() as u64);
+        let mut going = Going { trainer, metrics, split: Split::default(), failed: 0 };
+        self.iterate(&mut going, &identity, started, &bar)?;
+        bar.finish();
+        let Going { trainer, split, failed, .. } = going;
+        let spent = split.words(&clock);
+        // Asked again, a finished run keeps its times.
+        if trainer.state.iteration > first || !sessions::any(out) {
+            sessions::log(out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &spent)?;
+        }
+        #[cfg(feature = "report")]
+        super::curve::draw(out, &title)?;
+        card::export(out, &self.task, (&solver, &identity), &trainer)?;
+        let (_, reward) = trainer.best();
+        let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
+        Ok(Learned { title, policy, reward, iterations, failed, elapsed, spent })
+    }
+
+    /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
+    fn iterate(&self, going: &mut Going, identity: &str, started: Instant, bar: &Bar) -> Result<()> {
+        let Going { trainer, metrics, split, failed } = going;
+        let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
+        while trainer.state.iteration < trainer.config.iterations {
+            let line = trainer.iterate()?;
+            metrics.write(&line)?;
+            split.add(&line, trainer.config.steps());
+            *failed += line.failed;
+            if let (Some(reward), Some(length)) = (line.reward, line.length) {
+                bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
+            }
+            bar.set(line.frames);
+            let reached = self.until.zip(line.reward).is_some_and(|(wanted, reward)| reward >= wanted && trainer.state.best.is_some());
+            let late = self.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m);
+            if reached || late {
+                break;
+            }
+            if saved.elapsed() > SAVE {
+                trainer.save(&checkpoint, identity)?;
+                saved = Instant::now();
+            }
+        }
+        Ok(trainer.save(&checkpoint, identity)?)
+    }
+}
+
+/// The state to go on from.
+const LAST: &str = "last.safetensors";
+
+impl PpoConfig {
+    /// Settings of a task: of a file, those called `small` or `paper`, or by what a step in the arena costs.
+    ///
+    /// # Errors
+    /// If the file cannot be read or has a key that there is not, or the task has no such settings.
+    pub fn choose(task: &str, arena: &Arena, preset: Option<&str>, file: Option<&std::path::Path>) -> Result<Self> {
+        if let Some(path) = file {
+            let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
+            return Self::from_text(&text).map_err(Error::format(path));
+        }
+        match (preset, Self::small(task)) {
+            (Some("small"), None) => refuse!("task `{task}` has no small settings; --config takes your own"),
+            (Some("small"), Some(small)) => Ok(small),
+            (None, Some(small)) if arena.dear() => Ok(small),
+            _ => Ok(Self::of(task)?),
+        }
+    }
+}
+
+/// Refuses a run whose steps of one iteration do not fit in memory.
+fn memory(task: &dyn Task, config: &PpoConfig) -> Result<()> {
+    let seen = task.observation_dim() * config.stack;
+    // Observations, and as inputs; actions, means and spreads, twice; rewards, values, advantages and the like.
+    let a_step = 12 * seen + 24 * task.action_dim() + 100;
+    bounds::memory(&[("`environments`", config.environments), ("`horizon`", config.horizon)], a_step)
+}

@@ -1,0 +1,165 @@
+//! Runs from their settings: files, options over them, chains, and what comes out.
+
+use std::path::{Path, PathBuf};
+
+use nerd_model::transformer::TransformerConfig;
+use nerd_sim::prelude::*;
+use nerd_train::run::{Recipe, Run, RunConfig, Variant};
+use nerd_train::settings::{Given, Settings};
+
+fn given(pairs: &[(&str, serde_json::Value)]) -> Given {
+    pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect()
+}
+
+/// A run of seconds.
+fn tiny(out: PathBuf) -> RunConfig {
+    let mut run = RunConfig::recipe("quick", "pendulum", out).expect("shipped");
+    (run.embedding, run.layers, run.history, run.batch) = (24, 1, 4, 8);
+    (run.updates, run.rollouts, run.transitions) = (4, 1, 400);
+    (run.record.frames, run.record.torque_scale, run.record.hold, run.record.resets) = (20, -1.0, 3, 0.3);
+    run
+}
+
+fn weights(model: Option<PathBuf>) -> Vec<u8> {
+    std::fs::read(model.expect("a model").join("model.safetensors")).expect("weights")
+}
+
+#[test]
+fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
+    let robot = given(&[("out", "out/x".into()), ("transitions", 1000.into()), ("finish", true.into())]);
+    for name in Recipe::names() {
+        let recipe = Recipe::named(name, &robot).unwrap_or_else(|e| panic!("{name}: {e}"));
+        for (k, run) in recipe.runs.iter().enumerate() {
+            let before = k.checked_sub(1).map(|before| recipe.runs[before].out.join("model"));
+            assert_eq!(run.from, before, "{name}, run {}", k + 1);
+            assert!(run.finish && run.transitions == 1000 && run.updates >= 6000, "{name}, run {}: {run:?}", k + 1);
+            if !run.robot.is_empty() {
+                let system = System::named(&run.robot).expect("built in");
+                let form = run.variant.form(run.base(&system).expect("a base"));
+                run.network(&system, form).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
+            }
+        }
+    }
+    let paper = Recipe::named("paper", &Given::new()).expect("paper");
+    assert_eq!(paper.runs, [RunConfig::default()], "paper.toml says the defaults");
+}
+
+#[test]
+fn defaults_are_within_their_ranges_and_every_key_says_what_it_means() {
+    let all = RunConfig::new("pendulum", "out/x").given();
+    assert_eq!(all.len(), RunConfig::keys().len(), "keys and fields");
+    for key in RunConfig::keys() {
+        let value = &all[&key.name()];
+        assert!(value.is_null() || key.values.check(value).is_ok(), "{}: {value} is none of {:?}", key.name(), key.values);
+        assert!(key.help().len() > 10, "{} says too little", key.name());
+    }
+}
+
+#[test]
+fn a_file_is_read_under_what_is_given_and_written_back() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path().join("my.toml");
+    std::fs::write(&path, "robot = \"cube\"\nupdates = 70\nhuber = 0.02\ntorque-scale = -1\n").expect("written");
+    let run = &Recipe::read(&path, &given(&[("updates", 90.into()), ("hold", 7.into())])).expect("a recipe").runs[0];
+    assert_eq!((run.updates, run.record.hold, run.huber, run.record.torque_scale), (90, 7, Some(0.02), -1.0));
+    std::fs::write(&path, run.to_toml()).expect("written");
+    assert_eq!(Recipe::read(&path, &Given::new()).expect("its own text").runs, [run.clone()]);
+    // Of several runs, lengths are caps.
+    std::fs::write(&path, "out = \"o\"\nrobot = \"cube\"\n[[run]]\nupdates = 70\nfresh = 50\n[[run]]\nupdates = 20\n").expect("written");
+    let chain = Recipe::read(&path, &given(&[("updates", 30.into()), ("transitions", 40.into())])).expect("a chain").runs;
+    let found: Vec<_> = chain.iter().map(|r| (r.updates, r.transitions, r.fresh, r.out.to_str().unwrap_or_default())).collect();
+    assert_eq!(found, [(30, 40, 40, "o/1"), (20, 40, 0, "o/2")]);
+}
+
+#[test]
+fn what_a_file_should_not_say_is_refused_with_its_name_and_the_key() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path().join("my.toml");
+    for (text, key) in [
+        ("updatez = 3", "updatez"),
+        ("updates = 0", "updates"),
+        ("updates = \"x\"", "updates"),
+        ("huber = nan", "huber"),
+        ("base = \"air\"", "base"),
+        ("policy = \"one\"", "policy"),
+        ("resets = 1.5", "resets"),
+        ("robot = \"\"", "robot"),
+        ("[[run]]\nbatch = 0", "run 1: `batch`"),
+        ("run = 3", "[[run]]"),
+        ("run = []", "`run`"),
+        ("updates = 1 2", "my.toml"),
+    ] {
+        std::fs::write(&path, text).expect("written");
+        let said = Recipe::read(&path, &Given::new()).expect_err(text).to_string();
+        assert!(said.contains("my.toml") && said.contains(key), "{text}: {said}");
+    }
+    for (wrong, words) in [("unicorn", "known are"), ("ant", "trains `ant`")] {
+        let said = Recipe::named(wrong, &given(&[("robot", "cube".into())])).expect_err(wrong).to_string();
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn a_data_set_holds_what_a_run_would_have_recorded() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let alone = tiny(folder.path().join("alone"));
+    let mut read = tiny(folder.path().join("read"));
+    let data = folder.path().join("data");
+    let system = System::named("pendulum").expect("built in");
+    alone.record.write(&system, alone.transitions, &data).expect("shards");
+    read.data = Some(data);
+    let train = |run: &RunConfig| weights(Run::new(run).expect("settings").train().expect("trained"));
+    assert!(train(&alone) == train(&read), "data from a folder led to other weights");
+}
+
+#[test]
+fn a_chain_goes_on_where_it_was_left() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let mut first = tiny(folder.path().join("1"));
+    first.updates = 2;
+    let mut second = first.clone();
+    (second.from, second.out) = (Some(folder.path().join("1/model")), folder.path().join("2"));
+    let recipe = Recipe { runs: vec![first, second] };
+    let whole = weights(recipe.train().expect("trained"));
+    std::fs::remove_dir_all(folder.path().join("2")).expect("removed");
+    let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).expect("a time");
+    let card = folder.path().join("1/model/config.json");
+    let before = time(&card);
+    assert!(weights(recipe.train().expect("trained")) == whole, "the second run made again is another one");
+    assert!(time(&card) == before, "the first run was made again");
+}
+
+#[test]
+fn options_that_mean_nothing_together_are_refused_before_anything_is_made() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let out = folder.path().join("run");
+    let wrong = |change: fn(&mut RunConfig), words: &str| {
+        let mut run = tiny(out.clone());
+        change(&mut run);
+        let said = Run::new(&run).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains(words) && !out.exists(), "`{said}` does not name {words}");
+    };
+    wrong(|r| r.sequence = Some(32), "--sequence");
+    wrong(|r| r.record.policy_share = 0.2, "--policy-share");
+    wrong(|r| (r.epsilon, r.from) = (Some(1e-5), Some("x".into())), "--epsilon");
+    wrong(|r| r.f32 = true, "--f32");
+    wrong(|r| r.robot.clear(), "--robot");
+    wrong(|r| r.out = PathBuf::new(), "--out");
+    wrong(|r| r.embedding = 50, "heads");
+    wrong(|r| (r.data, r.fresh) = (Some("x".into()), 1), "--fresh");
+    wrong(|r| r.record.policy = vec!["/nowhere".into()], "/nowhere");
+}
+
+#[test]
+fn rivals_have_as_many_parameters_as_nerd() {
+    for (inputs, outputs) in [(37, 4), (215, 29)] {
+        let paper = TransformerConfig::paper(inputs, outputs, 192);
+        let nerd = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..paper };
+        for variant in [Variant::Mlp, Variant::Gru, Variant::Lstm] {
+            let rival = variant.network(nerd);
+            let share = rival.parameters() as f64 / nerd.parameters() as f64;
+            assert!((0.95..=1.0).contains(&share), "{variant:?} of {inputs} inputs has {share:.3} of NeRD's parameters");
+            rival.check().expect("a shape that can be");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! `cargo xtask policy train|evaluate|show`: policies learned on any solver, played on any other.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
+
+mod arena;
+pub mod evaluate;
+
+use arena::ArenaArgs;
+
+use crate::numbers::{SEEDS, count, finite, positive};
+
+/// Train, evaluate or show a policy.
+#[derive(clap::Args, Clone, Debug)]
+pub struct PolicyArgs {
+    #[command(subcommand)]
+    pub verb: PolicyVerb,
+}
+
+/// What to do with it.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub enum PolicyVerb {
+    /// Train a policy by PPO, or go on training
+    Train(Box<TrainArgs>),
+    /// Play a policy in the truth and in the learned simulator
+    Evaluate(evaluate::EvaluateArgs),
+    /// Write one episode as a page that any browser plays
+    Show(ShowArgs),
+}
+
+/// Train a policy.
+#[derive(clap::Args, Clone, Debug)]
+pub struct TrainArgs {
+    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side
+    pub task: String,
+    #[command(flatten)]
+    pub arena: ArenaArgs,
+    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU, if
+    /// the task has it]
+    #[arg(long, value_parser = ["paper", "small"])]
+    pub preset: Option<String>,
+    /// TOML with all settings, in place of a preset (see nerd-train/assets/ppo)
+    #[arg(long, conflicts_with = "preset")]
+    pub config: Option<PathBuf>,
+    /// Environments, in place of the settings'
+    #[arg(long)]
+    pub envs: Option<usize>,
+    /// Steps of an environment in one iteration, in place of the settings'
+    #[arg(long)]
+    pub horizon: Option<usize>,
+    /// Iterations in the whole run, in place of the settings'
+    #[arg(long, value_parser = count::<u64>(1..=1_000_000_000))]
+    pub iterations: Option<u64>,
+    /// Steps in a minibatch, in place of the settings'
+    #[arg(long)]
+    pub minibatch: Option<usize>,
+    /// Stop once the mean reward of the last episodes has reached this
+    #[arg(long, value_parser = finite)]
+    pub until: Option<f64>,
+    /// Stop, with a checkpoint, after so many minutes; the same command continues
+    #[arg(long, value_parser = positive)]
+    pub minutes: Option<f64>,
+    /// Seed of weights, noise and starts
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
+    pub seed: u64,
+    /// Folder of the run [default: out/policies/TASK-SOLVER-SEED]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Show a policy.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ShowArgs {
+    /// Task [default: the policy's]
+    pub task: Option<String>,
+    /// Folder of the policy
+    #[arg(long)]
+    pub policy: PathBuf,
+    #[command(flatten)]
+    pub arena: ArenaArgs,
+    /// Seed of the start
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
+    pub seed: u64,
+    /// HTML file to write
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: PolicyArgs) -> Result<()> {
+    match args.verb {
+        PolicyVerb::Train(args) => train(*args),
+        PolicyVerb::Evaluate(args) => evaluate::run(args),
+        PolicyVerb::Show(args) => show(args),
+    }
+}
+
+fn train(args: TrainArgs) -> Result<()> {
+    let TrainArgs { task, seed, until, minutes, .. } = args;
+    let arena = args.arena.of(&task)?;
+    let mut config = PpoConfig::choose(&task, &arena, args.preset.as_deref(), args.config.as_deref())?;
+    config.environments = args.envs.unwrap_or(config.environments);
+    config.horizon = args.horizon.unwrap_or(config.horizon);
+    config.iterations = args.iterations.unwrap_or(config.iterations);
+    config.minibatch = args.minibatch.unwrap_or(config.minibatch);
+    let out = args.out.unwrap_or_else(|| format!("out/policies/{task}-{}-{seed}", arena.word()).into());
+    let done = PolicyRun { task, arena, config, seed, until, minutes, out }.train()?;
+    let reward = done.reward.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
+    let seconds = done.elapsed.as_secs_f64();
+    println!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());
+    println!("{}", done.spent);
+    if done.failed > 0 {
+        eprintln!("{} episodes ended because the solver could not go on with them", done.failed);
+    }
+    Ok(())
+}
+
+fn show(args: ShowArgs) -> Result<()> {
+    let (config, policy) = folder::load(&args.policy)?;
+    let task = args.task.unwrap_or_else(|| config.task.clone());
+    if config.task != task {
+        bail!("{} is a policy of `{}`, not of `{task}`", args.policy.display(), config.task);
+    }
+    let arena = args.arena.of(&task)?;
+    let title = format!("{task} on {}", arena.title()?);
+    let (page, reward) = replay(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
+    println!("{title}: {} steps, reward {reward:.1}; {}", page.frames(), args.out.display());
+    crate::files::write(&args.out, page.html().as_bytes())
+}
