@@ -341,7 +341,9 @@ impl Row {
     /// Errors, each with its standard error.
     fn bounded(&self) -> String {
         let (error, spread) = (self.summary(&self.report.error), self.summary(&self.report.standard_error));
-        error.iter().zip(&spread).map(|(e, s)| format!("{} ± {s:.1e}", digits(*e))).collect::<Vec<_>>().join(" / ")
+        let two = |s: f64| format!("{s:.*}", (1 - s.log10().floor().max(-9.0) as i32).max(0) as usize);
+        let shown = |s: f64| if s > 0.0 { two(s) } else { s.to_string() };
+        error.iter().zip(&spread).map(|(e, s)| format!("{} ± {}", digits(*e), shown(*s))).collect::<Vec<_>>().join(" / ")
     }
 
     fn whose(&self) -> String {
