@@ -86,7 +86,6 @@ pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
 /// # Errors
 /// If the task is unknown, or the truth cannot step.
 pub fn truth_of(task: &str, truth: Truth) -> Result<Input> {
-    let (task, setting) =
-        (named(task)?, if truth == Truth::Articulated { Setting::Paper } else { Setting::RapierSteps(Truth::rapier().steps) });
+    let (task, setting) = (named(task)?, Setting::from(truth));
     Input::motion(task.robot(), task.scene(), &setting)
 }
