@@ -65,6 +65,10 @@ fn the_summary_names_the_largest_of_a_robots_grounds() {
     let rows = Rows { rows: vec![row("free", 0.5), row("ground1", 0.1), row("ground2", 0.3), row("ground3", 0.2)] };
     let scenes: Vec<_> = rows.summary().rows.into_iter().map(|r| r[1].clone()).collect();
     assert_eq!(scenes, ["free", "ground2, the largest of 3"]);
+    assert!(rows.agreement(&rows).is_some_and(|said| said.starts_with("4 of 4") && said.contains("farthest 0.0")));
+    let other = Rows { rows: vec![row("free", 0.5), row("ground2", 0.4), row("ground9", 0.1)] };
+    assert!(rows.agreement(&other).is_some_and(|said| said.starts_with("1 of 2") && said.contains("pendulum in ground2")));
+    assert_eq!(rows.agreement(&Rows { rows: vec![row("ground9", 0.1)] }), None);
 }
 
 #[test]

@@ -104,7 +104,32 @@ impl Rows {
     }
 }
 
+impl Rows {
+    /// How far these errors are from another measurement of the same, in words; none if nothing is the same.
+    pub fn agreement(&self, other: &Self) -> Option<String> {
+        let pairs = self.rows.iter().filter_map(|a| Some((a, other.rows.iter().find(|b| a.measures(b))?)));
+        let apart: Vec<(f64, &Row)> = pairs.map(|(a, b)| (a.apart(b), a)).collect();
+        let (most, row) = *apart.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let near = apart.iter().filter(|(by, _)| *by <= 3.0).count();
+        let where_ = format!("{} in {}", row.whose(), row.scene);
+        Some(format!("{near} of {} errors within three standard errors, the farthest {most:.1} ({where_})", apart.len()))
+    }
+}
+
 impl Row {
+    /// Whether both are of the same model in the same scene, driven alike.
+    fn measures(&self, other: &Self) -> bool {
+        let what = |r: &Self| (r.robot.clone(), r.method.clone(), r.scene.clone(), r.truth.clone(), r.protocol.steps, r.driven());
+        what(self) == what(other) && (self.model.is_none() || other.model.is_none() || self.model == other.model)
+    }
+
+    /// The largest difference of their errors, in standard errors of both.
+    fn apart(&self, other: &Self) -> f64 {
+        let (a, b) = (&self.report, &other.report);
+        let each = a.error.iter().zip(&b.error).zip(a.standard_error.iter().zip(&b.standard_error));
+        each.map(|((x, y), (s, t))| if x == y { 0.0 } else { (x - y).abs() / s.hypot(*t) }).fold(0.0, f64::max)
+    }
+
     fn shown(&self, figures: &[f64]) -> String {
         pair(&self.summary(figures))
     }
