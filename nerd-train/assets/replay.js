@@ -156,6 +156,8 @@ const replay = (() => {
         context.beginPath(); context.arc(p[0], p[1], Math.max(3, 0.02 * focus / p[2]), 0, 7); context.fill();
       }
       time.value = frame;
+      // How often it was painted, for whoever tests that it moves.
+      canvas.dataset.painted = +(canvas.dataset.painted || 0) + 1;
       const reward = data.rewards[frame];
       said.textContent = `${(frame * data.dt).toFixed(2)} s` + (reward === undefined ? "" : `, reward ${reward.toFixed(1)}`);
     }
@@ -166,7 +168,6 @@ const replay = (() => {
       if (playing && now - last >= pause && canvas.offsetParent !== null) {
         frame = (frame + Math.min(8, Math.max(1, Math.round((now - last) / pause)))) % frames;
         last = now;
-        canvas.dataset.frame = frame;
         const box = canvas.getBoundingClientRect();
         if (box.bottom > 0 && box.top < window.innerHeight) draw();
       }
