@@ -34,10 +34,10 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let other = ["policy", "train", "cartpole-swingup", "--solver", "rapier", "--out", &whole];
     ["another --out", "articulated paper coulomb", "rapier 16 steps"].iter().for_each(|word| refused(&other, word));
 
-    let (policy, table, page) = (format!("{whole}/policy"), path("table.json"), path("page.html"));
+    let (policy, table, page) = (format!("{whole}/policy"), path("tables"), path("page.html"));
     let run = xtask(&["policy", "evaluate", "--policy", &policy, "--games", "3", "--truth-only", "--out", &table]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    let json: serde_json::Value = serde_json::from_slice(&read(table)).expect("JSON");
+    let json: serde_json::Value = serde_json::from_slice(&read(format!("{table}/policy.json"))).expect("JSON");
     assert!(json["provenance"]["commit"].is_string() && json["rows"][0]["real"]["mean"].as_f64().is_some(), "{json}");
     let run = xtask(&["policy", "show", "--policy", &policy, "--out", &page]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
@@ -49,7 +49,7 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let config = std::fs::read_to_string(format!("{whole}/policy/config.json")).expect("text");
     std::fs::write(format!("{whole}/policy/config.json"), config.replace("cartpole-swingup", "ant-run")).expect("written");
     refused(&["policy", "evaluate", "--policy", &policy], "ant-run` needs");
-    refused(&["reproduce", "policies", "--policies", folder.path().to_str().expect("utf-8")], "no policy");
+    refused(&["reproduce", "policies", "--policy", folder.path().to_str().expect("utf-8")], "config.json");
 }
 
 #[test]

@@ -29,7 +29,7 @@ const VERBS: [(&str, &str); 9] = [
     (
         "evaluate --robot pendulum --scene ground1 --starts 2 --frames 3",
         "--solver neural --model f/model --seed 3 --shake 0.1 --drive 0.5 --limp --truth rapier --substeps 4 --preset converged \
-         --friction huber --tolerance 0.1 --out out/e.json",
+         --friction huber --tolerance 0.1 --out out",
     ),
     (
         "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \
@@ -42,7 +42,7 @@ const VERBS: [(&str, &str); 9] = [
         "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --minutes 0.02 --out out",
         "--solver rapier --until 1 --seed 3 --recipe small --model f/model --device cuda",
     ),
-    ("policy evaluate --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out/p.json"),
+    ("policy evaluate --policy f/policy --games 2 --truth-only", "--seed 3 --model f/model --device cpu --out out"),
     ("urdf f/robot.urdf", "--out out"),
 ];
 
