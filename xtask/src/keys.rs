@@ -2,6 +2,7 @@
 
 use std::marker::PhantomData;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, Error, parser::ValueSource};
 use nerd_train::settings::{Given, Settings, Values};
 use serde_json::Value;
@@ -46,7 +47,10 @@ impl<T: Settings> clap::Args for Keys<T> {
             };
             let values = key.values.clone();
             let arg = Arg::new(name.clone()).long(name.clone()).help(help).value_name(name.to_uppercase());
-            let arg = arg.value_parser(move |text: &str| values.parse(text));
+            let arg = match key.values {
+                Values::Words(words) => arg.value_parser(PossibleValuesParser::new(words).map(Value::from)),
+                _ => arg.value_parser(move |text: &str| values.parse(text)),
+            };
             if matches!(key.values, Values::Flag) { arg.action(ArgAction::Set).num_args(0).default_missing_value("true") } else { arg }
         };
         command.args(T::keys().into_iter().map(option))

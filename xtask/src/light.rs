@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::experiments::conduct;
 use nerd_train::experiments::storage::{Rounding, Roundings};
 use nerd_train::shipped;
 
 use crate::numbers::{STARTS, count};
+use crate::out::conduct;
 
 /// Store hidden matrices as f16, and measure what that costs.
 #[derive(clap::Args, Clone, Debug)]
@@ -31,6 +31,5 @@ pub fn run(args: LightArgs) -> Result<()> {
     if let Some(models) = &args.models {
         experiment.subjects.iter().try_for_each(|s| experiment.write(s, Rounding::Compensated, &models.join(&s.folder)))?;
     }
-    println!("{}", conduct(&experiment, &args.out.unwrap_or_else(shipped::results))?.markdown());
-    Ok(())
+    conduct(&experiment, &args.out.unwrap_or_else(shipped::results))
 }

@@ -6,9 +6,11 @@ use std::sync::Arc;
 use anyhow::Result;
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
+use nerd_sim::suite::{Row, Suite};
 use nerd_sim::worlds::WORLDS;
 use nerd_tasks::{named, names};
 use nerd_train::report::Table;
+use nerd_train::report::table::digits;
 use nerd_train::shipped::{folders, from_root, root};
 
 use crate::out;
@@ -36,6 +38,8 @@ pub enum What {
     Tasks,
     /// Models that are shipped
     Models,
+    /// Rows of the stability suite
+    Rows,
 }
 
 /// Runs the verb.
@@ -45,6 +49,7 @@ pub fn run(args: ListArgs) -> Result<()> {
         What::Scenes { robot } => scenes(robot.as_deref())?,
         What::Tasks => tasks()?,
         What::Models => models()?,
+        What::Rows => rows(),
     });
     Ok(())
 }
@@ -112,13 +117,19 @@ fn models() -> Result<Table> {
     for folder in ["models", "models/sizes"].map(|folder| root().join(folder)) {
         for folder in folders(&folder, "")? {
             let Ok(model) = ModelConfig::read(&folder) else { continue };
-            rows.push(row(&folder, &model));
+            rows.push(described(&folder, &model));
         }
     }
     Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
 }
 
-fn row(folder: &Path, model: &ModelConfig) -> Vec<String> {
+fn described(folder: &Path, model: &ModelConfig) -> Vec<String> {
     let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
     [&[from_root(folder), model.robot.clone(), model.truth.clone(), describe(model)], &numbers[..]].concat()
+}
+
+fn rows() -> Table {
+    let suite = Suite::new();
+    let row = |row: &&Row| [row.name, row.figure, row.unit, &digits(row.limit), row.source, row.why].map(String::from).into();
+    Table::new("rows", &["row", "figure", "unit", "limit", "source", "why"]).with(suite.rows().iter().map(row))
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
 
 mod arena;
@@ -40,9 +40,9 @@ pub struct TrainArgs {
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU, if
     /// the task has it]
     #[arg(long, value_parser = ["paper", "small"])]
-    pub preset: Option<String>,
-    /// TOML with all settings, in place of a preset (see nerd-train/assets/ppo)
-    #[arg(long, conflicts_with = "preset")]
+    pub recipe: Option<String>,
+    /// TOML with all settings, in place of a recipe (see nerd-train/assets/ppo)
+    #[arg(long, value_name = "FILE", conflicts_with = "recipe")]
     pub config: Option<PathBuf>,
     /// Environments, in place of the settings'
     #[arg(long)]
@@ -73,8 +73,6 @@ pub struct TrainArgs {
 /// Show a policy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ShowArgs {
-    /// Task [default: the policy's]
-    pub task: Option<String>,
     /// Folder of the policy
     #[arg(long)]
     pub policy: PathBuf,
@@ -84,7 +82,7 @@ pub struct ShowArgs {
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
     /// HTML file to write
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
 
@@ -100,7 +98,7 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 fn train(args: TrainArgs) -> Result<()> {
     let TrainArgs { task, seed, until, minutes, .. } = args;
     let arena = args.arena.of(&task)?;
-    let mut config = PpoConfig::choose(&task, &arena, args.preset.as_deref(), args.config.as_deref())?;
+    let mut config = PpoConfig::choose(&task, &arena, args.recipe.as_deref(), args.config.as_deref())?;
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
     config.iterations = args.iterations.unwrap_or(config.iterations);
@@ -119,10 +117,7 @@ fn train(args: TrainArgs) -> Result<()> {
 
 fn show(args: ShowArgs) -> Result<()> {
     let (config, policy) = folder::load(&args.policy)?;
-    let task = args.task.unwrap_or_else(|| config.task.clone());
-    if config.task != task {
-        bail!("{} is a policy of `{}`, not of `{task}`", args.policy.display(), config.task);
-    }
+    let task = config.task;
     let arena = args.arena.of(&task)?;
     let title = format!("{task} on {}", arena.title()?);
     let (page, reward) = replay(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;

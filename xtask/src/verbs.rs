@@ -8,15 +8,28 @@ pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Learn", &["train", "stamp", "light"]),
     ("Measure", &["rollout", "evaluate", "chart", "grow", "stability", "tosses", "reproduce"]),
     ("Policies", &["policy"]),
-    ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "check"]),
+    ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "outside", "check"]),
 ];
 
 /// Verbs that print tables, with all below them; they take `--json`.
-const TABLES: [&str; 12] =
-    ["list", "inspect", "urdf", "evaluate", "chart", "grow", "stability", "tosses", "reproduce", "policy evaluate", "campaign", "results"];
+const TABLES: &[&str] = &[
+    "list",
+    "inspect",
+    "urdf",
+    "evaluate",
+    "chart",
+    "grow",
+    "stability",
+    "tosses",
+    "reproduce",
+    "policy evaluate",
+    "light",
+    "campaign",
+    "results",
+];
 
-/// Options that are folders wherever they are.
-const FOLDERS: [&str; 4] = ["model", "policy", "data", "from"];
+/// Options that are folders wherever they do not say that they are files.
+const FOLDERS: [&str; 7] = ["out", "model", "models", "policy", "data", "from", "parents"];
 
 /// The program with what all its verbs have.
 pub fn prepare(program: Command) -> Command {
@@ -40,7 +53,8 @@ fn shared(verb: Command, above: &str) -> Command {
     let path = format!("{above} {}", verb.get_name()).trim().to_string();
     let mut verb = verb.mut_args(|arg| {
         let valued = !arg.is_positional() && arg.get_action().takes_values();
-        let arg = if FOLDERS.contains(&arg.get_id().as_str()) { arg.value_name("FOLDER") } else { arg };
+        let file = arg.get_value_names().is_some_and(|names| names[0] == "FILE");
+        let arg = if FOLDERS.contains(&arg.get_id().as_str()) && !file { arg.value_name("FOLDER") } else { arg };
         arg.allow_negative_numbers(valued)
     });
     let tabled = TABLES.iter().any(|t| path == *t || path.starts_with(&format!("{t} ")));

@@ -21,6 +21,7 @@ fn lists_have_what_can_be_named_and_json_the_same_rows() {
         ("scenes", ["ground6", "hills"]),
         ("tasks", ["ant-run", "franka-reach-torque"]),
         ("models", ["models/ant", "models/pendulum-small"]),
+        ("rows", ["free fall", "ANYmal kp 2000"]),
     ] {
         let text = said(&["list", list]);
         let json: Value = serde_json::from_str(&said(&["list", list, "--json"])).expect("JSON and nothing else");

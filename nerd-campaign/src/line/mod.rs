@@ -29,7 +29,7 @@ const VERBS: [(&str, &str); 9] = [
     (
         "evaluate --robot pendulum --scene ground1 --starts 2 --frames 3",
         "--solver neural --model f/model --seed 3 --shake 0.1 --drive 0.5 --limp --truth rapier --substeps 4 --preset converged \
-         --friction huber --tolerance 0.1 --out out/e.json",
+         --friction huber --tolerance 0.1 --out out",
     ),
     (
         "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \

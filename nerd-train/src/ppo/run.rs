@@ -145,12 +145,12 @@ impl PpoConfig {
     ///
     /// # Errors
     /// If the file cannot be read or has a key that there is not, or the task has no such settings.
-    pub fn choose(task: &str, arena: &Arena, preset: Option<&str>, file: Option<&std::path::Path>) -> Result<Self> {
+    pub fn choose(task: &str, arena: &Arena, recipe: Option<&str>, file: Option<&std::path::Path>) -> Result<Self> {
         if let Some(path) = file {
             let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
             return Self::from_text(&text).map_err(Error::format(path));
         }
-        match (preset, Self::small(task)) {
+        match (recipe, Self::small(task)) {
             (Some("small"), None) => refuse!("task `{task}` has no small settings; --config takes your own"),
             (Some("small"), Some(small)) => Ok(small),
             (None, Some(small)) if arena.dear() => Ok(small),
