@@ -3,6 +3,7 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use nerd_train::experiments::redraw;
 use nerd_train::report::manifest::Manifest;
 use nerd_train::report::marks::{Marks, documents, unmarked};
 use nerd_train::report::{Table, write};
@@ -30,6 +31,11 @@ pub enum Part {
     },
     /// Write the figures of the results into README and docs
     Write,
+    /// Draw records anew, tables and pictures, from what was measured then
+    Redraw {
+        /// Which [default: all]
+        names: Vec<String>,
+    },
 }
 
 /// Runs the verb.
@@ -40,6 +46,11 @@ pub fn run(args: ResultsArgs) -> Result<()> {
         Some(Part::Check) => check(&manifest),
         Some(Part::Make { names, all }) => make(&manifest, &names, all),
         Some(Part::Write) => fill(true).map(drop),
+        Some(Part::Redraw { names }) => {
+            let records = manifest.artefact.iter().filter(|entry| entry.record).map(|entry| entry.name.clone());
+            let names = if names.is_empty() { records.collect() } else { names };
+            Ok(names.iter().try_for_each(|name| redraw(&results(), name))?)
+        }
     }
 }
 

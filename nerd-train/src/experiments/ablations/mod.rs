@@ -205,13 +205,10 @@ impl Experiment for Ablations {
         let runners = paths.into_iter().map(|path| Runner::new(path, self.games, GAMES)).collect::<Result<Vec<_>>>()?;
         let runs = self.runs()?;
         let measured = each(&runs, |_, run, config| Ok((config.clone(), self.measured(run, &runners)?)))?;
-        let mut rows: Vec<Row> = Vec::new();
-        for ((change, run), (config, measured)) in runs.iter().zip(measured) {
-            if rows.last().is_none_or(|row| row.robot != run.robot || row.name != change.name) {
-                rows.push(Row::new(&run.robot, change.name, &config));
-            }
-            rows.last_mut().map_or(Ok(()), |row| row.add(&config, measured))?;
-        }
+        // Seed after seed of a variant.
+        let n = self.seeds.len().max(1);
+        let row = |(runs, all): (&[(&Change, RunConfig)], &[_])| Row::new(&runs[0].1.robot, runs[0].0.name, all);
+        let rows: Vec<Row> = runs.chunks(n).zip(measured.chunks(n)).filter_map(row).collect();
         rows::check(&rows)?;
         Ok(Ablated { settings: self.clone(), rows })
     }
