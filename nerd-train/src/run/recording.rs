@@ -80,12 +80,13 @@ impl RecordConfig {
     /// # Errors
     /// If it is more than the machine bears, the truth cannot step, or a file cannot be written.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
-        let (config, robot) = (self.of(system, transitions)?, &system.robot);
+        let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.
-        let trajectories = config.trajectories().min(config.shard_trajectories);
+        let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);
         let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
         bounds::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
+        let config = self.of(system, transitions)?;
         let _claim = crate::run::claimed(folder)?;
         let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
         let (mut solver, truth) = (self.truth.solver(system), self.truth.name());
