@@ -54,9 +54,8 @@ fn chapter(text: &mut String, verb: &Command, level: &str) -> Result<()> {
         writeln!(text, "\n| option | meaning | default |\n|---|---|---|")?;
     }
     for arg in shown {
-        let default: Vec<_> = arg.get_default_values().iter().map(|value| format!("`{}`", value.to_string_lossy())).collect();
-        let default = if arg.get_action().takes_values() { default.join(" ") } else { String::new() };
-        writeln!(text, "| `{}` | {} | {default} |", option(arg), meaning(arg))?;
+        let (meaning, default) = meaning(arg);
+        writeln!(text, "| `{}` | {meaning} | {default} |", option(arg))?;
     }
     if let Some(more) = verb.get_after_help() {
         writeln!(text, "\n```text\n{more}\n```")?;
@@ -64,20 +63,30 @@ fn chapter(text: &mut String, verb: &Command, level: &str) -> Result<()> {
     verb.get_subcommands().try_for_each(|below| chapter(text, below, &format!("{level}#")))
 }
 
+/// Whether a value stands behind it.
+fn valued(arg: &Arg) -> bool {
+    arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
+}
+
 /// As it is given: `--out <FILE>`.
 fn option(arg: &Arg) -> String {
     let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
-    match (arg.get_long(), arg.get_action().takes_values()) {
-        (Some(long), true) => format!("--{long} {names}"),
-        (Some(long), false) => format!("--{long}"),
-        (None, _) => names,
+    match arg.get_long() {
+        Some(long) if valued(arg) => format!("--{long} {names}"),
+        Some(long) => format!("--{long}"),
+        None => names,
     }
 }
 
-/// What it does, and the words it takes.
-fn meaning(arg: &Arg) -> String {
-    let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
-    let words: Vec<_> = arg.get_possible_values().iter().filter(|v| !v.is_hide_set()).map(|v| format!("`{}`", v.get_name())).collect();
-    let words = if arg.get_action().takes_values() && !words.is_empty() { format!(" ({})", words.join(", ")) } else { String::new() };
-    (help + &words).replace('|', "\\|").replace('\n', " ")
+/// What it does with the words it takes, and its default, of which some helps speak themselves.
+fn meaning(arg: &Arg) -> (String, String) {
+    let help = arg.get_help().map(ToString::to_string).unwrap_or_default().replace('|', "\\|").replace('\n', " ");
+    let said = help.strip_suffix(']').and_then(|text| text.rsplit_once(" [default: "));
+    let (help, mut default) = said.map_or((help.as_str(), String::new()), |(help, default)| (help, default.to_string()));
+    if valued(arg) && !arg.get_default_values().is_empty() {
+        default = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(" ");
+    }
+    let words: Vec<String> = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect();
+    let untold = valued(arg) && words.iter().any(|word| !help.contains(word));
+    (if untold { format!("{help}: {}", words.join(", ")) } else { help.into() }, default)
 }

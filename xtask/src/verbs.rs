@@ -88,4 +88,29 @@ mod tests {
         grouped.sort();
         assert_eq!(verbs, grouped);
     }
+    /// Commands that the manifest of results and the documents give.
+    fn given() -> Vec<String> {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let manifest = nerd_train::report::manifest::Manifest::read(&root.join("results")).expect("manifest.toml");
+        let mut all: Vec<String> = manifest.artefact.iter().map(|entry| entry.command.clone()).collect();
+        let docs = std::fs::read_dir(root.join("docs")).expect("docs").flatten().map(|file| file.path());
+        for page in docs.chain([root.join("README.md")]).filter(|p| p.extension().is_some_and(|e| e == "md") && !p.ends_with("commands.md"))
+        {
+            let text = std::fs::read_to_string(&page).expect("text").replace("\\\n", " ");
+            let lines = text.lines().filter_map(|line| line.trim().strip_prefix("cargo xtask "));
+            all.extend(lines.map(|line| line.split(" #").next().unwrap_or_default().trim().to_string()));
+        }
+        all
+    }
+
+    #[test]
+    fn commands_that_are_written_down_can_be_said() {
+        let all = given();
+        assert!(all.len() > 30, "only {} commands found", all.len());
+        for command in all {
+            let words = ["cargo xtask"].into_iter().chain(command.split_whitespace());
+            let said = crate::program().try_get_matches_from(words).map_err(|e| crate::refusals::usage(&e));
+            assert!(said.is_ok(), "{command}: {}", said.err().unwrap_or_default());
+        }
+    }
 }

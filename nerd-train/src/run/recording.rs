@@ -80,9 +80,9 @@ impl RecordConfig {
     /// # Errors
     /// If it is more than the machine bears, the truth cannot step, or a file cannot be written.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
-        let (robot, shard) = (&system.robot, GenerateConfig::default().shard_trajectories);
+        let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.
-        let trajectories = transitions.div_ceil(self.frames.max(1)).min(shard);
+        let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);
         let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
         bounds::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
