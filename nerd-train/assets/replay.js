@@ -65,9 +65,10 @@ const replay = (() => {
     // A camera that turns about the robot. East and north span the ground.
     const up = data.up, east = Math.abs(up[0]) > 0.9 ? [0, 1, 0] : [1, 0, 0], north = cross(up, east);
     const first = data.tracks[0].poses[0];
-    const spread = Math.max(...first.map(p => Math.hypot(...sub(p, middle(first)))), 0.4);
+    const size = link => Math.max(0, ...data.shapes.filter(s => s.link === link).flatMap(s => s.size));
+    const reach = Math.max(0.05, ...first.map((p, link) => Math.hypot(...sub(p, middle(first))) + size(link)));
     const light = unit(add(add(up, times(east, 0.4)), times(north, -0.5)));
-    let turn = -0.6, lift = 0.35, distance = 5 * spread + 1.2, frame = 0, playing = true, last = 0;
+    let turn = -0.6, lift = 0.35, distance = 4 * reach + 0.2, frame = 0, playing = true, last = 0;
 
     function draw() {
       const scale = window.devicePixelRatio || 1;
