@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use nerd_train::experiments::redraw;
+use nerd_train::experiments::{drawn, redraw};
 use nerd_train::report::manifest::Manifest;
 use nerd_train::report::marks::{Marks, documents, unmarked};
 use nerd_train::report::{Table, write};
@@ -33,7 +33,7 @@ pub enum Part {
     Write,
     /// Draw records anew, tables and pictures, from what was measured then
     Redraw {
-        /// Which [default: all]
+        /// Which [default: all sweeps and ablations]
         names: Vec<String>,
     },
 }
@@ -47,7 +47,7 @@ pub fn run(args: ResultsArgs) -> Result<()> {
         Some(Part::Make { names, all }) => make(&manifest, &names, all),
         Some(Part::Write) => fill(true).map(drop),
         Some(Part::Redraw { names }) => {
-            let records = manifest.artefact.iter().filter(|entry| entry.record).map(|entry| entry.name.clone());
+            let records = manifest.artefact.iter().map(|entry| entry.name.clone()).filter(|name| drawn(name));
             let names = if names.is_empty() { records.collect() } else { names };
             Ok(names.iter().try_for_each(|name| redraw(&results(), name))?)
         }
