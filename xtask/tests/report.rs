@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 use std::process::Command;
 
-use common::xtask;
+use common::{refused, xtask};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 /// Robots and tasks, a replay each.
@@ -29,6 +29,7 @@ fn opened(browser: &str, page: &Path, profile: &Path) -> String {
 
 #[test]
 fn the_page_opens_without_an_error_and_its_replays_move() {
+    refused(&["report", "--frames", "0"], "--frames");
     let folder = tempfile::tempdir().expect("temporary folder");
     let page = folder.path().join("report.html");
     let run = xtask(&["report", "--frames", "30", "--out", page.to_str().expect("utf-8")]);
@@ -41,7 +42,11 @@ fn the_page_opens_without_an_error_and_its_replays_move() {
     let Some(browser) = browser() else { return println!("skipped: no browser") };
     let seen = opened(browser, &page, folder.path());
     assert!(seen.contains("</html>"), "{browser} shows no page");
-    assert!(!seen.contains("data-error"), "a script failed: {}", seen.split("data-error=").nth(1).unwrap_or_default().chars().take(200).collect::<String>());
+    assert!(
+        !seen.contains("data-error"),
+        "a script failed: {}",
+        seen.split("data-error=").nth(1).unwrap_or_default().chars().take(200).collect::<String>()
+    );
     let painted: Vec<usize> = seen.split("data-painted=\"").skip(1).filter_map(|rest| rest.split('"').next()?.parse().ok()).collect();
     assert_eq!(painted.len(), REPLAYS, "replays on the screen");
     assert!(painted.iter().all(|n| *n > 2), "a replay stands still: painted {painted:?} times");
