@@ -18,7 +18,7 @@ pub struct ChartArgs {
     /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
     #[arg(long, default_value = "free")]
     pub scene: String,
-    /// Model folders, comma-separated [default: models/ROBOT and models/ROBOT-rapier, if they are there]
+    /// Model folders, comma-separated [default: all of the robot in models/]
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
     /// Trajectories

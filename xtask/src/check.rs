@@ -14,8 +14,7 @@ pub struct CheckArgs {
 }
 
 /// What is asked of cargo, cheapest first. Clippy and the documentation share what they compile of the dependencies; the CUDA
-/// engine needs no CUDA to be type-checked, and only what knows the feature is checked again.
-/// What stands outside the workspace is built a package at a time, each with the features that it alone asks for.
+/// engine needs no CUDA to be type-checked, and only what knows the feature is checked again. What stands outside the workspace is built a package at a time, each with the features that it alone asks for.
 const STEPS: [(&str, &[&str]); 10] = [
     ("format", &["fmt", "--all", "--check"]),
     ("format of examples", &["fmt", "--all", "--check", "--manifest-path", "examples/Cargo.toml"]),

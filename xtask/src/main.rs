@@ -30,6 +30,7 @@ mod light;
 mod list;
 mod numbers;
 mod out;
+mod outside;
 mod policy;
 mod reference;
 mod refusals;
@@ -91,6 +92,8 @@ enum Verb {
     Reference(reference::ReferenceArgs),
     /// Try hostile input: files and command lines changed at random, runs killed
     Campaign(campaign::CampaignArgs),
+    /// Build the packages of `examples/` from nothing, and count what they stand on
+    Outside(outside::OutsideArgs),
     /// Format, clippy, docs, tests
     Check(check::CheckArgs),
 }
@@ -139,6 +142,7 @@ fn main() -> ExitCode {
         Verb::Completions(args) => completions::run(args),
         Verb::Reference(args) => reference::run(args),
         Verb::Campaign(args) => campaign::run(args),
+        Verb::Outside(args) => outside::run(args),
         Verb::Check(args) => check::run(args),
     };
     match done.and_then(|()| out::finish()) {

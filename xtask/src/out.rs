@@ -41,9 +41,15 @@ pub fn tables(tables: &[Table]) {
 
 /// Measures an experiment into a folder and shows its tables.
 pub fn conduct<E: Experiment>(experiment: &E, out: &Path) -> Result<()> {
-    tables(&experiments::conduct(experiment, out)?.tables);
+    measured(experiment, out).map(drop)
+}
+
+/// The same; what was measured.
+pub fn measured<E: Experiment>(experiment: &E, out: &Path) -> Result<E::Data> {
+    let artifact = experiments::conduct(experiment, out)?;
+    tables(&artifact.tables);
     eprintln!("written to {}", out.display());
-    Ok(())
+    Ok(artifact.data)
 }
 
 /// Writes what was kept, and says whether all lines came out, but for those that nobody wanted.

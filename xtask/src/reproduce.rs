@@ -6,22 +6,24 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_train::choice::Choice;
 use nerd_train::experiments::ablations::Ablations;
+use nerd_train::experiments::changes;
 use nerd_train::experiments::chart::{Chart, ChartSettings};
-use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::experiments::passive::{Case, Passive, Rows};
 use nerd_train::experiments::policies::Policies;
 use nerd_train::experiments::sweep::Sweep;
 use nerd_train::experiments::transfer::Transfer;
-use nerd_train::run::{Run, RunConfig};
+use nerd_train::report::Artifact;
+use nerd_train::run::RunConfig;
 use nerd_train::shipped;
 
 use crate::common::{DEVICES, Device, word};
 use crate::conduct::ConductArgs;
 use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
-use crate::out::conduct;
+use crate::out::{conduct, measured};
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
@@ -84,40 +86,33 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         None => {}
     }
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
-    let mut cases = Vec::new();
-    let mut own = Vec::new();
-    if args.train {
-        for robot in QUICK {
-            let folder = trained(robot, &args)?;
-            let solver = Choice::Neural { folder: folder.clone(), truth: None, device: args.device };
-            cases.push(Case { robot: robot.into(), solver, starts: args.starts, ..Case::default() });
-            own.push((robot, folder));
-        }
-    } else {
-        cases = Case::shipped(args.starts, args.device)?;
+    let cases: Vec<Case> = match args.train {
+        true => QUICK.into_iter().map(|robot| small(robot, &args)).collect::<Result<_>>()?,
+        false => Case::shipped(args.starts, args.device)?,
+    };
+    let before = Artifact::<Rows>::read(&shipped::results(), "passive");
+    let rows = measured(&Passive::new("passive", args.seed, &cases)?, &out)?;
+    if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before.data)) {
+        eprintln!("beside the committed results: {agreement}");
     }
-    conduct(&Passive::new("passive", args.seed, &cases)?, &out)?;
-    if !args.tables_only {
-        for (robot, scene) in CHARTS {
-            let mut models: Vec<_> = own.iter().filter(|m| m.0 == robot).map(|m| m.1.clone()).collect();
-            if !args.train {
-                models = shipped::folders(&shipped::models(), robot)?;
-            }
-            let (robot, scene) = (robot.into(), scene.into());
-            conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out)?;
-        }
+    for (robot, scene) in CHARTS.into_iter().filter(|_| !args.tables_only) {
+        let models = cases.iter().filter(|c| c.robot == robot).filter_map(|c| match &c.solver {
+            Choice::Neural { folder, .. } => Some(folder.clone()),
+            _ => None,
+        });
+        let (robot, scene, models) = (robot.into(), scene.into(), models.collect());
+        conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out)?;
     }
     Ok(())
 }
 
-/// A small model trained here and now, unless an earlier call has; its folder.
-fn trained(robot: &str, args: &ReproduceArgs) -> Result<PathBuf> {
+/// A small model trained here and now, unless an earlier call has.
+fn small(robot: &str, args: &ReproduceArgs) -> Result<Case> {
     let out = shipped::root().join(OWN).join(robot);
     eprintln!("training a small model of {robot} in {}", out.display());
     let mut run = RunConfig::recipe("quick", robot, out)?;
     run.device = args.device;
-    match Run::new(&run)?.train()? {
-        Some(folder) => Ok(folder),
-        None => bail!("training of {robot} did not finish"),
-    }
+    changes::trained(&run)?;
+    let solver = Choice::Neural { folder: run.out.join("model"), truth: None, device: args.device };
+    Ok(Case { robot: robot.into(), solver, starts: args.starts, ..Case::default() })
 }

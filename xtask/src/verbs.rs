@@ -8,7 +8,7 @@ pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Learn", &["train", "stamp", "light"]),
     ("Measure", &["rollout", "evaluate", "chart", "grow", "stability", "tosses", "reproduce"]),
     ("Policies", &["policy"]),
-    ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "check"]),
+    ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "outside", "check"]),
 ];
 
 /// Verbs that print tables, with all below them; they take `--json`.

@@ -34,7 +34,7 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let other = ["policy", "train", "cartpole-swingup", "--solver", "rapier", "--out", &whole];
     ["another --out", "articulated paper coulomb", "rapier 16 steps"].iter().for_each(|word| refused(&other, word));
 
-    let (policy, table, page) = (format!("{whole}/policy"), path("table"), path("page.html"));
+    let (policy, table, page) = (format!("{whole}/policy"), path("tables"), path("page.html"));
     let run = xtask(&["policy", "evaluate", "--policy", &policy, "--games", "3", "--truth-only", "--out", &table]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let json: serde_json::Value = serde_json::from_slice(&read(format!("{table}/policy.json"))).expect("JSON");

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use nerd_model::pick::Setting;
 use nerd_sim::truth::Truth;
 use nerd_tasks::named;
 use serde::{Deserialize, Serialize};
@@ -86,7 +85,6 @@ pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
 /// # Errors
 /// If the task is unknown, or the truth cannot step.
 pub fn truth_of(task: &str, truth: Truth) -> Result<Input> {
-    let (task, setting) =
-        (named(task)?, if truth == Truth::Articulated { Setting::Paper } else { Setting::RapierSteps(Truth::rapier().steps) });
-    Input::motion(task.robot(), task.scene(), &setting)
+    let task = named(task)?;
+    Input::motion(task.robot(), task.scene(), &truth.into())
 }

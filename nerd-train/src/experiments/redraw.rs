@@ -10,6 +10,7 @@ use super::ablations::Ablated;
 use super::sweep::Swept;
 use crate::error::{Error, Result, refuse};
 use crate::report::artifact::Head;
+use crate::report::write;
 
 /// Writes `NAME.md`, the tables of `NAME.json` and its pictures anew; what was measured, and where it comes from, stays as it is.
 /// For sweeps and ablations, which cannot be measured again in a day.
@@ -33,6 +34,19 @@ where
     let data: E::Data = serde_json::from_value(Value::Object(head.data.clone())).map_err(Error::format(&path))?;
     let experiment = experiment(&data);
     head.tables = experiment.tables(&data)?;
-    head.write(folder, name)?;
+    let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
+    let tables = serde_json::to_string_pretty(&head.tables).map_err(Error::format(&path))?;
+    let Some(text) = with_tables(&text, &tables) else { return Err(Error::format(&path)("no list `tables`, indented by two spaces")) };
+    write(&path, text.as_bytes())?;
+    write(&path.with_extension("md"), head.markdown().as_bytes())?;
     experiment.pictures(&data, &folder.join(name))
+}
+
+/// The text of a record with other tables: numbers that are read and written again may differ in their last digit.
+fn with_tables(text: &str, tables: &str) -> Option<String> {
+    const KEY: &str = "\n  \"tables\": [";
+    let (before, rest) = text.split_once(KEY)?;
+    let behind = rest.strip_prefix(']').or_else(|| rest.split_once("\n  ]").map(|(_, behind)| behind))?;
+    let list = tables.trim_start_matches('[').replace('\n', "\n  ");
+    Some(format!("{before}{KEY}{list}{behind}"))
 }

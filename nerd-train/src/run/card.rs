@@ -158,7 +158,7 @@ pub fn export(
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
     card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
-    // becomes 0.017).
+    // becomes 0.017): for that `cargo xtask light` rounds with more care.
     let storage = if run.base.flies() { Storage::F16 } else { Storage::F32 };
     Ok(Model { config, normalizer, weights }.save(folder, &card, storage)?)
 }

@@ -33,6 +33,7 @@ use crate::evaluate::summary;
 use crate::report::{Input, Inputs, Table};
 use crate::run::RunConfig;
 use crate::settings::settings;
+use crate::shipped::root;
 
 /// Where trained variants are kept.
 const RUNS: &str = "out/ablations";
@@ -95,7 +96,7 @@ impl Ablations {
     /// How NeRD is trained; everything that decides a run's bytes stands in its folder's name.
     fn nerd(&self, robot: &str, seed: u64) -> Result<RunConfig> {
         let folder = format!("{robot}-updates{}-transitions{}-seed{seed}", self.updates, self.transitions);
-        let mut run = RunConfig::recipe("quick", robot, Path::new(RUNS).join(folder))?;
+        let mut run = RunConfig::recipe("quick", robot, root().join(RUNS).join(folder))?;
         (run.updates, run.transitions, run.batch, run.device) = (self.updates, self.transitions, BATCH, self.device);
         // The end of the run alone is looked at: the last weights, whose rate fell to zero, or their average.
         (run.validate_every, run.rollouts, run.record.seed) = (Some(self.updates), 32, seed);

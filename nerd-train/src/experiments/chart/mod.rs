@@ -144,8 +144,9 @@ impl Chart {
         bounds::time(&[frames[0], frames[1], ("4 x --substeps", 4 * substeps)])?;
         let mut models = settings.models.clone();
         if models.is_empty() {
-            let all = Truth::ALL.iter().map(|t| shipped::model(*t, &system.name));
-            models.extend(all.filter(|folder| folder.join("config.json").exists()));
+            models = shipped::folders(&shipped::models(), &system.name)?;
+            // Of this robot, not of one whose name begins alike.
+            models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let methods = methods(!scene.colliders.is_empty(), substeps).into_iter().chain(models.into_iter().map(Setting::Neural));
         let methods = methods.map(Method::new).collect::<Result<_>>()?;

@@ -68,7 +68,7 @@ impl Experiment for Learned {
 
     fn inputs(&self) -> Result<Inputs> {
         let Case { system, scene, model, truth } = &self.case;
-        let truth = if *truth == Truth::Articulated { Setting::Paper } else { Setting::RapierSteps(Truth::rapier().steps) };
+        let truth = Setting::from(*truth);
         let motion = |setting| Input::motion(&system.name, &scene.name, setting);
         Ok(Inputs(vec![Input::robot(system), Input::model(model)?, motion(&truth)?, motion(&Setting::RapierSteps(4))?]))
     }

@@ -27,6 +27,7 @@ use crate::report::table::{digits, pair};
 use crate::report::{Input, Inputs, Table};
 use crate::run::{BaseName, RunConfig};
 use crate::settings::settings;
+use crate::shipped::root;
 
 /// Where runs are kept.
 const RUNS: &str = "out/sweep";
@@ -100,7 +101,7 @@ impl Sweep {
     fn base(&self, seed: u64) -> RunConfig {
         let Self { set, robot, embedding, layers, updates, batch, transitions, fresh, .. } = self;
         let folder = format!("{robot}-{set}-e{embedding}l{layers}-{updates}x{batch}-{transitions}+{fresh}-seed{seed}");
-        let mut run = RunConfig::new(robot, Path::new(RUNS).join(folder));
+        let mut run = RunConfig::new(robot, root().join(RUNS).join(folder));
         (run.base, run.stream, run.sequence, run.optimizer) = (BaseName::Flight, true, Some(32), Optimizer::Muon);
         (run.embedding, run.layers, run.batch, run.updates) = (*embedding, *layers, *batch, *updates);
         (run.transitions, run.fresh, run.device) = (*transitions, *fresh, self.device);

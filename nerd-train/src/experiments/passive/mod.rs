@@ -5,23 +5,24 @@
 //! network takes some half a millisecond an environment-frame on two cores if it recomputes windows, a tenth of that if it
 //! streams. The truth against itself is 0 everywhere and is asked for by name, as `control`.
 
+mod rows;
+
 use std::sync::Arc;
 
 use nerd_model::folder::ModelConfig;
 use nerd_sim::instruments::Shaken;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use crate::choice::Choice;
 use crate::device::Device;
 use crate::error::{Result, refuse};
-use crate::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary, summary_names};
-use crate::report::table::{digits, pair};
+use crate::evaluate::{Action, PassiveConfig, passive};
 use crate::report::{Input, Inputs, Table};
-use crate::stats::mean;
 use crate::{bounds, paper, progress, shipped};
+
+pub use rows::{Row, Rows};
 
 /// Robots and the names of their models in `models/`, the first of them the one meant where none is named.
 const MODELS: [(&str, &[&str]); 6] = [
@@ -107,35 +108,6 @@ struct Asked {
     truth: Truth,
     method: String,
     protocol: PassiveConfig,
-}
-
-/// What was measured.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Rows {
-    /// A scene each.
-    pub rows: Vec<Row>,
-}
-
-/// One scene's errors.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Row {
-    /// Robot.
-    pub robot: String,
-    /// Solver, of a learned one form and size.
-    pub method: String,
-    /// Folder of a learned one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub model: Option<String>,
-    /// Scene.
-    pub scene: String,
-    /// What it is held against.
-    pub truth: String,
-    /// Trajectories and frames.
-    pub protocol: PassiveConfig,
-    /// Errors and floors.
-    pub report: PassiveReport,
-    /// What the paper says, whose truth is `articulated`.
-    pub paper: Option<Vec<f64>>,
 }
 
 impl Passive {
@@ -261,102 +233,5 @@ impl Experiment for Passive {
 
     fn tables(&self, data: &Rows) -> Result<Vec<Table>> {
         Ok(vec![data.table(), data.summary()])
-    }
-}
-
-impl Rows {
-    /// All of it.
-    pub fn table(&self) -> Table {
-        let header = [
-            "robot",
-            "method",
-            "scene",
-            "starts x steps",
-            "error (rad or m)",
-            "standard error",
-            "paper",
-            "hold last",
-            "constant velocity",
-            "diverged",
-        ];
-        let cells = self.rows.iter().map(|r| {
-            let p = &r.report;
-            vec![
-                r.whose(),
-                r.method.clone(),
-                r.scene.clone(),
-                format!("{} x {}{}", r.protocol.starts, r.protocol.steps, r.driven()),
-                r.shown(&p.error),
-                r.shown(&p.standard_error),
-                r.paper.as_deref().map_or_else(|| "-".into(), pair),
-                r.shown(&p.hold),
-                r.shown(&p.glide),
-                p.diverged.to_string(),
-            ]
-        });
-        Table::new("passive", &header).with(cells).noted(
-            "Mean |dq| over all frames and trajectories, by joint; of more than two joints the mean, before it position (m) and \
-             orientation (rad) of a floating base. The truth is `articulated paper coulomb` where none is named.",
-        )
-    }
-
-    /// The model meant where none is named, of each robot and truth; of a robot's grounds the one with the largest error.
-    pub fn summary(&self) -> Table {
-        let usual = |r: &&Row| {
-            let default = |truth: Truth| shipped::from_root(&shipped::model(truth, &r.robot));
-            r.model.as_ref().is_none_or(|m| Truth::named(&r.truth).is_ok_and(|truth| default(truth) == *m))
-        };
-        let mut rows: Vec<&Row> = self.rows.iter().filter(usual).collect();
-        if rows.is_empty() {
-            rows = self.rows.iter().collect();
-        }
-        let same = |a: &Row, b: &Row| (&a.robot, &a.method, &a.truth) == (&b.robot, &b.method, &b.truth) && a.touches() == b.touches();
-        let lines = rows.chunk_by(|a, b| same(a, b)).filter_map(|grounds| {
-            let r = *grounds.iter().max_by(|a, b| mean(&a.report.error).total_cmp(&mean(&b.report.error)))?;
-            let n = grounds.len();
-            let scene = if n > 1 { format!("{}, the largest of {n}", r.scene) } else { r.scene.clone() };
-            Some(vec![
-                r.whose(),
-                scene + &r.driven(),
-                System::named(&r.robot).map_or_else(|_| String::new(), |system| summary_names(&system).join(" / ")),
-                r.bounded(),
-                r.paper.as_deref().map_or_else(|| "-".into(), pair),
-                r.shown(&r.report.hold),
-            ])
-        });
-        let lines: Vec<_> = lines.collect();
-        Table::new("summary", &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last"]).with(lines)
-    }
-}
-
-impl Row {
-    fn shown(&self, figures: &[f64]) -> String {
-        pair(&self.summary(figures))
-    }
-
-    fn summary(&self, figures: &[f64]) -> Vec<f64> {
-        System::named(&self.robot).map_or_else(|_| figures.to_vec(), |system| summary(&system, figures))
-    }
-
-    /// Errors, each with its standard error.
-    fn bounded(&self) -> String {
-        let (error, spread) = (self.summary(&self.report.error), self.summary(&self.report.standard_error));
-        error.iter().zip(&spread).map(|(e, s)| format!("{} ± {s:.1e}", digits(*e))).collect::<Vec<_>>().join(" / ")
-    }
-
-    fn whose(&self) -> String {
-        if self.truth == Truth::Articulated.name() { self.robot.clone() } else { format!("{} ({})", self.robot, self.truth) }
-    }
-
-    fn driven(&self) -> String {
-        match self.protocol.action {
-            Action::Zero => String::new(),
-            Action::Limp => ", limp".into(),
-            Action::Random(factor) => format!(", torques x {factor}"),
-        }
-    }
-
-    fn touches(&self) -> bool {
-        self.scene != "free"
     }
 }
