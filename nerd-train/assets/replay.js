@@ -65,9 +65,10 @@ const replay = (() => {
     // A camera that turns about the robot. East and north span the ground.
     const up = data.up, east = Math.abs(up[0]) > 0.9 ? [0, 1, 0] : [1, 0, 0], north = cross(up, east);
     const first = data.tracks[0].poses[0];
-    const spread = Math.max(...first.map(p => Math.hypot(...sub(p, middle(first)))), 0.4);
+    const size = link => Math.max(0, ...data.shapes.filter(s => s.link === link).flatMap(s => s.size));
+    const reach = Math.max(0.05, ...first.map((p, link) => Math.hypot(...sub(p, middle(first))) + size(link)));
     const light = unit(add(add(up, times(east, 0.4)), times(north, -0.5)));
-    let turn = -0.6, lift = 0.35, distance = 5 * spread + 1.2, frame = 0, playing = true, last = 0;
+    let turn = -0.6, lift = 0.35, distance = 4 * reach + 0.2, frame = 0, playing = true, last = 0;
 
     function draw() {
       const scale = window.devicePixelRatio || 1;
@@ -156,6 +157,8 @@ const replay = (() => {
         context.beginPath(); context.arc(p[0], p[1], Math.max(3, 0.02 * focus / p[2]), 0, 7); context.fill();
       }
       time.value = frame;
+      // How often it was painted, for whoever tests that it moves.
+      canvas.dataset.painted = +(canvas.dataset.painted || 0) + 1;
       const reward = data.rewards[frame];
       said.textContent = `${(frame * data.dt).toFixed(2)} s` + (reward === undefined ? "" : `, reward ${reward.toFixed(1)}`);
     }
@@ -166,7 +169,6 @@ const replay = (() => {
       if (playing && now - last >= pause && canvas.offsetParent !== null) {
         frame = (frame + Math.min(8, Math.max(1, Math.round((now - last) / pause)))) % frames;
         last = now;
-        canvas.dataset.frame = frame;
         const box = canvas.getBoundingClientRect();
         if (box.bottom > 0 && box.top < window.innerHeight) draw();
       }

@@ -3,6 +3,7 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use nerd_train::experiments::{drawn, redraw};
 use nerd_train::report::manifest::Manifest;
 use nerd_train::report::marks::{Marks, documents, unmarked};
 use nerd_train::report::{Table, write};
@@ -30,6 +31,11 @@ pub enum Part {
     },
     /// Write the figures of the results into README and docs
     Write,
+    /// Draw records anew, tables and pictures, from what was measured then
+    Redraw {
+        /// Which [default: all sweeps and ablations]
+        names: Vec<String>,
+    },
 }
 
 /// Runs the verb.
@@ -40,13 +46,18 @@ pub fn run(args: ResultsArgs) -> Result<()> {
         Some(Part::Check) => check(&manifest),
         Some(Part::Make { names, all }) => make(&manifest, &names, all),
         Some(Part::Write) => fill(true).map(drop),
+        Some(Part::Redraw { names }) => {
+            let records = manifest.artefact.iter().map(|entry| entry.name.clone()).filter(|name| drawn(name));
+            let names = if names.is_empty() { records.collect() } else { names };
+            Ok(names.iter().try_for_each(|name| redraw(&results(), name))?)
+        }
     }
 }
 
 fn list(manifest: &Manifest) -> Result<()> {
     let mut rows = Vec::new();
     for entry in &manifest.artefact {
-        let status = entry.status(&results())?.to_string();
+        let status = entry.status(&results()).to_string();
         rows.push(vec![entry.name.clone(), status, entry.about.clone(), format!("cargo xtask {}", entry.command)]);
     }
     rows.extend(
@@ -60,7 +71,7 @@ fn check(manifest: &Manifest) -> Result<()> {
     let mut wrong: Vec<String> =
         manifest.strangers(&results()).into_iter().map(|name| format!("{name}.json: not in the manifest")).collect();
     for entry in &manifest.artefact {
-        let status = entry.status(&results())?;
+        let status = entry.status(&results());
         if !status.holds() {
             wrong.push(format!("{}: {status}", entry.name));
         }
@@ -100,7 +111,7 @@ fn make(manifest: &Manifest, names: &[String], all: bool) -> Result<()> {
     }
     let mut commands: Vec<&str> = Vec::new();
     for entry in manifest.artefact.iter().filter(|entry| names.is_empty() || names.contains(&entry.name)) {
-        let asked = names.contains(&entry.name) || (!entry.record && (all || !entry.status(&results())?.holds()));
+        let asked = names.contains(&entry.name) || (!entry.record && (all || !entry.status(&results()).holds()));
         // One command may make several.
         if asked && !commands.contains(&entry.command.as_str()) {
             commands.push(&entry.command);

@@ -61,7 +61,7 @@ fn every_other_number_has_a_range_and_the_message_says_it() {
         ("inspect . --bound nan", ["--bound", "above 0"]),
         ("inspect . --bound -1", ["--bound", "above 0"]),
         ("reproduce sweep --set sizes --robot ant --fresh -1", ["--fresh", "from 0 to 1000000000"]),
-        ("reproduce sweep --set sizes --robot ant --seed 0,-1", ["--seed", "whole numbers from 0"]),
+        ("reproduce sweep --set sizes --robot ant --seed 0,-1", ["--seed", "'0,-1'"]),
         ("reproduce ablations --updates 79", ["--updates", "from 80"]),
     ] {
         let all: Vec<&str> = args.split(' ').chain(["--out", place]).collect();

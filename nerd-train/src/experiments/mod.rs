@@ -29,7 +29,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-pub use redraw::redraw;
+pub use redraw::{drawn, redraw};
 
 use crate::error::Result;
 use crate::report::artifact::{Artifact, may_write};

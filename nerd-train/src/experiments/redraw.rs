@@ -12,6 +12,11 @@ use crate::error::{Error, Result, refuse};
 use crate::report::artifact::Head;
 use crate::report::write;
 
+/// Whether [`redraw`] knows results of this name.
+pub fn drawn(name: &str) -> bool {
+    name == "ablations" || name.starts_with("sweep-")
+}
+
 /// Writes `NAME.md`, the tables of `NAME.json` and its pictures anew; what was measured, and where it comes from, stays as it is.
 /// For sweeps and ablations, which cannot be measured again in a day.
 ///
@@ -20,7 +25,7 @@ use crate::report::write;
 pub fn redraw(folder: &Path, name: &str) -> Result<()> {
     match name {
         "ablations" => again(folder, name, |data: &Ablated| data.settings.clone()),
-        _ if name.starts_with("sweep-") => again(folder, name, |data: &Swept| data.settings.clone()),
+        _ if drawn(name) => again(folder, name, |data: &Swept| data.settings.clone()),
         _ => refuse!("{name}: only sweeps and ablations are drawn from their data; measure it again"),
     }
 }

@@ -246,7 +246,7 @@ impl Experiment for Roundings {
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
         for subject in &self.subjects {
-            inputs.add(Input::robot(&*self.load(subject)?.0));
+            inputs.add(Input::robot(&self.load(subject)?.0));
         }
         Ok(inputs)
     }

@@ -39,8 +39,8 @@ pub enum Status {
     Record(String),
     /// There is none.
     Missing,
-    /// Where it comes from cannot be told: this is absent.
-    Untraceable(&'static str),
+    /// Where it comes from cannot be told: this is absent, or wrong.
+    Untraceable(String),
     /// Files of the checkout had been changed when it was measured.
     Dirty,
     /// It was measured by another command.
@@ -62,7 +62,7 @@ impl std::fmt::Display for Status {
             Self::Current => f.write_str("current"),
             Self::Record(commit) => write!(f, "record of {commit}"),
             Self::Missing => f.write_str("missing"),
-            Self::Untraceable(what) => write!(f, "untraceable: it has no {what}"),
+            Self::Untraceable(what) => write!(f, "untraceable: {what}"),
             Self::Dirty => f.write_str("dirty"),
             Self::Command(found) => write!(f, "made by `{found}`"),
             Self::Stale(what) => write!(f, "stale: {}", what.join(", ")),
@@ -101,33 +101,33 @@ impl Manifest {
 
 impl Entry {
     /// How the result stands in a folder.
-    ///
-    /// # Errors
-    /// If the file is no result at all.
-    pub fn status(&self, folder: &Path) -> Result<Status> {
+    pub fn status(&self, folder: &Path) -> Status {
         if !folder.join(format!("{}.json", self.name)).exists() {
-            return Ok(Status::Missing);
+            return Status::Missing;
         }
-        let head = Head::read(folder, &self.name)?;
+        let head = match Head::read(folder, &self.name) {
+            Ok(head) => head,
+            Err(e) => return Status::Untraceable(e.to_string()),
+        };
         let from = &head.provenance;
         if !from.traceable() {
-            return Ok(Status::Untraceable("commit or command"));
+            return Status::Untraceable("it has no commit or command".into());
         }
         if from.dirty() {
-            return Ok(Status::Dirty);
+            return Status::Dirty;
         }
         if self.record {
-            return Ok(Status::Record(from.commit.clone()));
+            return Status::Record(from.commit.clone());
         }
         if head.inputs.0.is_empty() {
-            return Ok(Status::Untraceable("hash of what it was measured on"));
+            return Status::Untraceable("it has no hash of what it was measured on".into());
         }
         let command = plain(&from.command);
         if command != plain(&self.command) {
-            return Ok(Status::Command(command));
+            return Status::Command(command);
         }
         let changed = head.inputs.changed();
-        Ok(if changed.is_empty() { Status::Current } else { Status::Stale(changed) })
+        if changed.is_empty() { Status::Current } else { Status::Stale(changed) }
     }
 }
 

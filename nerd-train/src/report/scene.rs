@@ -9,6 +9,8 @@ use super::replay::{Replay, Solid};
 use crate::error::Result;
 
 type Point = Vector3<f64>;
+/// Something to paint: how far away, in which colour, where on the picture.
+type Piece = (f64, RGBColor, Vec<(i32, i32)>);
 
 /// Sides of what is round.
 const SIDES: usize = 14;
@@ -123,7 +125,7 @@ pub fn draw<B: DrawingBackend>(replay: &Replay, track: usize, frame: usize, area
     floor(replay, &camera, middle(poses), area)?;
     let (east, north) = ground(&up);
     let light = (up + east * 0.4 - north * 0.5).normalize();
-    let mut polygons: Vec<(f64, RGBColor, Vec<(i32, i32)>)> = Vec::new();
+    let mut polygons: Vec<Piece> = Vec::new();
     for solid in &replay.shapes {
         let at = isometry(&poses[solid.link]) * isometry(&solid.pose);
         for face in faces(solid) {

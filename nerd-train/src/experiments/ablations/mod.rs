@@ -122,7 +122,7 @@ impl Ablations {
         let system = System::named(&run.robot)?;
         let (loss, falling) = record(&run.out)?;
         let mut learned = model(run, &system, self.starts)?;
-        let scales = learned.model().normalizer.inputs.scale().into_iter().filter(|s| *s > 0.01);
+        let scales = learned.model().normalizer.inputs.scale().filter(|s| *s > 0.01);
         let scales = scales.fold([f64::MAX, 0.0], |[a, b], s| [a.min(s), f64::max(b, s)]);
         let report = moved(&mut learned, &system, scene(&system), (self.starts, frames(&run.robot)))?;
         let folder = run.out.join("model");
@@ -205,13 +205,10 @@ impl Experiment for Ablations {
         let runners = paths.into_iter().map(|path| Runner::new(path, self.games, GAMES)).collect::<Result<Vec<_>>>()?;
         let runs = self.runs()?;
         let measured = each(&runs, |_, run, config| Ok((config.clone(), self.measured(run, &runners)?)))?;
-        let mut rows: Vec<Row> = Vec::new();
-        for ((change, run), (config, measured)) in runs.iter().zip(measured) {
-            if rows.last().is_none_or(|row| row.robot != run.robot || row.name != change.name) {
-                rows.push(Row::new(&run.robot, change.name, &config));
-            }
-            rows.last_mut().map_or(Ok(()), |row| row.add(&config, measured))?;
-        }
+        // Seed after seed of a variant.
+        let n = self.seed.len().max(1);
+        let row = |(runs, all): (&[(&Change, RunConfig)], &[_])| Row::new(&runs[0].1.robot, runs[0].0.name, all);
+        let rows: Vec<Row> = runs.chunks(n).zip(measured.chunks(n)).filter_map(row).collect();
         rows::check(&rows)?;
         Ok(Ablated { settings: self.clone(), rows })
     }

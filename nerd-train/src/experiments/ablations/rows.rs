@@ -74,32 +74,23 @@ pub const FALLING: Errors = |m| Some(std::slice::from_ref(&m.falling));
 pub const HOLD: Errors = |m| Some(&m.hold);
 
 impl Row {
-    /// Without a seed yet.
-    pub fn new(robot: &str, name: &str, config: &ModelConfig) -> Self {
-        let bar = BARS.iter().find(|bar| bar.change.name == name);
-        Self {
+    /// Of trainings that differ in their seeds.
+    pub fn new(robot: &str, name: &str, trainings: &[(ModelConfig, Measured)]) -> Option<Self> {
+        let (config, _) = trainings.first()?;
+        let bar = BARS.iter().find(|bar| bar.change.name == name)?;
+        let minutes = |c: &ModelConfig| c.provenance.get("minutes").cloned().unwrap_or_else(|| "?".into());
+        Some(Self {
             robot: robot.into(),
             name: name.into(),
-            group: bar.map_or('d', |bar| bar.group),
+            group: bar.group,
             parameters: config.network.parameters(),
             history: config.network.history,
             batch: config.batch,
-            minutes: Vec::new(),
-            data: Vec::new(),
-            measured: Vec::new(),
-            paper: bar.and_then(|bar| bar.paper).map(|p| p[usize::from(robot == "ant")]),
-        }
-    }
-
-    /// With another seed.
-    pub fn add(&mut self, config: &ModelConfig, measured: Measured) -> Result<()> {
-        if config.network.parameters() != self.parameters {
-            refuse!("{} of {}: seeds with different networks", self.name, self.robot);
-        }
-        self.minutes.push(config.provenance.get("minutes").cloned().unwrap_or_else(|| "?".into()));
-        self.data.push(config.data_sha256.clone());
-        self.measured.push(measured);
-        Ok(())
+            minutes: trainings.iter().map(|(config, _)| minutes(config)).collect(),
+            data: trainings.iter().map(|(config, _)| config.data_sha256.clone()).collect(),
+            measured: trainings.iter().map(|(_, measured)| measured.clone()).collect(),
+            paper: bar.paper.map(|p| p[usize::from(robot == "ant")]),
+        })
     }
 
     /// Means over seeds, by quantity.

@@ -205,24 +205,7 @@ fn percent(gap: f64, error: Option<f64>) -> String {
     }
 }
 
-/// The paper's reward in the truth and its gap.
-fn papers(task: &str) -> [String; 2] {
-    policy_reward(task).map_or(["-".into(), "-".into()], |p| [p[0].to_string(), format!("{:+.2}", gap(p[0], p[1]))])
-}
-
-/// What policies trained in the learned simulators earn in the truth.
-fn summary(rows: &[Row]) -> Table {
-    let lines = nerd_tasks::names().into_iter().filter_map(|task| {
-        let learned = of(rows, task, true);
-        let [reward, theirs] = papers(task);
-        let gap = together(&learned).map_or_else(|| "-".into(), |(gap, error)| percent(gap, Some(error)));
-        (!learned.is_empty()).then(|| vec![task.to_string(), format!("{:.1}", mean(&learned)), gap, reward, theirs])
-    });
-    let header = ["task", "trained in NeRD, reward in the truth", "gap (%)", "the paper's reward", "its gap (%)"];
-    Table::new("summary", &header).with(lines).noted(&format!("{NOTE} +-: standard error over games."))
-}
-
-/// Tasks with the means of their policies and their spread over games.
+/// Tasks with the means of their policies and the spread over games.
 fn by_task(rows: &[Row]) -> Table {
     let spread = |rows: &[&Row]| {
         let square = |r: &&Row| r.real.spread.powi(2) + (r.real.mean - mean(rows)).powi(2);
@@ -231,14 +214,34 @@ fn by_task(rows: &[Row]) -> Table {
     };
     let lines = nerd_tasks::names().into_iter().filter_map(|task| {
         let (learned, truth) = (of(rows, task, true), of(rows, task, false));
-        let gap = together(&learned).map_or_else(|| "-".into(), |(gap, _)| format!("{gap:+.2}"));
+        let gap = together(&learned).map_or_else(|| "-".into(), |(gap, error)| percent(gap, Some(error)));
         let seeds = learned.iter().filter_map(|r| r.gap).map(|g| format!("{g:+.2}")).collect::<Vec<_>>().join(", ");
-        let [reward, theirs] = papers(task);
-        let line = || vec![task.to_string(), spread(&learned), gap, seeds, spread(&truth), reward, theirs];
+        let (reward, theirs) =
+            policy_reward(task).map_or(("-".into(), "-".into()), |p| (p[0].to_string(), format!("{:+.2}", self::gap(p[0], p[1]))));
+        let line = || vec![task.to_string(), spread(&learned), gap, reward, theirs, seeds, spread(&truth)];
         (!learned.is_empty() || !truth.is_empty()).then(line)
     });
-    let header = ["task", "trained in NeRD: in truth", "gap (%)", "by seed", "trained in truth: in truth", "paper, in truth", "its gap"];
-    Table::new("tasks", &header).with(lines).noted(&format!("{NOTE} +-: standard deviation over games and policies."))
+    let header = [
+        "task",
+        "trained in NeRD, reward in the truth",
+        "gap (%)",
+        "the paper's reward",
+        "its gap (%)",
+        "gaps by policy",
+        "trained in the truth, reward there",
+    ];
+    let note = format!("{NOTE} +-: of a reward its standard deviation over games and policies, of a gap its standard error over games.");
+    Table::new("tasks", &header).with(lines).noted(&note)
+}
+
+/// The same without single policies and those of the truth.
+fn summary(rows: &[Row]) -> Table {
+    let mut table = by_task(rows);
+    table.name = "summary".into();
+    table.rows.retain(|row| row[1] != "-");
+    table.header.truncate(5);
+    table.rows.iter_mut().for_each(|row| row.truncate(5));
+    table
 }
 
 /// Every policy, beside the paper's figures.

@@ -49,7 +49,7 @@ pub fn page(config: &PageConfig, results: &Path, out: &Path, bar: &Bar) -> Resul
     let manifest = Manifest::read(results)?;
     let mut sections = vec![scorecard(results)?, robots::cards(config, results, bar)?, charts(&manifest, results)?];
     sections.extend([stability(&manifest, results)?, robots::policies(config, results, bar)?]);
-    sections.extend([changes::section(&manifest, results)?, everything(&manifest, results)?]);
+    sections.extend([changes::section(&manifest, results)?, everything(&manifest, results)]);
     let links: Vec<String> = sections.iter().map(Section::link).collect();
     let body: String = sections.iter().map(Section::html).collect();
     let script = format!("{}\n{SCRIPT}", replay::SCRIPT);
@@ -127,10 +127,10 @@ fn stability(manifest: &Manifest, results: &Path) -> Result<Section> {
 }
 
 /// Every result with its tables, its state and where it comes from.
-fn everything(manifest: &Manifest, results: &Path) -> Result<Section> {
+fn everything(manifest: &Manifest, results: &Path) -> Section {
     let mut section = Section::new("All results", "Every result that the repository keeps, with the command that makes it.");
     for entry in &manifest.artefact {
-        let status = entry.status(results)?;
+        let status = entry.status(results);
         let head = Head::read(results, &entry.name);
         let tables: String = head.iter().flat_map(|h| &h.tables).map(table).collect();
         let origin = head.iter().map(|h| from(&entry.name, &h.provenance)).collect::<String>();
@@ -142,5 +142,5 @@ fn everything(manifest: &Manifest, results: &Path) -> Result<Section> {
             replay::escape(&status.to_string())
         );
     }
-    Ok(section)
+    section
 }
