@@ -206,7 +206,7 @@ impl Experiment for Ablations {
         let runs = self.runs()?;
         let measured = each(&runs, |_, run, config| Ok((config.clone(), self.measured(run, &runners)?)))?;
         // Seed after seed of a variant.
-        let n = self.seeds.len().max(1);
+        let n = self.seed.len().max(1);
         let row = |(runs, all): (&[(&Change, RunConfig)], &[_])| Row::new(&runs[0].1.robot, runs[0].0.name, all);
         let rows: Vec<Row> = runs.chunks(n).zip(measured.chunks(n)).filter_map(row).collect();
         rows::check(&rows)?;
