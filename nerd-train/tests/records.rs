@@ -69,7 +69,7 @@ fn settings_that_name_nothing_are_refused_before_anything_is_trained() {
     for (said, word) in [
         (sweep(json!({"set": "colours"})), "--set colours: known are switches, sizes, forms, sameness"),
         (sweep(json!({"only": ["e3"], "set": "sizes"})), "--only e3: known are e32-l2"),
-        (ablations(json!({"robots": ["cube"]})), "--robots cube"),
+        (ablations(json!({"robots": ["cube"]})), "--robot cube"),
         (ablations(json!({"seeds": [1, 1]})), "each once"),
         (ablations(json!({"robots": ["pendulum"], "only": ["mpl"]})), "--only mpl: known are lstm, gru, mlp, e2e, abs-pred"),
     ] {
