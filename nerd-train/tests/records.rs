@@ -22,7 +22,7 @@ fn record() -> String {
         )
     };
     format!(
-        "{{\n  \"provenance\": {},\n  \"kept\": 1.50,\n  \"rows\": [{}, {}],\n  \"seeds\": [0],\n  \"set\": \"sizes\",\n  \"tables\": []\n}}\n",
+        "{{\n  \"provenance\": {},\n  \"kept\": 1.50,\n  \"rows\": [{}, {}],\n  \"seed\": [0],\n  \"set\": \"sizes\",\n  \"tables\": []\n}}\n",
         json!({"commit": "abc", "command": "cargo xtask reproduce sweep", "seed": 0, "machine": "one", "date": "2026-01-01"}),
         row("base", false),
         row("gone", true),
@@ -69,9 +69,9 @@ fn settings_that_name_nothing_are_refused_before_anything_is_trained() {
     for (said, word) in [
         (sweep(json!({"set": "colours"})), "--set colours: known are switches, sizes, forms, sameness"),
         (sweep(json!({"only": ["e3"], "set": "sizes"})), "--only e3: known are e32-l2"),
-        (ablations(json!({"robots": ["cube"]})), "--robot cube"),
-        (ablations(json!({"seeds": [1, 1]})), "each once"),
-        (ablations(json!({"robots": ["pendulum"], "only": ["mpl"]})), "--only mpl: known are lstm, gru, mlp, e2e, abs-pred"),
+        (ablations(json!({"robot": ["cube"]})), "--robot cube"),
+        (ablations(json!({"seed": [1, 1]})), "each once"),
+        (ablations(json!({"robot": ["pendulum"], "only": ["mpl"]})), "--only mpl: known are lstm, gru, mlp, e2e, abs-pred"),
     ] {
         assert!(said.starts_with(word) || said.contains(word), "`{said}` in place of `{word}`");
     }

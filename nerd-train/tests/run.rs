@@ -63,7 +63,7 @@ fn a_file_is_read_under_what_is_given_and_written_back() {
     let run = &Recipe::read(&path, &given(&[("updates", 90.into()), ("hold", 7.into())])).expect("a recipe").runs[0];
     assert_eq!((run.updates, run.record.hold, run.huber, run.record.torque_scale), (90, 7, Some(0.02), -1.0));
     std::fs::write(&path, run.to_toml()).expect("written");
-    assert_eq!(Recipe::read(&path, &Given::new()).expect("its own text").runs, [run.clone()]);
+    assert_eq!(Recipe::read(&path, &Given::new()).expect("its own text").runs, std::slice::from_ref(run));
     // Of several runs, lengths are caps.
     std::fs::write(&path, "out = \"o\"\nrobot = \"cube\"\n[[run]]\nupdates = 70\nfresh = 50\n[[run]]\nupdates = 20\n").expect("written");
     let chain = Recipe::read(&path, &given(&[("updates", 30.into()), ("transitions", 40.into())])).expect("a chain").runs;

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, Error, parser::ValueSource};
-use nerd_train::settings::{Given, Key, Settings, Values};
+use nerd_train::settings::{Given, Settings, Values};
 use serde_json::Value;
 
 /// Those of `T` that a command line gave.
@@ -15,24 +15,15 @@ pub struct Keys<T> {
     of: PhantomData<T>,
 }
 
-/// What a key is called behind `--`: one seed or several, it is `--seed`.
-fn option(key: &Key) -> String {
-    match key.name().as_str() {
-        "seeds" => "seed".into(),
-        "robots" => "robot".into(),
-        name => name.into(),
-    }
-}
-
 impl<T: Settings> clap::FromArgMatches for Keys<T> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
         let mut given = Given::new();
         for key in T::keys() {
-            let option = option(key);
-            if matches.value_source(&option) == Some(ValueSource::CommandLine)
-                && let Some(value) = matches.get_one::<Value>(&option)
+            let name = key.name();
+            if matches.value_source(&name) == Some(ValueSource::CommandLine)
+                && let Some(value) = matches.get_one::<Value>(&name)
             {
-                given.insert(key.name(), value.clone());
+                given.insert(name, value.clone());
             }
         }
         Ok(Self { given, of: PhantomData })
@@ -47,9 +38,9 @@ impl<T: Settings> clap::FromArgMatches for Keys<T> {
 impl<T: Settings> clap::Args for Keys<T> {
     fn augment_args(command: Command) -> Command {
         let defaults = T::default().given();
-        let option = |key: &'static Key| {
-            let name = option(key);
-            let default = defaults.get(&key.name()).filter(|v| v.is_number() || v.as_str().is_some_and(|s| !s.is_empty()));
+        let option = |key: &'static nerd_train::settings::Key| {
+            let name = key.name();
+            let default = defaults.get(&name).filter(|v| v.is_number() || v.as_str().is_some_and(|s| !s.is_empty()));
             let help = match default {
                 Some(value) => format!("{} [default: {}]", key.help(), value.to_string().trim_matches('"')),
                 None => key.help().to_string(),

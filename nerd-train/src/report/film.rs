@@ -11,7 +11,7 @@ use super::scene;
 use crate::error::{Error, Result};
 
 /// Size of a tile (px), of which a cell has two, and of the line above it.
-const TILE: (u32, u32) = (150, 150);
+const TILE: (u32, u32) = (130, 120);
 const LINE: u32 = 22;
 /// Cells in a row.
 const COLUMNS: usize = 3;

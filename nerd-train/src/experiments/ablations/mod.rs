@@ -46,7 +46,7 @@ settings! {
     /// The paper's ablations (Figure A.2).
     pub struct Ablations {
         /// Robots, comma-separated [default: pendulum,ant]
-        robots: Vec<String> = vec!["pendulum".into(), "ant".into()], Texts;
+        robot: Vec<String> = vec!["pendulum".into(), "ant".into()], Texts;
         /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
         only: Vec<String> = Vec::new(), Texts;
         /// Optimiser updates of each variant, at least 80, since a loss is noted every 20 and its fall is told by quarters
@@ -58,7 +58,7 @@ settings! {
         /// Games of each running policy (the paper: 2048)
         games: usize = 128, Whole(STARTS);
         /// Seeds of data, weights and windows, comma-separated; bars are means over them [default: 0]
-        seeds: Vec<u64> = vec![0], Wholes(SEEDS);
+        seed: Vec<u64> = vec![0], Wholes(SEEDS);
         /// Where Transformers are computed (cpu or cuda); the other networks are always computed on the CPU
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
@@ -83,11 +83,11 @@ fn frames(robot: &str) -> usize {
 impl Ablations {
     /// Refuses what is none of the paper's test cases, and anything twice.
     fn check(&self) -> Result<()> {
-        if let Some(robot) = self.robots.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
+        if let Some(robot) = self.robot.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
             refuse!("--robot {robot}: the paper's test cases are of pendulum and ant");
         }
-        let (robots, seeds): (HashSet<_>, HashSet<_>) = (self.robots.iter().collect(), self.seeds.iter().collect());
-        if robots.len() < self.robots.len() || seeds.len() < self.seeds.len() {
+        let (robots, seeds): (HashSet<_>, HashSet<_>) = (self.robot.iter().collect(), self.seed.iter().collect());
+        if robots.len() < self.robot.len() || seeds.len() < self.seed.len() {
             refuse!("--robot and --seed: each once");
         }
         Ok(())
@@ -107,9 +107,9 @@ impl Ablations {
     fn runs(&self) -> Result<Vec<(&'static Change, RunConfig)>> {
         let all: Vec<&Change> = BARS.iter().map(|bar| &bar.change).collect();
         let mut runs = Vec::new();
-        for robot in &self.robots {
+        for robot in &self.robot {
             for change in chosen(&all, &self.only, NERD)? {
-                for seed in &self.seeds {
+                for seed in &self.seed {
                     runs.push((change, change.run(&self.nerd(robot, *seed)?)));
                 }
             }
@@ -177,7 +177,7 @@ impl Experiment for Ablations {
     }
 
     fn seed(&self) -> u64 {
-        self.seeds.first().copied().unwrap_or_default()
+        self.seed.first().copied().unwrap_or_default()
     }
 
     fn effort(&self) -> f64 {
@@ -187,12 +187,12 @@ impl Experiment for Ablations {
     fn inputs(&self) -> Result<Inputs> {
         self.check()?;
         let mut inputs = Inputs::default();
-        for robot in &self.robots {
+        for robot in &self.robot {
             let system = System::named(robot)?;
             inputs.add(Input::robot(&system));
             inputs.add(Input::motion(robot, scene(&system), &Setting::Paper)?);
         }
-        if self.robots.iter().any(|r| r == "ant") {
+        if self.robot.iter().any(|r| r == "ant") {
             runners()?.iter().try_for_each(|path| Input::policy(path).map(|policy| inputs.add(policy)))?;
         }
         Ok(inputs)
@@ -200,13 +200,13 @@ impl Experiment for Ablations {
 
     fn measure(&self) -> Result<Ablated> {
         self.check()?;
-        let ant = self.robots.iter().any(|r| r == "ant");
+        let ant = self.robot.iter().any(|r| r == "ant");
         let paths = if ant { runners()? } else { Vec::new() };
         let runners = paths.into_iter().map(|path| Runner::new(path, self.games, GAMES)).collect::<Result<Vec<_>>>()?;
         let runs = self.runs()?;
         let measured = each(&runs, |_, run, config| Ok((config.clone(), self.measured(run, &runners)?)))?;
         // Seed after seed of a variant.
-        let n = self.seeds.len().max(1);
+        let n = self.seed.len().max(1);
         let row = |(runs, all): (&[(&Change, RunConfig)], &[_])| Row::new(&runs[0].1.robot, runs[0].0.name, all);
         let rows: Vec<Row> = runs.chunks(n).zip(measured.chunks(n)).filter_map(row).collect();
         rows::check(&rows)?;

@@ -77,7 +77,7 @@ fn bars(data: &Ablated, robot: &str, rows: &[&Row]) -> Table {
     let note = format!(
         "{robot}: NeRD with one decision taken back. Same data, {} updates of {BATCH} windows, networks of equal parameter counts, Muon for hidden \
          matrices and Adam for the rest; seeds {:?}. {case} {} starts; NeRD is `{NERD}`. A predictor that repeats the start: {hold}.",
-        settings.updates, settings.seeds, settings.starts
+        settings.updates, settings.seed, settings.starts
     );
     Table::new(robot, &header).with(cells).noted(&note)
 }

@@ -27,10 +27,10 @@ pub use rows::{Row, Rows};
 /// Robots and the names of their models in `models/`, the first of them the one meant where none is named.
 const MODELS: [(&str, &[&str]); 6] = [
     ("cartpole", &["cartpole"]),
-    ("pendulum", &["pendulum", "pendulum-small", "pendulum-paper", "pendulum-rapier"]),
+    ("pendulum", &["pendulum", "pendulum-small", "pendulum-paper"]),
     ("cube", &["cube", "cube-rapier"]),
     ("franka", &["franka"]),
-    ("ant", &["ant", "ant-rapier"]),
+    ("ant", &["ant"]),
     ("anymal", &["anymal"]),
 ];
 

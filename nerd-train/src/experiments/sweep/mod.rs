@@ -45,7 +45,7 @@ settings! {
         /// Runs, comma-separated, beside `base` [default: all of the set]
         only: Vec<String> = Vec::new(), Texts;
         /// Seeds of data, weights and windows, comma-separated [default: 0,1,2]
-        seeds: Vec<u64> = vec![0, 1, 2], Wholes(SEEDS);
+        seed: Vec<u64> = vec![0, 1, 2], Wholes(SEEDS);
         /// Updates of each run
         updates: u64 = 1500, Whole(UPDATES);
         /// Sequences of 32 tokens in an update
@@ -147,12 +147,12 @@ impl Experiment for Sweep {
     }
 
     fn seed(&self) -> u64 {
-        self.seeds.first().copied().unwrap_or_default()
+        self.seed.first().copied().unwrap_or_default()
     }
 
     fn effort(&self) -> f64 {
         let runs = entries(&self.set).and_then(|all| chosen(&all, &self.only, BASE)).map_or(0, |all| all.len());
-        (runs * self.seeds.len()) as f64 * self.updates as f64
+        (runs * self.seed.len()) as f64 * self.updates as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
@@ -161,7 +161,7 @@ impl Experiment for Sweep {
 
     fn measure(&self) -> Result<Swept> {
         let entries = chosen(&entries(&self.set)?, &self.only, BASE)?;
-        let runs = self.seeds.iter().flat_map(|seed| entries.iter().map(|e| (*e, e.run(&self.base(*seed)))));
+        let runs = self.seed.iter().flat_map(|seed| entries.iter().map(|e| (*e, e.run(&self.base(*seed)))));
         let rows = each(&runs.collect::<Vec<_>>(), |change, run, _| self.measured(change.name, run))?;
         Ok(Swept { settings: self.clone(), rows })
     }
@@ -226,7 +226,7 @@ impl Sweep {
             "Each run differs from `base` in one thing: a network of width {} and {} layers on flight, streaming, Muon, bent loss at 0.02, half of the \
              data passive, {} updates of {} sequences of 32 tokens on {} transitions and {} fresh ones. Passive motion from {} starts: mean error (rad or m) \
              at a frame, mean and standard deviation over seeds {:?}, and divided by the base's.",
-            base.embedding, base.layers, self.updates, self.batch, self.transitions, self.fresh, self.starts, self.seeds
+            base.embedding, base.layers, self.updates, self.batch, self.transitions, self.fresh, self.starts, self.seed
         )
     }
 }
