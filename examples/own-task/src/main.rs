@@ -1,4 +1,4 @@
-//! A task of one's own, from an outside crate to a trained policy in half a minute:
+//! A task of one's own, from an outside crate to a trained policy in seconds:
 //! `cargo run --release --manifest-path examples/Cargo.toml -p own-task`.
 
 use std::collections::BTreeMap;
