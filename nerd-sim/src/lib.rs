@@ -9,7 +9,6 @@ pub mod dataset;
 pub mod files;
 mod identity;
 pub mod instruments;
-pub mod law;
 mod limits;
 mod material;
 #[cfg(feature = "measured")]
@@ -17,6 +16,7 @@ pub mod measured;
 #[cfg(feature = "mjcf")]
 pub mod mjcf;
 mod parallel;
+pub mod range;
 #[cfg(feature = "rapier")]
 pub mod rapier;
 #[cfg(feature = "csv")]

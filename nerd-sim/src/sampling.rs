@@ -10,7 +10,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::batch::contacts;
-use crate::law::Law;
+use crate::range::Range;
 use crate::scene::{Collider, Plane, Scene};
 use crate::spec::{RandomPlane, RootSpec, RootStart};
 use crate::system::System;
@@ -85,7 +85,7 @@ fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     let (coords, nq, rates) = (robot.root_coords(), robot.nq(), robot.nq() + robot.root_dofs());
     if let Some(root) = &system.spec.root {
         let laws = of(root, which);
-        let mut vector = |laws: &[Law; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
+        let mut vector = |laws: &[Range; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
         let (p, w, v) = (vector(&laws.position), vector(&laws.angular), vector(&laws.linear));
         let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(direction(rng)), laws.tilt.draw(rng));
         let pose = quaternion(&root.quaternion) * turn;
@@ -123,7 +123,7 @@ fn direction(rng: &mut impl Rng) -> Vector3<f64> {
 
 /// The scene of a random trajectory from `state`: the system's own, a random plane where it asks for one, else empty.
 ///
-/// Law: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact
+/// Range: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact
 /// points p_i of the start, so the robot starts clear of it.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     if let Some(scene) = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok()) {
@@ -149,5 +149,5 @@ fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut imp
     let high = tangent - law.clearance;
     // Where the start leaves no room within reach, the clearance is kept.
     let low = (normal.dot(&pivot) - law.reach).min(high);
-    Plane { normal, offset: Law { low, high }.draw(rng) }
+    Plane { normal, offset: Range { low, high }.draw(rng) }
 }

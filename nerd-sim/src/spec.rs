@@ -7,7 +7,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::articulated::Refresh;
-use crate::law::{Law, number};
+use crate::range::{Range, number};
 use crate::scene::Material;
 
 /// One file.
@@ -127,10 +127,10 @@ pub struct ControlSpec {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomGains {
-    /// Law of kp.
-    pub kp: Law,
-    /// Law of kd.
-    pub kd: Law,
+    /// Range of kp.
+    pub kp: Range,
+    /// Range of kd.
+    pub kd: Range,
 }
 
 /// Default pose and starts of a floating root.
@@ -155,15 +155,15 @@ pub struct RootSpec {
 pub struct RootStart {
     /// World position by axis (m).
     #[serde(deserialize_with = "exactly")]
-    pub position: [Law; 3],
+    pub position: [Range; 3],
     /// Angle (rad) of a turn of the default pose about a cube-uniform body axis.
-    pub tilt: Law,
+    pub tilt: Range,
     /// Angular velocity in body axes (rad/s).
     #[serde(deserialize_with = "exactly")]
-    pub angular: [Law; 3],
+    pub angular: [Range; 3],
     /// Velocity of the root in body axes (m/s).
     #[serde(deserialize_with = "exactly")]
-    pub linear: [Law; 3],
+    pub linear: [Range; 3],
     /// Starts are drawn again until every contact point stands this far from the data's scene (m).
     pub clearance: Option<f64>,
 }
@@ -182,10 +182,10 @@ pub struct LimitSpec {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartSpec {
-    /// Law of the position.
-    pub q: Law,
-    /// Law of the velocity.
-    pub qd: Law,
+    /// Range of the position.
+    pub q: Range,
+    /// Range of the velocity.
+    pub qd: Range,
     /// An earlier joint whose position is subtracted from the draw.
     pub minus: Option<String>,
 }
@@ -205,7 +205,7 @@ pub struct ContactSpec {
     pub thickness: f64,
 }
 
-/// Law of random planes (per trajectory).
+/// Range of random planes (per trajectory).
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomPlane {

@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Link, Robot, UrdfError};
 
-use crate::law::Law;
 use crate::limits::stiffen;
+use crate::range::Range;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
 use crate::scene::{Collider, Scene, turned_plane};
 use crate::spec::{ContactSpec, JointSpec, Spec, StartSpec};
@@ -285,7 +285,7 @@ fn name_columns(robot: &Robot, spec: &mut Spec) {
 
 /// The specification of a bare URDF.
 fn plain(robot: &Robot) -> Spec {
-    let law = |x: f64| Law { low: -x, high: x };
+    let law = |x: f64| Range { low: -x, high: x };
     let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
     let joint = |joint: &nerd_core::robot::Joint| JointSpec {
         name: joint.name.clone(),

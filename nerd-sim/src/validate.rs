@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 
 use nerd_core::robot::{JointKind, Robot};
 
-use crate::law::Law;
+use crate::range::Range;
 use crate::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
 use crate::worlds::WORLDS;
 
@@ -84,7 +84,7 @@ fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String
 }
 
 /// Both ends of a law, and the lower one below.
-fn law(key: &str, law: &Law, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
+fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
     if law.low > law.high {
         return Err(format!("{key} is {law}; its low end is above the high one"));
     }

@@ -4,15 +4,15 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, record};
-use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
 
 /// Half widths of the pendulum's sampling box: rad, rad, rad/s, rad/s (nerd-sim/assets/pendulum.toml).
 const BOX: [f64; 4] = [PI, PI, 2.0 * PI, 4.0 * PI];
 
 fn make(folder: &Path, seed: u64, frames: usize) -> Manifest {
     let system = System::named("pendulum").expect("built in");
-    let torque_scale = Law { low: 0.0, high: 1.0 };
+    let torque_scale = Range { low: 0.0, high: 1.0 };
     let config = GenerateConfig { transitions: 100 * frames, frames, seed, shard_trajectories: 40, torque_scale, ..Default::default() };
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     generate(&system, &mut truth, "articulated paper coulomb", &config, folder, &mut |_, _| ()).expect("generated")

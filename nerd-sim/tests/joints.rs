@@ -166,7 +166,7 @@ fn a_position_law_goes_the_shorter_way_round() {
             let system = {
                 let plain = arm(&[0.1], kind, dynamics, "", false);
                 let mut system = (*plain).clone();
-                let law = toml::from_str::<Law>(&control).expect("a law");
+                let law = toml::from_str::<Range>(&control).expect("a law");
                 (system.spec.joints[0].kp, system.spec.joints[0].kd, system.spec.joints[0].default) = (law.kp, law.kd, law.default);
                 system.spec.control = Some(law.control);
                 Arc::new(system)
@@ -182,7 +182,7 @@ fn a_position_law_goes_the_shorter_way_round() {
 }
 
 #[derive(serde::Deserialize)]
-struct Law {
+struct Range {
     kp: f64,
     kd: f64,
     default: f64,

@@ -49,11 +49,14 @@ function page() {
   }
 
   // A replay is made when it comes into view.
+  const begin = element => replay(element, JSON.parse(element.querySelector("script").textContent));
   const seen = new IntersectionObserver(entries => {
     for (const entry of entries.filter(e => e.isIntersecting)) {
       seen.unobserve(entry.target);
-      replay(entry.target, JSON.parse(entry.target.querySelector("script").textContent));
+      begin(entry.target);
     }
   }, { rootMargin: "200px" });
-  for (const element of document.querySelectorAll(".motion")) seen.observe(element);
+  for (const element of document.querySelectorAll(".motion"))
+    if (element.getBoundingClientRect().top < window.innerHeight) begin(element);
+    else seen.observe(element);
 }

@@ -209,11 +209,11 @@ pub struct TensorSpec {
     pub name: String,
     /// Row-major shape.
     pub shape: Vec<usize>,
-    /// Law of the initial entries.
+    /// Distribution of the initial entries.
     pub init: Init,
 }
 
-/// Law of a tensor's initial entries.
+/// Distribution of a tensor's initial entries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Init {
     /// N(0, sigma).

@@ -9,8 +9,8 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
+use super::force::force;
 use super::implicit::Touches;
-use super::law::force;
 use super::stiff::Stiff;
 use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
 use crate::parallel::Frame;

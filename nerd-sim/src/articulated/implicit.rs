@@ -24,8 +24,8 @@ use nerd_core::dynamics::{bias, crba, kinematics, to_local, to_world, velocities
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
+use super::force::drag;
 use super::frame::Workspace;
-use super::law::drag;
 use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
 use crate::system::System;

@@ -1,14 +1,14 @@
 //! Our own articulated dynamics: RNEA, CRBA and Cholesky from nerd-core, geometry from the scene.
 //!
 //! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
-//! Euler under the compliant law of [`law`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). A frame
+//! Euler under the compliant contact of [`force`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). A frame
 //! in which a joint's damper or limit would be too stiff for an explicit substep is made of those, too, whatever the preset.
 //! Preset `paper` does what the reference simulator does; `converged` is the accurate one. An environment without collider or contact point runs no contact code.
 
 mod config;
+pub mod force;
 mod frame;
 mod implicit;
-pub mod law;
 mod solver;
 mod stiff;
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::DatasetError;
 use super::pilot::Pilot;
-use crate::law::Law;
+use crate::range::Range;
 use crate::system::System;
 use crate::validate::within;
 
@@ -22,9 +22,9 @@ pub struct GenerateConfig {
     pub seed: u64,
     /// Trajectories of a shard.
     pub shard_trajectories: usize,
-    /// Law of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
+    /// Range of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
     /// passive where draws are negative ([`super::Drive::draw`]).
-    pub torque_scale: Law,
+    pub torque_scale: Range,
     /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
     pub hold: usize,
     /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
@@ -35,7 +35,7 @@ pub struct GenerateConfig {
 
 impl Default for GenerateConfig {
     fn default() -> Self {
-        let torque_scale = Law { low: 1.0, high: 1.0 };
+        let torque_scale = Range { low: 1.0, high: 1.0 };
         Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, pilot: None }
     }
 }

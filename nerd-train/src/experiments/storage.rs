@@ -7,8 +7,8 @@ use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::transformer::{Storage, Weights};
 use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
@@ -203,8 +203,8 @@ pub fn rounded(system: &Arc<System>, model: &Model, rounding: Rounding) -> Resul
     let weights = match rounding {
         Rounding::Compensated => {
             // As the model's own data were driven.
-            let law = model.config.provenance.get("torque_scale").and_then(|law| Law::try_from(law.clone()).ok());
-            let law = law.unwrap_or(Law { low: -1.0, high: 1.0 });
+            let law = model.config.provenance.get("torque_scale").and_then(|law| Range::try_from(law.clone()).ok());
+            let law = law.unwrap_or(Range { low: -1.0, high: 1.0 });
             let config = GenerateConfig {
                 transitions: TRANSITIONS,
                 shard_trajectories: 64,

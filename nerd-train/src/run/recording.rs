@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nerd_model::form::Form;
 use nerd_sim::dataset::{GenerateConfig, Manifest, Pilot};
-use nerd_sim::law::Law;
 use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
 use nerd_sim::truth::Truth;
 
 use crate::bounds::{self, FRAMES, SEEDS};
@@ -48,7 +48,7 @@ impl RecordConfig {
     /// If a policy cannot be read or acts on another robot, or a number means nothing for this robot.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
         let Self { frames, hold, resets, seed, .. } = *self;
-        let torque_scale = Law { low: self.torque_scale, high: 1.0 };
+        let torque_scale = Range { low: self.torque_scale, high: 1.0 };
         let pilot = self.pilot(system)?;
         let config = GenerateConfig { transitions, seed, torque_scale, frames, hold, resets, pilot, ..Default::default() };
         config.check(system)?;

@@ -1,49 +1,50 @@
-//! Sampling laws written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
+//! Sampling ranges written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
 
 use std::fmt;
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-/// A uniform law on `[low, high)`.
+/// A uniform distribution on `[low, high)`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
-pub struct Law {
+pub struct Range {
     /// Lower end.
     pub low: f64,
     /// Upper end.
     pub high: f64,
 }
 
-impl Law {
+impl Range {
     /// One draw.
     pub fn draw(&self, rng: &mut impl Rng) -> f64 {
         self.low + (self.high - self.low) * rng.random::<f64>()
     }
 }
 
-impl fmt::Display for Law {
+impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // -0 + 0 is 0: equal laws read equal.
+        // -0 + 0 is 0: equal ranges read equal.
         write!(f, "U({}, {})", self.low + 0.0, self.high + 0.0)
     }
 }
 
-impl From<Law> for String {
-    fn from(law: Law) -> Self {
-        law.to_string()
+impl From<Range> for String {
+    fn from(range: Range) -> Self {
+        range.to_string()
     }
 }
 
-impl TryFrom<String> for Law {
+impl TryFrom<String> for Range {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
         let inner = text.trim().strip_prefix("U(").and_then(|t| t.strip_suffix(')'));
         let ends = inner.and_then(|t| t.split_once(','));
-        let law = ends.and_then(|(low, high)| Some(Self { low: number(low)?, high: number(high)? }));
-        law.filter(|l| l.low <= l.high && (l.high - l.low).is_finite())
-            .ok_or_else(|| format!("`{text}` is no law: write U(low, high), for example U(-pi, 2.5)"))
+        let range = ends.and_then(|(low, high)| Some(Self { low: number(low)?, high: number(high)? }));
+        range
+            .filter(|l| l.low <= l.high && (l.high - l.low).is_finite())
+            .ok_or_else(|| format!("`{text}` is no range: write U(low, high), for example U(-pi, 2.5)"))
     }
 }
 

@@ -1,12 +1,12 @@
-//! Sampling laws as text: what is read is finite and within its ends, what is not is refused in one line.
+//! Sampling ranges as text: what is read is finite and within its ends, what is not is refused in one line.
 
-use nerd_sim::law::Law;
+use nerd_sim::range::Range;
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-fn law(text: &str) -> Result<Law, String> {
-    Law::try_from(text.to_string())
+fn range(text: &str) -> Result<Range, String> {
+    Range::try_from(text.to_string())
 }
 
 #[test]
@@ -15,15 +15,15 @@ fn numbers_multiples_of_pi_and_fractions() {
     for (text, low, high) in
         [("U(-pi, pi)", -pi, pi), (" U( -2pi ,5pi/9 ) ", -2.0 * pi, 5.0 * pi / 9.0), ("U(1/4, 1e3)", 0.25, 1e3), ("U(0, 0)", 0.0, 0.0)]
     {
-        assert_eq!(law(text), Ok(Law { low, high }), "{text}");
+        assert_eq!(range(text), Ok(Range { low, high }), "{text}");
     }
     for text in
         ["", "U", "U(", "U()", "U(1)", "U(2, 1)", "U(nan, 1)", "U(0, inf)", "U(0, 1/0)", "U(0, 1/1/1)", "U(-1e308, 1e308)", "N(0, 1)"]
     {
-        assert!(law(text).is_err(), "{text} is read as {:?}", law(text));
+        assert!(range(text).is_err(), "{text} is read as {:?}", range(text));
     }
     // As long as a file can be: no recursion.
-    assert!(law(&format!("U(0, {}1)", "1/".repeat(1_000_000))).is_err());
+    assert!(range(&format!("U(0, {}1)", "1/".repeat(1_000_000))).is_err());
 }
 
 proptest! {
@@ -31,12 +31,12 @@ proptest! {
 
     #[test]
     fn any_text_at_all(text in "\\PC{0,60}") {
-        prop_assert!(law(&text).is_ok_and(|l| l.low.is_finite() && l.high.is_finite()) || law(&text).is_err());
+        prop_assert!(range(&text).is_ok_and(|l| l.low.is_finite() && l.high.is_finite()) || range(&text).is_err());
     }
 
     #[test]
     fn pieces(pieces in prop::collection::vec(prop::sample::select(vec!["U(", ")", ",", " ", "pi", "-", "/", "1e308", "2", ".5", "inf"]), 0..12)) {
-        if let Ok(l) = law(&pieces.concat()) {
+        if let Ok(l) = range(&pieces.concat()) {
             let x = l.draw(&mut ChaCha8Rng::seed_from_u64(0));
             prop_assert!(l.low <= l.high && x.is_finite(), "{l}: {x}");
         }
@@ -44,8 +44,8 @@ proptest! {
 
     #[test]
     fn what_is_written_is_read_again(a in -1e9..1e9f64, b in -1e9..1e9f64, seed in 0..100u64) {
-        let ours = Law { low: a.min(b), high: a.max(b) };
-        prop_assert_eq!(law(&ours.to_string()), Ok(ours));
+        let ours = Range { low: a.min(b), high: a.max(b) };
+        prop_assert_eq!(range(&ours.to_string()), Ok(ours));
         let x = ours.draw(&mut ChaCha8Rng::seed_from_u64(seed));
         prop_assert!(ours.low <= x && x <= ours.high, "{} from {}", x, ours);
     }
