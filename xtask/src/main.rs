@@ -2,7 +2,6 @@
 
 use std::process::ExitCode;
 
-use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
 use nerd_train::report::Provenance;
 
@@ -115,9 +114,7 @@ fn parse() -> Result<Verb, clap::Error> {
 fn main() -> ExitCode {
     let verb = match parse() {
         Ok(verb) => verb,
-        // Asked for help, or for nothing at all: the list of verbs.
-        Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
-        Err(error) => return refusals::end(&refusals::usage(&error)),
+        Err(error) => return refusals::unsaid(&error),
     };
     Provenance::begin();
     let done = match verb {

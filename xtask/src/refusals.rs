@@ -13,6 +13,14 @@ pub fn end(words: &str) -> ExitCode {
     ExitCode::from(2)
 }
 
+/// Ends where the command line says nothing that can be done. Who asks for help, or for nothing at all, sees the verbs.
+pub fn unsaid(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        error.exit();
+    }
+    end(&usage(error))
+}
+
 /// clap's message without its usage.
 pub fn usage(error: &clap::Error) -> String {
     let given = |kind| match error.get(kind) {
