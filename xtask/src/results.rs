@@ -45,7 +45,10 @@ pub fn run(args: ResultsArgs) -> Result<()> {
         None => list(&manifest),
         Some(Part::Check) => check(&manifest),
         Some(Part::Make { names, all }) => make(&manifest, &names, all),
-        Some(Part::Write) => fill(true).map(drop),
+        Some(Part::Write) => {
+            fill(true)?.iter().for_each(|words| eprintln!("{words}"));
+            Ok(())
+        }
         Some(Part::Redraw { names }) => {
             let records = manifest.artefact.iter().map(|entry| entry.name.clone()).filter(|name| drawn(name));
             let names = if names.is_empty() { records.collect() } else { names };
@@ -91,7 +94,13 @@ fn fill(write_them: bool) -> Result<Vec<String>> {
     let (mut marks, mut wrong) = (Marks::new(&results()), Vec::new());
     for path in documents(&root()) {
         let text = nerd_sim::files::read_text(&path).with_context(|| path.display().to_string())?;
-        let filled = marks.fill(&text).with_context(|| path.display().to_string())?;
+        let filled = match marks.fill(&text) {
+            Ok(filled) => filled,
+            Err(e) => {
+                wrong.push(format!("{}: {e}", path.display()));
+                continue;
+            }
+        };
         if filled != text {
             wrong.push(format!("{}: figures that its results do not have; `cargo xtask results write` mends it", path.display()));
         }

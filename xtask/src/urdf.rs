@@ -8,7 +8,7 @@ use nerd_sim::survey::{FRAMES, Surveyed, find, survey};
 use crate::common::bar;
 use nerd_train::report::artifact::Head;
 use nerd_train::report::table::digits;
-use nerd_train::report::{Inputs, Provenance, Table};
+use nerd_train::report::{Input, Inputs, Provenance, Table};
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]
@@ -54,7 +54,8 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     crate::out::tables(&tables);
     let Some(out) = args.out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), files.len() as f64);
-    Ok(Head { provenance, inputs: Inputs::default(), effort, tables, data: Default::default() }.write(&out, "urdfs")?)
+    let inputs = Inputs(vec![Input::files("URDFs", &files.iter().map(|found| found.path.clone()).collect::<Vec<_>>())?]);
+    Ok(Head { provenance, inputs, effort, tables, data: Default::default() }.write(&out, "urdfs")?)
 }
 
 fn row(robot: &Surveyed) -> Vec<String> {

@@ -85,12 +85,16 @@ impl Input {
     /// # Errors
     /// If it cannot be read.
     pub fn policy(folder: &Path) -> Result<Self> {
-        let mut all = Sha256::new();
-        for file in ["config.json", "policy.safetensors"] {
-            let path = folder.join(file);
-            all.update(std::fs::read(&path).map_err(Error::file(&path))?);
-        }
-        Ok(Self::Policy { folder: from_root(folder), sha256: hex(&all.finalize()) })
+        let files = ["config.json", "policy.safetensors"].map(|file| folder.join(file));
+        Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
+    }
+
+    /// Data in files from outside the repository, in this order.
+    ///
+    /// # Errors
+    /// If one of them cannot be read.
+    pub fn files(name: &str, files: &[PathBuf]) -> Result<Self> {
+        Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
     }
 
     /// A solver as it steps now.
@@ -168,6 +172,15 @@ impl Inputs {
         });
         changed.collect()
     }
+}
+
+/// Hash of files, one behind the other.
+fn of_files(files: &[PathBuf]) -> Result<String> {
+    let mut all = Sha256::new();
+    for path in files {
+        all.update(std::fs::read(path).map_err(Error::file(path))?);
+    }
+    Ok(hex(&all.finalize()))
 }
 
 /// Lower-case hex.
