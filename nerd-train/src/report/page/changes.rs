@@ -1,5 +1,6 @@
 //! What changed since the last committed results: figures with a standard error, against that.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
@@ -29,14 +30,14 @@ pub fn section(manifest: &Manifest, results: &Path) -> Result<Section> {
         else {
             continue;
         };
-        let (now, then) = (figures(&now, ""), figures(&then, ""));
+        let (now, then) = (counted(figures(&now, "")), counted(figures(&then, "")));
         for (at, value, error) in &now {
             let Some((_, old, old_error)) = then.iter().find(|(other, ..)| other == at) else { continue };
             compared += 1;
             let spread = error.hypot(*old_error);
             if (value - old).abs() > APART * spread {
                 let word = if value < old { "smaller" } else { "larger" };
-                let cells = [&entry.name, at, &digits(*old), &digits(*value), &digits(spread), word];
+                let cells = [&entry.name, &at.0, &digits(*old), &digits(*value), &digits(spread), word];
                 rows.push(cells.map(ToString::to_string).to_vec());
             }
         }
@@ -63,6 +64,17 @@ fn parse(text: &str) -> Option<Value> {
     serde_json::from_str(text).ok()
 }
 
+/// Several figures may be called the same; then they are told apart by their order.
+fn counted(figures: Vec<(String, f64, f64)>) -> Vec<((String, usize), f64, f64)> {
+    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    let mut count = |at: String| {
+        let n = seen.entry(at.clone()).or_default();
+        *n += 1;
+        (at, *n)
+    };
+    figures.into_iter().map(|(at, value, error)| (count(at), value, error)).collect()
+}
+
 /// Numbers that stand beside their standard errors, with where they stand.
 fn figures(value: &Value, at: &str) -> Vec<(String, f64, f64)> {
     let mut found = Vec::new();
@@ -79,7 +91,8 @@ fn figures(value: &Value, at: &str) -> Vec<(String, f64, f64)> {
         }
         Value::Array(all) => {
             for (k, inner) in all.iter().enumerate() {
-                let words = ["robot", "scene", "method", "task", "policy"].iter().filter_map(|key| inner[*key].as_str());
+                let words =
+                    ["robot", "scene", "method", "truth", "name", "task", "policy", "model"].iter().filter_map(|key| inner[*key].as_str());
                 let name = words.collect::<Vec<_>>().join(" ");
                 found.extend(figures(inner, &if name.is_empty() { format!("{at} {k}") } else { name }));
             }
@@ -92,6 +105,13 @@ fn figures(value: &Value, at: &str) -> Vec<(String, f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn figures_of_one_name_are_told_apart() {
+        let named = |x| ("ant".to_string(), x, 0.1);
+        let found = counted(vec![named(1.0), named(2.0)]);
+        assert_eq!(found.iter().map(|(at, ..)| at.1).collect::<Vec<_>>(), [1, 2], "{found:?}");
+    }
 
     #[test]
     fn figures_are_found_beside_their_standard_errors() {
