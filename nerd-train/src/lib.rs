@@ -1,5 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+/// Standard `eprintln!` panics where nobody reads.
+macro_rules! eprintln {
+    ($($text:tt)*) => { $crate::progress::tell(format_args!($($text)*)) };
+}
+
 pub mod best;
 pub mod bounds;
 pub mod checkpoint;

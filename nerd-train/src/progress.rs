@@ -1,10 +1,15 @@
 //! What a long command shows on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// A line on standard error. Nobody may read there (`2>&1 | head`), which ends no work.
+pub fn tell(text: std::fmt::Arguments) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
 
 /// Time between lines where there is no terminal.
 const EVERY: Duration = Duration::from_secs(20);

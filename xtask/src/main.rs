@@ -5,9 +5,12 @@ use std::process::ExitCode;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
 use nerd_train::report::Provenance;
 
-/// Standard `println!` panics where nobody reads.
+// Standard `println!` and `eprintln!` panic where nobody reads.
 macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
+}
+macro_rules! eprintln {
+    ($($text:tt)*) => { nerd_train::progress::tell(format_args!($($text)*)) };
 }
 
 mod campaign;

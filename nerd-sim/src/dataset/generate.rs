@@ -76,7 +76,7 @@ pub fn record(
             let now = &mut tau[env * joints..(env + 1) * joints];
             match &mut pilots[env] {
                 Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
-                None => drive.draw(batch.state(env), scales[env], &mut streams[env], now),
+                None => drive.draw(batch.state(env), scales[env].into(), &mut streams[env], now),
             }
             out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
             if points > 0 {

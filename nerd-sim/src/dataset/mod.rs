@@ -9,7 +9,7 @@ mod recording;
 mod shard;
 
 pub use config::GenerateConfig;
-pub use drive::Drive;
+pub use drive::{Drive, Effort};
 pub use generate::{generate, record};
 pub use manifest::Manifest;
 pub use pilot::{Act, Pilot};

@@ -1,5 +1,5 @@
 //! Passive motion: how far a solver drifts from the truth, from equal starts, without actions (paper 5.1; protocol of
-//! the reference system: starts from the reset law, mean over every step and every trajectory of the absolute
+//! the reference system: starts as the robot is reset, mean over every step and every trajectory of the absolute
 //! difference, endless angles wrapped; a position law holds its target, elsewhere there is no torque).
 //!
 //! Beside each figure stand two floors, predictors that know no dynamics: `hold` repeats the start, `glide` goes on
@@ -10,7 +10,6 @@ use std::sync::Arc;
 use nerd_sim::batch::Batch;
 use nerd_sim::control::Controller;
 use nerd_sim::dataset::Drive;
-use nerd_sim::instruments::glide;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
@@ -20,9 +19,10 @@ use serde::{Deserialize, Serialize};
 use crate::ranges::{OutOfRange, within};
 
 mod gaps;
+mod tally;
 
-use gaps::Gaps;
 pub use gaps::{differences, quantities, summary, summary_names};
+use tally::Tally;
 
 /// What to run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -126,19 +126,10 @@ pub fn watched(
         solver.reset(env);
     });
     let first = real.clone();
-    let gaps = Gaps::new(system);
-    let width = quantities(system).len();
+    let mut tally = Tally::new(system, n);
     let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
     let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
-    // Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold, of glide.
-    let mut sums = [vec![0.0; n * width], vec![0.0; n * width], vec![0.0; n * width]];
-    let mut curve = Vec::with_capacity(config.steps);
-    let (mut fastest, mut speeds) = ([0.0f64; 3], vec![[0.0f64; 3]; n]);
-    let (mut gone, mut failed): (Vec<Option<usize>>, Vec<Option<usize>>) = (vec![None; n], vec![None; n]);
-    // |difference| of a rollout that is gone, as it was when it went: it stays in the mean at that.
-    let mut last = vec![0.0; n * width];
-    let (mut gap, mut glided) = (vec![0.0; width], Vec::new());
     for step in 1..=config.steps {
         match config.action {
             Action::Limp => {}
@@ -151,67 +142,26 @@ pub fn watched(
             }
             Action::Random(factor) => {
                 for (env, rng) in streams.iter_mut().enumerate() {
-                    drive.draw(real.state(env), factor, rng, &mut torques[0][env * joints..(env + 1) * joints]);
+                    drive.draw(real.state(env), factor.into(), rng, &mut torques[0][env * joints..(env + 1) * joints]);
                 }
                 torques[1] = torques[0].clone();
             }
         }
         truth.step(&mut real, &torques[0])?;
         if let Err(error) = solver.step(&mut learned, &torques[1]) {
-            error.faults()?.iter().for_each(|fault| failed[fault.env] = failed[fault.env].or(Some(step)));
+            error.faults()?.iter().for_each(|fault| tally.fail(fault.env, step));
         }
         let time = step as f64 * system.frame_time;
-        let mut total = 0.0;
         for env in 0..n {
-            let (a, b, s) = (real.state(env), learned.state(env), first.state(env));
-            let row = env * width..(env + 1) * width;
-            let add = |sums: &mut Vec<f64>, gap: &[f64]| sums[row.clone()].iter_mut().zip(gap).for_each(|(s, g)| *s += g);
-            if gone[env].is_none() {
-                gaps.between(a, b, &mut last[row.clone()]);
-                let now = gaps.speeds(b);
-                speeds[env].iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
-            }
-            let now = gaps.speeds(a);
-            fastest.iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
-            total += last[row.clone()].iter().sum::<f64>();
-            add(&mut sums[0], &last[row.clone()]);
-            gaps.between(a, s, &mut gap);
-            add(&mut sums[1], &gap);
-            glided.clear();
-            glided.extend_from_slice(s);
-            glide(system, &mut glided, time);
-            gaps.between(a, &glided, &mut gap);
-            add(&mut sums[2], &gap);
-            if gone[env].is_none() && b.iter().any(|x| x.abs() > 1e5) {
-                gone[env] = Some(step);
-            }
-            if gone[env].is_some() {
+            if !tally.add(env, step, time, [real.state(env), learned.state(env), first.state(env)]) {
                 // Out of the way of overflow.
                 let held = first.state(env).to_vec();
                 learned.reset(env, &held);
                 solver.reset(env);
             }
         }
-        curve.push(total / (n * width) as f64);
+        tally.close();
         watch(step, &real, &learned);
     }
-    let mean = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(width).sum::<f64>() / (n * config.steps) as f64;
-    let spread = |k: usize| {
-        let m = mean(&sums[0], k);
-        let square = |s: &f64| (s / config.steps as f64 - m).powi(2);
-        (sums[0].iter().skip(k).step_by(width).map(square).sum::<f64>() / (n.max(2) - 1) as f64 / n as f64).sqrt()
-    };
-    let fast = |env: &usize| {
-        gone[*env].is_some() || failed[*env].is_some() || speeds[*env].iter().zip(fastest).any(|(v, most)| *v > 3.0 * most.max(1e-3))
-    };
-    Ok(PassiveReport {
-        error: (0..width).map(|k| mean(&sums[0], k)).collect(),
-        standard_error: (0..width).map(spread).collect(),
-        hold: (0..width).map(|k| mean(&sums[1], k)).collect(),
-        glide: (0..width).map(|k| mean(&sums[2], k)).collect(),
-        curve,
-        diverged: (0..n).filter(fast).count(),
-        first_divergence: gone.iter().chain(&failed).flatten().min().copied(),
-        failed: failed.iter().flatten().count(),
-    })
+    Ok(tally.report(config.steps))
 }

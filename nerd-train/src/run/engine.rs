@@ -13,6 +13,7 @@ use crate::prepare::Prepared;
 use crate::windows::Windows;
 
 /// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
+#[cfg_attr(not(feature = "cuda"), expect(unused_variables, reason = "only CUDA asks which network it is"))]
 pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<String> {
     match config.device {
         Device::Cpu => Ok("f32 on the CPU".into()),
@@ -22,7 +23,7 @@ pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<Str
             Ok(if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into())
         }
         #[cfg(not(feature = "cuda"))]
-        Device::Cuda => no_cuda(network),
+        Device::Cuda => no_cuda(),
     }
 }
 
@@ -50,11 +51,11 @@ pub fn engine(
             Ok(Box::new(CudaLearner::new(learner, precision, state, &data.windows, &validation)?))
         }
         #[cfg(not(feature = "cuda"))]
-        Device::Cuda => no_cuda(&state.weights.config),
+        Device::Cuda => no_cuda(),
     }
 }
 
 #[cfg(not(feature = "cuda"))]
-fn no_cuda<T>(network: &TransformerConfig) -> Result<T> {
-    crate::error::refuse!("--device cuda needs a build with `--features cuda`, of {} as of any network", network.embedding)
+fn no_cuda<T>() -> Result<T> {
+    crate::error::refuse!("--device cuda needs a build with `--features cuda`")
 }

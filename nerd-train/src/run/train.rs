@@ -96,6 +96,9 @@ impl Run {
         let _claim = claimed(out)?;
         let mut identity = self.identity();
         resume(out, &identity)?;
+        if self.config.finish && !out.join("best.safetensors").exists() {
+            refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
+        }
         let data = self.data()?;
         identity.transitions = data.training.windows.trajectories() * data.training.windows.frames;
         identity.data_sha256 = data.training.sha256.clone();

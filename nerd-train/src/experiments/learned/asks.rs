@@ -98,11 +98,11 @@ fn outside(case: &Case, maker: &Maker, factor: f64, drive: f64) -> Result<f64> {
         batch.state_mut(env)[nq..].iter_mut().for_each(|v| *v *= factor);
     }
     let (first, mut real, mut solvers) = (batch.clone(), batch.clone(), (case.truth.solver(&case.system), maker(&case.system)?));
-    let (mut rng, mut law, mut torques) = (stream(23, 0), Drive::new(&case.system), vec![0.0; STARTS * joints]);
+    let (mut rng, mut source, mut torques) = (stream(23, 0), Drive::new(&case.system), vec![0.0; STARTS * joints]);
     let (mut error, mut hold) = (0.0, 0.0);
     for _ in 0..50 {
         for env in 0..STARTS {
-            law.draw(real.state(env), drive, &mut rng, &mut torques[env * joints..(env + 1) * joints]);
+            source.draw(real.state(env), drive.into(), &mut rng, &mut torques[env * joints..(env + 1) * joints]);
         }
         solvers.0.step(&mut real, &torques)?;
         solvers.1.step(&mut batch, &torques)?;

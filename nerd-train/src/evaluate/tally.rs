@@ -1,0 +1,117 @@
+//! Sums over a rollout of what its report says.
+
+use std::sync::Arc;
+
+use nerd_sim::instruments::glide;
+use nerd_sim::system::System;
+
+use super::PassiveReport;
+use super::gaps::{Gaps, quantities};
+
+/// A coordinate beyond this (rad or m) is of a rollout that is gone.
+const GONE: f64 = 1e5;
+/// How many times the truth's largest speed is no speed of the robot any more.
+const FAST: f64 = 3.0;
+
+/// What has been seen so far of `n` rollouts.
+pub(super) struct Tally {
+    system: Arc<System>,
+    gaps: Gaps,
+    n: usize,
+    width: usize,
+    /// Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold, of glide.
+    sums: [Vec<f64>; 3],
+    /// |difference| of a rollout as it is, or, if it is gone, as it was when it went: it stays in the mean at that.
+    last: Vec<f64>,
+    /// Largest speeds: of the truth in any rollout, of the solver by rollout.
+    fastest: [f64; 3],
+    speeds: Vec<[f64; 3]>,
+    /// Steps at which rollouts went, and at which the solver could not go on with them.
+    gone: Vec<Option<usize>>,
+    failed: Vec<Option<usize>>,
+    curve: Vec<f64>,
+    gap: Vec<f64>,
+    glided: Vec<f64>,
+}
+
+impl Tally {
+    pub(super) fn new(system: &Arc<System>, n: usize) -> Self {
+        let width = quantities(system).len();
+        let zeros = || vec![0.0; n * width];
+        Self {
+            system: system.clone(),
+            gaps: Gaps::new(system),
+            n,
+            width,
+            sums: [zeros(), zeros(), zeros()],
+            last: zeros(),
+            fastest: [0.0; 3],
+            speeds: vec![[0.0; 3]; n],
+            gone: vec![None; n],
+            failed: vec![None; n],
+            curve: Vec::new(),
+            gap: vec![0.0; width],
+            glided: Vec::new(),
+        }
+    }
+
+    /// The solver could not go on with a rollout.
+    pub(super) fn fail(&mut self, env: usize, step: usize) {
+        self.failed[env] = self.failed[env].or(Some(step));
+    }
+
+    /// Adds a step of a rollout, its states those of the truth, the solver and the start; whether it is still there.
+    pub(super) fn add(&mut self, env: usize, step: usize, time: f64, [real, learned, first]: [&[f64]; 3]) -> bool {
+        let row = env * self.width..(env + 1) * self.width;
+        if self.gone[env].is_none() {
+            self.gaps.between(real, learned, &mut self.last[row.clone()]);
+            let now = self.gaps.speeds(learned);
+            self.speeds[env].iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
+        }
+        let now = self.gaps.speeds(real);
+        self.fastest.iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
+        let add = |sums: &mut Vec<f64>, gap: &[f64]| sums[row.clone()].iter_mut().zip(gap).for_each(|(s, g)| *s += g);
+        add(&mut self.sums[0], &self.last[row.clone()]);
+        self.gaps.between(real, first, &mut self.gap);
+        add(&mut self.sums[1], &self.gap);
+        self.glided.clear();
+        self.glided.extend_from_slice(first);
+        glide(&self.system, &mut self.glided, time);
+        self.gaps.between(real, &self.glided, &mut self.gap);
+        add(&mut self.sums[2], &self.gap);
+        if self.gone[env].is_none() && learned.iter().any(|x| x.abs() > GONE) {
+            self.gone[env] = Some(step);
+        }
+        self.gone[env].is_none()
+    }
+
+    /// Ends a step of all rollouts.
+    pub(super) fn close(&mut self) {
+        let total: f64 = self.last.chunks(self.width).map(|row| row.iter().sum::<f64>()).sum();
+        self.curve.push(total / (self.n * self.width) as f64);
+    }
+
+    /// What it comes to after so many steps.
+    pub(super) fn report(self, steps: usize) -> PassiveReport {
+        let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect::<Vec<f64>>();
+        let mean = |sums: &[f64], k: usize| of(sums, k).iter().sum::<f64>() / (self.n * steps) as f64;
+        let means = |sums: &[f64]| (0..self.width).map(|k| mean(sums, k)).collect::<Vec<_>>();
+        let spread = |k: usize| {
+            let m = mean(&self.sums[0], k);
+            let squares = of(&self.sums[0], k).into_iter().map(|s| (s / steps as f64 - m).powi(2));
+            (squares.sum::<f64>() / (self.n.max(2) - 1) as f64 / self.n as f64).sqrt()
+        };
+        let fast = |env: usize| self.speeds[env].iter().zip(self.fastest).any(|(v, most)| *v > FAST * most.max(1e-3));
+        let away = |env: &usize| self.gone[*env].is_some() || self.failed[*env].is_some() || fast(*env);
+        PassiveReport {
+            error: means(&self.sums[0]),
+            standard_error: (0..self.width).map(spread).collect(),
+            hold: means(&self.sums[1]),
+            glide: means(&self.sums[2]),
+            diverged: (0..self.n).filter(away).count(),
+            first_divergence: self.gone.iter().chain(&self.failed).flatten().min().copied(),
+            failed: self.failed.iter().flatten().count(),
+            curve: self.curve,
+        }
+    }
+}
