@@ -1,5 +1,5 @@
 //! Settings that a TOML file and a command line say with the same keys. Each key, with what it means, its range and its
-//! default, is written once, in [`settings!`]; whoever shows or reads them asks [`Settings::keys`].
+//! default, is written once, in `settings!`; whoever shows or reads them asks [`Settings::keys`].
 
 use std::ops::RangeInclusive;
 
@@ -99,7 +99,7 @@ impl Values {
     }
 }
 
-/// A struct of settings; [`settings!`] makes it.
+/// A struct of settings; `settings!` makes it.
 pub trait Settings: Default + Serialize + DeserializeOwned {
     /// All its keys.
     fn keys() -> Vec<&'static Key>;

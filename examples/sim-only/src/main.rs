@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use nerd_sim::nerd_core::dynamics::{Data, aba, kinematics, to_local, to_world};
 use nerd_sim::instruments::glide;
+use nerd_sim::nerd_core::dynamics::{Data, aba, kinematics, to_local, to_world};
 use nerd_sim::nerd_core::state::vector;
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{check, commit};

@@ -5,10 +5,11 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use cudarc::cublas::{self, CudaBlas, sys as blas};
-use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
+use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaStream, sys};
 use cudarc::nvrtc::{self, CompileOptions};
 
 use super::Precision;
+use super::graph::Graph;
 use crate::learner::LearnError;
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
@@ -186,13 +187,13 @@ impl Device {
     }
 
     /// Records what `work` gives to the streams as one graph.
-    pub fn capture(&self, work: impl FnOnce() -> Result<(), LearnError>) -> Result<CudaGraph, LearnError> {
+    pub fn capture(&self, work: impl FnOnce() -> Result<(), LearnError>) -> Result<Graph, LearnError> {
         let stream = self.stream(Lane::Main);
         stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
         let done = work();
         let graph = stream.end_capture(sys::CUgraphInstantiate_flags(0)).map_err(failed("graph capture"));
         done?;
-        graph?.ok_or_else(|| LearnError::Device("graph capture gave nothing".into()))
+        graph?.map(Graph::new).ok_or_else(|| LearnError::Device("graph capture gave nothing".into()))
     }
 
     /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.

@@ -1,11 +1,11 @@
 //! [`CudaForward`]: predictions of given weights, for rollouts of many trajectories at once.
 
-use cudarc::driver::CudaGraph;
 use nerd_model::transformer::{Forward, ForwardError, Positions, Weights};
 
 use super::Precision;
 use super::device::Arg::Ptr;
 use super::device::Buffer;
+use super::graph::Graph;
 use super::layout::Layout;
 use super::network::Network;
 use crate::learner::LearnError;
@@ -13,7 +13,7 @@ use crate::learner::LearnError;
 /// Inference on GPU 0.
 pub struct CudaForward {
     /// Passes by their number of windows: a few sizes, since the number asked for may change every frame.
-    graphs: Vec<(usize, CudaGraph)>,
+    graphs: Vec<(usize, Graph)>,
     network: Network,
     weights: Buffer<f32>,
     last: Buffer<u32>,
@@ -87,7 +87,7 @@ impl CudaForward {
             self.graphs.push((size, graph));
         }
         if let Some((_, graph)) = self.graphs.iter().find(|(n, _)| *n == size) {
-            graph.launch().map_err(super::device::failed("forward pass"))?;
+            graph.launch("forward pass")?;
         }
         let mut out = vec![0.0; windows * c.outputs];
         d.read(&self.predictions, &mut out)?;

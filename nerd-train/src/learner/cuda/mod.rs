@@ -8,6 +8,7 @@
 
 mod device;
 mod forward;
+mod graph;
 mod layout;
 mod muon;
 mod network;

@@ -1,11 +1,11 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
-use cudarc::driver::CudaGraph;
 use nerd_model::transformer::{ForwardError, Stream, Weights};
 
 use super::Precision;
 use super::device::Arg::{Int, Ptr};
 use super::device::Buffer;
+use super::graph::Graph;
 use super::layout::Layout;
 use super::network::Network;
 use crate::learner::LearnError;
@@ -13,7 +13,7 @@ use crate::learner::LearnError;
 /// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
 pub struct CudaStream {
     /// The pass over all environments, once captured.
-    graph: Option<CudaGraph>,
+    graph: Option<Graph>,
     network: Network,
     weights: Buffer<f32>,
     /// Keys and values `[layer][env][history][2 E]`.
@@ -91,7 +91,7 @@ impl CudaStream {
             self.network.device.wait()?;
             self.graph = Some(self.network.device.capture(|| self.pass())?);
         }
-        self.graph.as_ref().map_or(Ok(()), |graph| graph.launch().map_err(super::device::failed("forward pass")))
+        self.graph.as_ref().map_or(Ok(()), |graph| graph.launch("forward pass"))
     }
 
     /// Waits for the device.

@@ -4,12 +4,12 @@
 //! learning rate, bias corrections, decay of the average) lives in [`Scalars`] on the device, so nothing is asked
 //! of it while a run goes on.
 
-use cudarc::driver::CudaGraph;
 use nerd_model::transformer::Weights;
 
 use super::Precision;
 use super::device::Arg::{Double, Float, Int, Long, Ptr};
 use super::device::Buffer;
+use super::graph::Graph;
 use super::layout::Layout;
 use super::muon::{Muon, Vectors};
 use super::network::Network;
@@ -48,7 +48,7 @@ struct Data {
 
 /// The fused CUDA engine of the [`Learner`] trait.
 pub struct CudaLearner {
-    graph: CudaGraph,
+    graph: Graph,
     network: Network,
     config: LearnerConfig,
     lr: f32,
@@ -214,7 +214,7 @@ impl CudaLearner {
 impl Learner for CudaLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         self.set_lr(lr)?;
-        self.graph.launch().map_err(super::device::failed("update"))
+        self.graph.launch("update")
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
@@ -329,7 +329,7 @@ impl Step<'_> {
     }
 
     /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs.
-    fn capture(&self) -> Result<CudaGraph, LearnError> {
+    fn capture(&self) -> Result<Graph, LearnError> {
         self.gradient()?;
         self.network.device.wait()?;
         self.network.device.capture(|| self.all())
