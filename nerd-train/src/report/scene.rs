@@ -110,7 +110,7 @@ fn distance(replay: &Replay, poses: &[[f32; 7]]) -> f64 {
     let target = middle(poses);
     let size = |link: usize| replay.shapes.iter().filter(|s| s.link == link).flat_map(|s| s.size.iter().copied()).fold(0.0, f64::max);
     let reach = poses.iter().enumerate().map(|(link, p)| (origin(p) - target).norm() + size(link));
-    3.6 * reach.fold(0.05, f64::max) + 0.1
+    3.6 * reach.fold(0.14, f64::max) + 0.1
 }
 
 /// Draws a frame of one track of a replay; a track that is over stays at its end.
