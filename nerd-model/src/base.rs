@@ -1,4 +1,8 @@
-//! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight.
+//! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight, or after a draft
+//! of the frame.
+//!
+//! A draft ([`nerd_sim::articulated::Draft`]) is a substep or a few of our implicit dynamics, contacts and all: a model of it learns
+//! what the truth's many substeps change. It is asked in every frame.
 //!
 //! Flight is one frame of our articulated dynamics, joint limits and damping included, in a scene with nothing in it: as the
 //! truth flies, which is at the reference simulator's settings or, for a truth that is another engine, exactly (its own error
@@ -10,11 +14,11 @@ use std::sync::Arc;
 
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
-use nerd_sim::articulated::{Articulated, ArticulatedConfig, Friction};
+use nerd_sim::articulated::{Articulated, ArticulatedConfig, Draft, Friction};
 use nerd_sim::batch::{Batch, contacts};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
-use nerd_sim::system::System;
+use nerd_sim::system::{System, SystemError};
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +33,8 @@ pub enum Base {
     Flight,
     /// The state after a frame of flight by Runge-Kutta: the residual form for other engines.
     ExactFlight,
+    /// The state after a draft of so many substeps.
+    Draft(usize),
     /// Nothing: the prediction is the next state itself, endless angles continued from the token's (paper A.3.3.3, to be
     /// compared with).
     Nothing,
@@ -38,9 +44,22 @@ impl Base {
     /// The flight nearest to a truth's own, what the residual form adds to.
     pub fn flight_of(truth: Truth) -> Self {
         match truth {
-            Truth::Articulated => Self::Flight,
+            Truth::Paper => Self::Flight,
             _ => Self::ExactFlight,
         }
+    }
+
+    /// Whether predictions are added to a motion, not to the state before it.
+    pub fn moves(self) -> bool {
+        self.flies() || matches!(self, Self::Draft(_))
+    }
+
+    /// Drafts that predictions are added to, if any.
+    ///
+    /// # Errors
+    /// If the system cannot be stepped.
+    pub fn draft(self, system: &System) -> Option<Result<Draft, SystemError>> {
+        if let Self::Draft(substeps) = self { Some(Draft::new(system, substeps)) } else { None }
     }
 
     /// Whether predictions are added to a frame of flight.
@@ -51,7 +70,7 @@ impl Base {
     /// The flight that predictions are added to, if any.
     pub fn flight(self, system: &Arc<System>) -> Option<Flight> {
         let config = match self {
-            Self::State | Self::Nothing => return None,
+            Self::State | Self::Nothing | Self::Draft(_) => return None,
             Self::Flight => ArticulatedConfig::paper(system, Friction::Coulomb),
             Self::ExactFlight => ArticulatedConfig::converged(Friction::Coulomb),
         };

@@ -5,6 +5,7 @@
 //! quantities masked to zero beyond `xi`; of any other robot: `[state, torques]`. A scene pays only for what it has.
 //! Where predictions are added to a frame of flight ([`Base::Flight`]) a token also says how far flight carries each contact
 //! point (3 C, m, masked likewise), since what contact adds depends first on that, and kinematics is hard to learn.
+//! Where they are added to a draft ([`Base::Draft`]) it also says, last, what the draft changes, in the form of a target.
 //! The target is the change over the frame from its base ([`Base`]), seen from the frame of the token: additive
 //! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
 //!
@@ -49,8 +50,9 @@ impl Features {
     /// Width of a token.
     pub fn inputs(system: &System, form: impl Into<Form>) -> usize {
         let Form { base, view } = form.into();
-        let plain = system.robot.state_dim() + system.robot.joint_count();
-        let a_point = if base.flies() { 10 } else { 7 };
+        let drafted = if matches!(base, Base::Draft(_)) { system.robot.state_dim() } else { 0 };
+        let plain = system.robot.state_dim() + system.robot.joint_count() + drafted;
+        let a_point = if base.moves() { 10 } else { 7 };
         if Self::situated(system) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
 
@@ -84,6 +86,10 @@ impl Features {
         out: &mut [f32],
     ) {
         let d = state.len();
+        let (out, drafted) = out.split_at_mut(out.len() - if matches!(self.form.base, Base::Draft(_)) { d } else { 0 });
+        if !drafted.is_empty() {
+            self.change(state, state, base, drafted);
+        }
         if !Self::situated(&self.system) {
             cast(state, &mut out[..d]);
             cast(torques, &mut out[d..]);
@@ -91,7 +97,7 @@ impl Features {
         }
         let frame = self.frame(state);
         let system = self.system.clone();
-        if self.form.base.flies() && self.form.view != View::Blind {
+        if self.form.base.moves() && self.form.view != View::Blind {
             self.carry(state, base);
         }
         frame.state_in(&system.robot, state, &mut self.near);
@@ -156,6 +162,11 @@ impl Features {
 
     /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`.
     pub fn target(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
+        self.change(state, base, next, out);
+    }
+
+    /// The change from one state to another in the frame of the first.
+    fn change(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
         let system = self.system.clone();
         let robot = &system.robot;
         let frame = self.place(state);

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::articulated::Draft;
 use nerd_sim::solver::Fault;
-use nerd_sim::system::System;
+use nerd_sim::system::{System, SystemError};
 
-use crate::base::{Flight, may_touch};
+use crate::base::may_touch;
 use crate::features::Features;
 use crate::folder::Model;
 
@@ -18,17 +19,22 @@ pub(crate) struct Frame {
     data: Data,
     events: Vec<ContactEvent>,
     far: Vec<ContactEvent>,
+    draft: Option<Draft>,
     change: Vec<f64>,
     base: Vec<f64>,
+    /// Environments of which there is no draft.
+    pub lost: Vec<Fault>,
     /// Environments of the frame that need the network.
     pub asked: Vec<usize>,
 }
 
 impl Frame {
     /// Memory for a model of `system`.
-    pub fn new(model: &Model, system: &Arc<System>) -> Self {
+    pub fn new(model: &Model, system: &Arc<System>) -> Result<Self, SystemError> {
         let d = system.robot.state_dim();
-        Self {
+        Ok(Self {
+            draft: model.config.base.draft(system).transpose()?,
+            lost: Vec::new(),
             features: Features::new(system, model.config.form()),
             data: Data::new(&system.robot),
             events: Vec::new(),
@@ -36,22 +42,25 @@ impl Frame {
             change: vec![0.0; d],
             base: vec![0.0; d],
             asked: Vec::new(),
-        }
+        })
     }
 
     /// Writes the normalised tokens of the environments from `first` on but for those that are set `aside`, and notes which of
-    /// them need the network.
+    /// them need the network. `next` are the bases of their predictions; drafts are made here.
     #[allow(clippy::too_many_arguments)]
     pub fn tell(
         &mut self,
         model: &Model,
         batch: &Batch,
-        flight: Option<&Flight>,
+        flies: bool,
         torques: &[f64],
         aside: &[Fault],
         first: usize,
         tokens: &mut [f32],
+        next: &mut [f64],
     ) {
+        self.lost.clear();
+        let d = batch.system.robot.state_dim();
         let (system, joints) = (&batch.system, batch.system.robot.joint_count());
         self.asked.clear();
         for (i, token) in tokens.chunks_exact_mut(model.config.network.inputs).enumerate() {
@@ -65,11 +74,16 @@ impl Frame {
             if !system.robot.contact_points.is_empty() {
                 contacts(system, scene, state, &mut self.data, &mut self.events);
             }
-            let base = flight.map_or(state, |f| f.state(env));
+            let base = &mut next[i * d..(i + 1) * d];
             let tau = &torques[env * joints..(env + 1) * joints];
+            if let Some(Err(reason)) = self.draft.as_mut().map(|draft| draft.step(system, &scene.gravity, &self.events, tau, base)) {
+                self.lost.push(Fault { env, frame: batch.frames[env], reason });
+                token.fill(0.0);
+                continue;
+            }
             self.features.token(state, base, &self.events, tau, &scene.gravity, token);
             model.normalizer.inputs.normalize(token);
-            if flight.is_none() || may_touch(system, scene, &self.events, base, &mut self.data, &mut self.far) {
+            if !flies || may_touch(system, scene, &self.events, base, &mut self.data, &mut self.far) {
                 self.asked.push(env);
             }
         }

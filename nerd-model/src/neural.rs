@@ -62,26 +62,30 @@ impl Neural {
     }
 
     /// Makes room for a batch, and forgets what was before a gap.
-    fn begin(&mut self, batch: &Batch) {
+    fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         let n = batch.len();
         if self.newest.len() != n {
             self.tokens = vec![0.0; n * self.model.config.network.inputs];
             self.newest = vec![u64::MAX - 1; n];
         }
-        self.frames.resize_with(n.div_ceil(CHUNK), || Frame::new(&self.model, &batch.system));
+        while self.frames.len() < n.div_ceil(CHUNK) {
+            self.frames.push(Frame::new(&self.model, &batch.system).map_err(|e| StepError::Solver(e.to_string()))?);
+        }
+        self.frames.truncate(n.div_ceil(CHUNK));
         for (env, (newest, frame)) in self.newest.iter_mut().zip(&batch.frames).enumerate() {
             if *frame == 0 || *newest + 1 != *frame {
                 self.network.clear(env);
             }
             *newest = *frame;
         }
+        Ok(())
     }
 }
 
 impl Solver for Neural {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         check(batch, torques, &mut self.faults)?;
-        self.begin(batch);
+        self.begin(batch)?;
         if let Some(Err(error)) = self.flight.as_mut().map(|flight| flight.step(&batch.states, &batch.scenes, torques)) {
             for fault in error.faults()? {
                 if self.faults.iter().all(|known| known.env != fault.env) {
@@ -89,18 +93,23 @@ impl Solver for Neural {
                 }
             }
         }
-        let (model, flight, before, network) = (&self.model, self.flight.as_ref(), &*batch, self.model.config.network);
-        let aside = &self.faults;
-        let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(&mut self.frames).enumerate();
-        chunks.for_each(|(i, (tokens, frame))| frame.tell(model, before, flight, torques, aside, i * CHUNK, tokens));
+        self.next.clear();
+        self.next.extend_from_slice(self.flight.as_ref().map_or(&batch.states, |f| f.states()));
+        let (model, flies, before, network) = (&self.model, self.flight.is_some(), &*batch, self.model.config.network);
+        let (d, aside) = (network.outputs, &self.faults);
+        let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(self.next.par_chunks_mut(CHUNK * d)).zip(&mut self.frames);
+        chunks.enumerate().for_each(|(i, ((tokens, next), frame))| {
+            frame.tell(model, before, flies, torques, aside, i * CHUNK, tokens, next);
+        });
         self.asked.clear();
-        self.frames.iter().for_each(|frame| self.asked.extend_from_slice(&frame.asked));
+        for frame in &mut self.frames {
+            self.asked.extend_from_slice(&frame.asked);
+            self.faults.append(&mut frame.lost);
+        }
 
         self.network.push(&self.tokens, &self.asked, &mut self.predictions).map_err(|e| StepError::Solver(e.to_string()))?;
 
-        self.next.clear();
-        self.next.extend_from_slice(flight.map_or(&batch.states, |f| f.states()));
-        let (d, asked, predictions) = (network.outputs, &self.asked, &self.predictions);
+        let (asked, predictions) = (&self.asked, &self.predictions);
         let chunks = self.next.par_chunks_mut(CHUNK * d).zip(&mut self.frames).enumerate();
         chunks.for_each(|(i, (next, frame))| {
             let row = asked.partition_point(|env| *env < i * CHUNK);

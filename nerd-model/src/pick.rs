@@ -30,7 +30,9 @@ pub enum Setting {
     Euler(usize),
     /// `articulated` with the implicit contact step.
     Implicit(usize),
-    /// `articulated` at the reference simulator's settings, the truth of the shipped models.
+    /// `articulated` with the robot's own substeps, the truth of the shipped models.
+    Accurate,
+    /// `articulated` at the reference simulator's settings, the truth of models of robots `NAME-paper`.
     Paper,
     /// rapier with so many iterations inside one outer step.
     Rapier(usize),
@@ -47,6 +49,7 @@ impl Setting {
             Self::Rk4(_) => "articulated RK4",
             Self::Euler(_) => "articulated symplectic Euler",
             Self::Implicit(_) => "articulated implicit",
+            Self::Accurate => "articulated, preset accurate",
             Self::Paper => "articulated, preset paper",
             Self::Rapier(_) => "rapier, iterations of 1 step",
             Self::RapierSteps(_) => "rapier, steps of 4 iterations",
@@ -58,7 +61,7 @@ impl Setting {
     pub fn substeps(&self) -> Option<usize> {
         match self {
             Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
-            Self::Paper | Self::Neural(_) => None,
+            Self::Accurate | Self::Paper | Self::Neural(_) => None,
         }
     }
 
@@ -69,6 +72,7 @@ impl Setting {
             Self::Rk4(n) => Some(ArticulatedConfig { substeps: *n, ..ArticulatedConfig::converged(friction) }),
             Self::Euler(n) => Some(ArticulatedConfig::explicit(*n, friction)),
             Self::Implicit(n) => Some(ArticulatedConfig::implicit(*n, friction)),
+            Self::Accurate => Some(ArticulatedConfig::accurate(system)),
             Self::Paper => Some(ArticulatedConfig::paper(system, friction)),
             Self::Rapier(_) | Self::RapierSteps(_) | Self::Neural(_) => None,
         }
@@ -100,6 +104,7 @@ impl fmt::Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) => write!(f, "{} x{n}", self.series()),
+            Self::Accurate => f.write_str("articulated accurate"),
             Self::Paper => f.write_str("articulated paper"),
             Self::Rapier(n) => write!(f, "rapier 1x{n}"),
             Self::RapierSteps(n) => write!(f, "rapier {n}x4"),
@@ -114,7 +119,8 @@ impl From<Truth> for Setting {
         match truth {
             #[cfg(feature = "rapier")]
             Truth::Rapier => Self::RapierSteps(Truth::rapier().steps),
-            _ => Self::Paper,
+            Truth::Paper => Self::Paper,
+            _ => Self::Accurate,
         }
     }
 }

@@ -10,8 +10,9 @@ use sha2::{Digest, Sha256};
 use crate::system::System;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
-const ELSEWHERE: [&str; 11] = [
+const ELSEWHERE: [&str; 12] = [
     "urdf",
+    "truth",
     "floating",
     "frame_time",
     "gravity",

@@ -1,14 +1,20 @@
 //! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused, and numbers outside the ranges of
 //! `validate.rs`, which says them by key.
+//!
+//! `like = "ant"` takes all keys that a file leaves out from that of a built-in robot: `ant-paper`, the Ant as the reference
+//! simulator has it, is a few lines.
 
 use std::collections::BTreeMap;
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
+use toml::Table;
 
 use crate::articulated::Refresh;
 use crate::range::{Range, number};
 use crate::scene::Material;
+use crate::system::System;
+use crate::truth::Truth;
 
 /// One file.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -24,9 +30,12 @@ pub struct Spec {
     /// Gravity (m/s^2), world axes.
     #[serde(deserialize_with = "exactly")]
     pub gravity: [f64; 3],
-    /// Substeps of the reference simulator in one frame.
+    /// What models of this robot learn, unless they are told otherwise.
+    #[serde(default)]
+    pub truth: Truth,
+    /// Substeps of a frame, of presets `accurate` and `paper` alike.
     pub substeps: usize,
-    /// When the reference simulator renews the mass matrix.
+    /// When preset `paper` renews the mass matrix.
     #[serde(default)]
     pub refresh: Refresh,
     /// Names of the state's columns in tables, `q` then `qd`; made from the joints' names if empty.
@@ -61,10 +70,35 @@ pub struct Spec {
 }
 
 impl Spec {
+    /// From the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read(text: &str) -> Result<Self, String> {
+        let Some(table) = merged(text)? else { return toml::from_str(text).map_err(|e| e.to_string()) };
+        Self::deserialize(table).map_err(|e| e.to_string())
+    }
+
     /// One control frame (s); NaN if `frame_time` is no number.
     pub fn seconds(&self) -> f64 {
         number(&self.frame_time).unwrap_or(f64::NAN)
     }
+}
+
+/// A file that is like a built-in robot's, with the keys that it leaves out; none if it is like no other.
+fn merged(text: &str) -> Result<Option<Table>, String> {
+    let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
+    let Some(like) = own.remove("like") else { return Ok(None) };
+    let known = like.as_str().and_then(System::texts);
+    let Some((other, _)) = known else { return Err(format!("like = {like}: known are {}", System::built_in().join(", "))) };
+    let mut all = match merged(other)? {
+        Some(all) => all,
+        None => toml::from_str(other).map_err(|e| e.to_string())?,
+    };
+    // The other's URDF is its own.
+    all.remove("urdf");
+    all.extend(own);
+    Ok(Some(all))
 }
 
 /// What is said of a joint.

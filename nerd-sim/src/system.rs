@@ -23,13 +23,18 @@ macro_rules! built_in {
     };
 }
 
-const BUILT_IN: [(&str, &str, &str); 7] = built_in! {
+const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
     "cartpole", "cartpole";
     "pendulum", "pendulum";
     "cube", "cube";
     "franka", "franka";
     "ant", "ant";
     "anymal", "anymal";
+    "cartpole-paper", "cartpole";
+    "pendulum-paper", "pendulum";
+    "cube-paper", "cube";
+    "franka-paper", "franka";
+    "ant-paper", "ant";
     "anymal-paper", "anymal-paper";
 };
 
@@ -118,8 +123,7 @@ impl System {
     /// known, and `urdf` in the specification means nothing.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         let Some(text) = spec else { return Self::bare(name, urdf, false) };
-        let spec = toml::from_str::<Spec>(text);
-        let spec = spec.map_err(|e| SystemError::Spec(name.into(), e.to_string().trim().replace('\n', " ")))?;
+        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
         let robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         Self::new(name, robot, spec, true)
     }
@@ -305,6 +309,7 @@ fn plain(robot: &Robot) -> Spec {
         floating: robot.floating(),
         frame_time: "1/60".into(),
         gravity: [0.0, 0.0, -9.81],
+        truth: Default::default(),
         substeps: 16,
         refresh: Default::default(),
         state_columns: Vec::new(),

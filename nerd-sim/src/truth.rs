@@ -10,9 +10,12 @@ use crate::prelude::*;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Truth {
-    /// `articulated`, preset `paper`, Coulomb friction: the reference simulator's method.
+    /// `articulated`, preset `accurate`: implicit contact, as many substeps as the robot asks for.
     #[default]
     Articulated,
+    /// `articulated`, preset `paper`, Coulomb friction: the reference simulator's method. Meant for robots `NAME-paper`, which
+    /// have its materials and substeps.
+    Paper,
     /// rapier's multibodies, 16 steps of 4 iterations a frame.
     #[cfg(feature = "rapier")]
     Rapier,
@@ -43,6 +46,7 @@ impl Truth {
     /// All of them.
     pub const ALL: &[Self] = &[
         Self::Articulated,
+        Self::Paper,
         #[cfg(feature = "rapier")]
         Self::Rapier,
     ];
@@ -50,7 +54,8 @@ impl Truth {
     /// As cards and shards have it.
     pub fn name(self) -> String {
         match self {
-            Self::Articulated => "articulated paper coulomb".into(),
+            Self::Articulated => "articulated accurate".into(),
+            Self::Paper => "articulated paper coulomb".into(),
             #[cfg(feature = "rapier")]
             Self::Rapier => format!("rapier {STEPS} steps {ITERATIONS} iterations"),
         }
@@ -68,7 +73,8 @@ impl Truth {
     /// The solver itself.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
         match self {
-            Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
+            Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::accurate(system))),
+            Self::Paper => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
             #[cfg(feature = "rapier")]
             Self::Rapier => Box::new(Rapier::new(Self::rapier())),
         }

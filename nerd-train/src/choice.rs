@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use nerd_model::base::Base;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::{Setting, pick};
 use nerd_sim::prelude::*;
@@ -61,7 +62,7 @@ impl Choice {
             Self::Neural { folder, .. } => Some(Setting::Neural(folder.clone())),
             Self::Articulated(config) => {
                 let n = config.contact_substeps;
-                let known = [Setting::Paper, Setting::Implicit(n), Setting::Euler(n), Setting::Rk4(config.substeps)];
+                let known = [Setting::Accurate, Setting::Paper, Setting::Implicit(n), Setting::Euler(n), Setting::Rk4(config.substeps)];
                 known.into_iter().find(|s| s.articulated(system).as_ref() == Some(config))
             }
             Self::Rapier(config) if *config == RapierConfig::substeps(config.iterations) => Some(Setting::Rapier(config.iterations)),
@@ -160,6 +161,10 @@ fn config_words(config: &ArticulatedConfig) -> String {
 
 /// Form and size of a model, for tables and legends.
 pub fn describe(model: &ModelConfig) -> String {
-    let form = if model.base.flies() { "on flight" } else { "paper's form" };
+    let form = match model.base {
+        Base::Flight | Base::ExactFlight => "on flight".into(),
+        Base::Draft(n) => format!("on a draft x{n}"),
+        Base::State | Base::Nothing => "paper's form".to_string(),
+    };
     format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)
 }

@@ -29,9 +29,11 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
     let mut y = vec![0.0; recording.trajectories * f * outputs];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate();
     rows.try_for_each_init(
-        || (Features::new(system, form), form.base.flight(system)),
-        |(features, flight), (trajectory, (x, y))| {
+        || (Features::new(system, form), form.base.flight(system), form.base.draft(system)),
+        |(features, flight, draft), (trajectory, (x, y))| {
             let row = Row::of(system, recording, trajectory);
+            let lost = |reason: String| DatasetError::Config(format!("trajectory {trajectory}: {reason}"));
+            let mut drafted = row.states.to_vec();
             let bases = match flight {
                 None => row.states,
                 Some(flight) => {
@@ -44,7 +46,15 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
             };
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * outputs..][..outputs]);
-                row.frame(system, recording, frame, &bases[frame * outputs..][..outputs], features, x, y);
+                let events = row.events(recording, frame, system.robot.contact_points.len());
+                let mut base = &bases[frame * outputs..][..outputs];
+                if let Some(draft) = draft {
+                    let draft = draft.as_mut().map_err(|e| lost(e.to_string()))?;
+                    let to = &mut drafted[frame * outputs..][..outputs];
+                    draft.step(system, &row.gravity, &events, row.torques(frame, system.robot.joint_count()), to).map_err(lost)?;
+                    base = to;
+                }
+                row.frame(system, frame, base, &events, features, x, y);
             }
             Ok(())
         },
@@ -71,19 +81,8 @@ impl<'a> Row<'a> {
         }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn frame(
-        &self,
-        system: &System,
-        recording: &Recording,
-        frame: usize,
-        base: &[f64],
-        features: &mut Features,
-        x: &mut [f32],
-        y: &mut [f32],
-    ) {
-        let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-        let (state, next) = (&self.states[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
+    /// Contacts at the start of a frame.
+    fn events(&self, recording: &Recording, frame: usize, points: usize) -> Vec<ContactEvent> {
         let row = self.trajectory * recording.frames + frame;
         let event = |k: usize| {
             let i = row * points + k;
@@ -92,8 +91,27 @@ impl<'a> Row<'a> {
             // The point on the robot follows from the rest and is no input of the network.
             ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
         };
-        let events: Vec<_> = (0..points).map(event).collect();
-        features.token(state, base, &events, &self.torques[frame * joints..][..joints], &self.gravity, x);
+        (0..points).map(event).collect()
+    }
+
+    fn torques(&self, frame: usize, joints: usize) -> &'a [f64] {
+        &self.torques[frame * joints..][..joints]
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn frame(
+        &self,
+        system: &System,
+        frame: usize,
+        base: &[f64],
+        events: &[ContactEvent],
+        features: &mut Features,
+        x: &mut [f32],
+        y: &mut [f32],
+    ) {
+        let d = system.robot.state_dim();
+        let (state, next) = (&self.states[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
+        features.token(state, base, events, self.torques(frame, system.robot.joint_count()), &self.gravity, x);
         features.target(state, base, next, y);
     }
 }

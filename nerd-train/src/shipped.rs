@@ -30,7 +30,7 @@ pub fn models() -> PathBuf {
 /// Folder of the model of a robot that comes with the project: `models/ROBOT`, of rapier `models/ROBOT-rapier`.
 pub fn model(truth: Truth, robot: &str) -> PathBuf {
     models().join(match truth {
-        Truth::Articulated => robot.to_string(),
+        Truth::Articulated | Truth::Paper => robot.to_string(),
         Truth::Rapier => format!("{robot}-rapier"),
         _ => format!("{robot}-{}", truth.name()),
     })

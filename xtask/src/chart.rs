@@ -12,7 +12,7 @@ use crate::numbers::{FRAMES, SEEDS, STARTS, SUBSTEPS, count};
 /// Draw speed against accuracy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ChartArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills

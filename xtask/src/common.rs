@@ -17,4 +17,4 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static
 /// Words for [`Device`].
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
 /// Words for [`nerd_sim::truth::Truth`].
-pub const TRUTHS: &[&str] = &["articulated", "rapier"];
+pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];

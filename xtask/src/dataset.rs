@@ -16,7 +16,7 @@ use crate::numbers::{TRANSITIONS, count};
 /// Record random trajectories.
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     #[command(flatten)]

@@ -17,7 +17,7 @@ use crate::solvers::SolverArgs;
 /// Measure a solver against the truth.
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Scenes, comma-separated [default: all of the robot's]

@@ -28,7 +28,7 @@ OUT has traj, step and the state, in f64 with as many digits as it takes.";
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = TABLES)]
 pub struct RolloutArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
     #[arg(long)]
     pub robot: String,
     /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills

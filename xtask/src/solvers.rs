@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_sim::prelude::*;
 use nerd_train::choice::Choice;
 use nerd_train::shipped;
@@ -18,11 +18,11 @@ pub struct SolverArgs {
     /// Solver: articulated, rapier or neural [default: articulated]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
-    /// Settings of `articulated`: `paper` (the reference simulator's) or `converged`; with `neural`, those that its model must
-    /// have learned [default: paper]
+    /// Settings of `articulated`: `accurate` (what models learn), `paper` (the reference simulator's, for robots NAME-paper) or
+    /// `converged` (as accurate as can be) [default: that of the robot's own truth]
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
-    /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8); with `neural`, as --preset [default: coulomb]
+    /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8) [default: coulomb]
     #[arg(long, value_enum)]
     pub friction: Option<FrictionName>,
     /// Substeps a frame, in place of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
@@ -30,7 +30,7 @@ pub struct SolverArgs {
     #[arg(long, value_parser = count::<usize>(SUBSTEPS))]
     pub substeps: Option<usize>,
     /// Truth that the model of `neural` must have learned, and that `evaluate` holds a solver against [default: the
-    /// model's, else articulated]
+    /// model's, else the robot's own]
     #[arg(long, value_parser = word::<Truth>(TRUTHS))]
     pub truth: Option<Truth>,
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
@@ -57,12 +57,13 @@ pub enum SolverName {
 }
 
 /// Presets of `articulated`.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
+    /// What models learn.
+    Accurate,
     /// The reference simulator's settings.
-    #[default]
     Paper,
-    /// The accurate ones.
+    /// As accurate as can be.
     Converged,
 }
 
@@ -97,7 +98,9 @@ impl SolverArgs {
         Ok(match solver {
             SolverName::Articulated => {
                 let law = if self.friction.unwrap_or_default() == FrictionName::Huber { Friction::Huber } else { Friction::Coulomb };
-                let mut config = match self.preset.unwrap_or_default() {
+                let own = if system.spec.truth == Truth::Paper { Preset::Paper } else { Preset::Accurate };
+                let mut config = match self.preset.unwrap_or(own) {
+                    Preset::Accurate => ArticulatedConfig { friction: law, ..ArticulatedConfig::accurate(system) },
                     Preset::Paper => ArticulatedConfig::paper(system, law),
                     Preset::Converged => ArticulatedConfig::converged(law),
                 };
@@ -111,26 +114,10 @@ impl SolverArgs {
                 Choice::Rapier(self.substeps.map_or_else(RapierConfig::default, RapierConfig::substeps))
             }
             SolverName::Neural => {
-                unused(&[substeps], "with --solver neural, which has none")?;
-                let folder = self.model.clone().unwrap_or_else(|| shipped::model(self.truth.unwrap_or_default(), &system.name));
-                Choice::Neural { folder, truth: self.learned()?, device: self.device.unwrap_or(Device::Cpu) }
+                unused(&[substeps, preset, friction], "with --solver neural; --truth says what its model must have learned")?;
+                let folder = self.model.clone().unwrap_or_else(|| shipped::model(self.truth.unwrap_or(system.spec.truth), &system.name));
+                Choice::Neural { folder, truth: self.truth.map(Truth::name), device: self.device.unwrap_or(Device::Cpu) }
             }
         })
-    }
-
-    /// Name of the truth that a model must have learned, if the options say so.
-    fn learned(&self) -> Result<Option<String>> {
-        if self.preset.is_none() && self.friction.is_none() {
-            return Ok(self.truth.map(Truth::name));
-        }
-        let preset = if self.preset.unwrap_or_default() == Preset::Paper { "paper" } else { "converged" };
-        let law = if self.friction.unwrap_or_default() == FrictionName::Coulomb { "coulomb" } else { "huber" };
-        let asked = format!("articulated {preset} {law}");
-        match self.truth.map(Truth::name).filter(|name| *name != asked) {
-            Some(name) => {
-                bail!("--truth asks for a model of `{name}`, --preset and --friction for one of `{asked}`; leave one of them out")
-            }
-            None => Ok(Some(asked)),
-        }
     }
 }

@@ -74,7 +74,7 @@ impl Frame for Workspace {
         }
         // Dry friction is stiff at rest: the implicit step alone holds it.
         if robot.dry() || contact && config.contact_step == ContactStep::Implicit {
-            return self.implicit(system, scene, config, config.contact_substeps, state, tau);
+            return self.implicit(system, scene, config, config.contact_substeps, false, state, tau);
         }
         self.start.copy_from_slice(state);
         self.stiff.begin();
@@ -84,7 +84,7 @@ impl Frame for Workspace {
         // A damper, a limit or a friction was met that no explicit substep of this length can bear.
         state.copy_from_slice(&self.start);
         self.data.external.fill(Wrench::default());
-        self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), state, tau)
+        self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), false, state, tau)
     }
 }
 
@@ -166,6 +166,18 @@ impl Workspace {
             lost = self.events.iter().any(|e| e.distance.is_nan());
         }
         if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
+    }
+
+    /// Takes contacts as they were found elsewhere, one a point, all with the scene's only collider.
+    pub(super) fn face(&mut self, system: &System, scene: &Scene, events: &[ContactEvent]) {
+        self.materials.clear();
+        self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
+        self.events.clear();
+        self.owners.clear();
+        for (owner, event) in events.iter().enumerate().filter(|(_, e)| e.distance.is_finite()) {
+            self.events.push(ContactEvent { collider: 0, ..*event });
+            self.owners.push(owner);
+        }
     }
 
     /// Names the contact point and the collider between which there is no distance.

@@ -101,13 +101,15 @@ const PASSES: usize = 6;
 const SETTLED: f64 = 0.02;
 
 impl Workspace {
-    /// A frame of so many substeps.
+    /// A frame of so many substeps; contacts are looked for in each, or `held` as they were found before.
+    #[allow(clippy::too_many_arguments)]
     pub(super) fn implicit(
         &mut self,
         system: &System,
         scene: &Scene,
         config: &ArticulatedConfig,
         substeps: usize,
+        held: bool,
         state: &mut [f64],
         tau: &[f64],
     ) -> Result<(), String> {
@@ -119,7 +121,9 @@ impl Workspace {
         for substep in 0..substeps {
             drift(robot, q, qd, 0.5 * h);
             kinematics(robot, q, &mut self.data);
-            self.query(system, scene, qd, h, 0.0)?;
+            if !held {
+                self.query(system, scene, qd, h, 0.0)?;
+            }
             self.find(robot, scene, q, qd, h);
             crba(robot, &mut self.data);
             if substep == 0 {

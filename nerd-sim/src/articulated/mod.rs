@@ -3,9 +3,11 @@
 //! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
 //! Euler under the compliant contact of [`force`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). A frame
 //! in which a joint's damper or limit would be too stiff for an explicit substep is made of those, too, whatever the preset.
-//! Preset `paper` does what the reference simulator does; `converged` is the accurate one. An environment without collider or contact point runs no contact code.
+//! Preset `accurate` is what models and policies learn from, `paper` does what the reference simulator does, `converged` is as
+//! accurate as can be. An environment without collider or contact point runs no contact code.
 
 mod config;
+mod draft;
 pub mod force;
 mod frame;
 mod implicit;
@@ -13,4 +15,5 @@ mod solver;
 mod stiff;
 
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
+pub use draft::Draft;
 pub use solver::Articulated;

@@ -147,7 +147,11 @@ pub fn export(
         run.network.embedding,
         run.network.layers,
         run.network.history,
-        if run.base.flies() { "what contact adds to one frame of flight" } else { "one frame" },
+        match run.base {
+            Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight".into(),
+            Base::Draft(n) => format!("what a frame of {n} coarse substep{} lacks", if n == 1 { "" } else { "s" }),
+            Base::State | Base::Nothing => "one frame".into(),
+        },
         run.truth,
         run.trainer.updates,
         run.learner.batch,
@@ -159,6 +163,6 @@ pub fn export(
     card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
     // becomes 0.017): for that `cargo xtask light` rounds with more care.
-    let storage = if run.base.flies() { Storage::F16 } else { Storage::F32 };
+    let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
     Ok(Model { config, normalizer, weights }.save(folder, &card, storage)?)
 }

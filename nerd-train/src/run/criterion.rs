@@ -21,7 +21,7 @@ impl Run {
         let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
         // Flight has no error where there is nothing to touch.
         let scenes: Vec<&str> = match identity.base {
-            Base::State | Base::Nothing => system.usual_scenes().into_iter().take(2).collect(),
+            Base::State | Base::Nothing | Base::Draft(_) => system.usual_scenes().into_iter().take(2).collect(),
             Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
         };
         let mut total = 0.0;
@@ -29,7 +29,7 @@ impl Run {
             let (config, normalizer) = (model_config(identity, &Default::default()), normalizer.clone());
             let network = self.config.device.network(&weights, starts)?;
             let mut learned = Neural::new(Model { config, normalizer, weights: weights.clone() }, system, network);
-            let mut truth = self.config.record.truth.solver(system);
+            let mut truth = self.config.record.truth(system).solver(system);
             let report = passive(system, &system.scene(scene)?, &mut *truth, &mut learned, protocol, &mut |_| ())?;
             if report.failed > 0 {
                 // Where they stood when they failed says nothing of how far they would have gone.

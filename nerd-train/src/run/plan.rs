@@ -37,6 +37,9 @@ impl RunConfig {
         if self.epsilon.is_some() && self.from.is_some() {
             refuse!("--epsilon cannot be used with --from: the model it starts from has its own");
         }
+        if self.draft != Self::default().draft && self.base != BaseName::Draft {
+            refuse!("--draft means nothing without --base draft");
+        }
         if self.f32 && self.device != Device::Cuda {
             refuse!("--f32 means nothing without --device cuda");
         }
@@ -54,7 +57,8 @@ impl RunConfig {
                 "`{}` has nothing to touch: a frame of flight is its whole motion and needs no network; use --solver articulated",
                 self.robot
             ),
-            BaseName::Flight => Base::flight_of(self.record.truth),
+            BaseName::Flight => Base::flight_of(self.record.truth(system)),
+            BaseName::Draft => Base::Draft(self.draft),
         };
         self.variant.check(base)?;
         Ok(base)

@@ -123,7 +123,8 @@ impl Recipe {
         let mut last = None;
         for run in &self.runs {
             let done = run.out.join("model");
-            match Model::load(&done, &*System::named(&run.robot)?, Some(&run.record.truth.name())) {
+            let system = System::named(&run.robot)?;
+            match Model::load(&done, &system, Some(&run.record.truth(&system).name())) {
                 Ok(_) => {
                     last = Some(done);
                     continue;

@@ -21,8 +21,9 @@ use crate::shipped;
 settings! {
     /// What is recorded. The defaults are the paper's.
     pub struct RecordConfig {
-        /// What is recorded: articulated (the reference simulator's method) or rapier
-        truth: Truth = Truth::Articulated, Words(&["articulated", "rapier"]);
+        /// What is recorded: articulated (accurate), paper (the reference simulator's method) or rapier [default: the robot's own,
+        /// paper for robots NAME-paper, else articulated]
+        truth: Option<Truth> = None, Words(&["articulated", "paper", "rapier"]);
         /// Frames of a trajectory: few, and data has many starts and first contacts
         frames: usize = 100, Whole(FRAMES);
         /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
@@ -42,6 +43,11 @@ settings! {
 }
 
 impl RecordConfig {
+    /// What is recorded.
+    pub fn truth(&self, system: &System) -> Truth {
+        self.truth.unwrap_or(system.spec.truth)
+    }
+
     /// What the simulator is asked for, for so many transitions or up to a trajectory more; reads the policies.
     ///
     /// # Errors
@@ -89,7 +95,7 @@ impl RecordConfig {
         let config = self.of(system, transitions)?;
         let _claim = crate::run::claimed(folder)?;
         let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
-        let (mut solver, truth) = (self.truth.solver(system), self.truth.name());
+        let (mut solver, truth) = (self.truth(system).solver(system), self.truth(system).name());
         let tell = &mut |done: usize, _: usize| bar.set(done as u64);
         let manifest = nerd_sim::dataset::generate(system, &mut *solver, &truth, &config, folder, tell)?;
         bar.finish();
@@ -101,7 +107,7 @@ impl RecordConfig {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let done = AtomicUsize::new(0);
         let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-        let prepared = generate(system, &|| self.truth.solver(system), config, history, form, &tell)?;
+        let prepared = generate(system, &|| self.truth(system).solver(system), config, history, form, &tell)?;
         bar.finish();
         Ok(prepared)
     }

@@ -19,12 +19,15 @@ settings! {
         ..
         /// What it learns from; its keys stand beside the run's own.
         record: RecordConfig;
-        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, anymal-paper, or the path of a .urdf
+        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
         robot: String = String::new(), Text;
         /// Folder of the run; the same command continues it
         out: PathBuf = PathBuf::new(), Text;
-        /// What predictions are added to: state (the paper) or flight (one contact-free frame; the network is left with contact)
-        base: BaseName = BaseName::State, Words(&["state", "flight"]);
+        /// What predictions are added to: state (the paper), flight (one contact-free frame; the network is left with contact) or
+        /// draft (a coarse implicit step, contact and all; the network is left with what finer ones change)
+        base: BaseName = BaseName::State, Words(&["state", "flight", "draft"]);
+        /// Substeps of the draft with --base draft
+        draft: usize = 1, Whole(1..=64);
         /// NeRD, or one of the designs it is compared with (paper A.3.3)
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)
@@ -124,4 +127,6 @@ pub enum BaseName {
     State,
     /// The state after a frame without contact, as the truth flies it.
     Flight,
+    /// The state after a few coarse substeps.
+    Draft,
 }

@@ -133,7 +133,8 @@ impl Run {
 
     /// What decides the run's bytes, as far as it is known before its data is.
     fn identity(&self) -> Identity {
-        let RecordConfig { frames, torque_scale, hold, resets, truth, .. } = self.config.record;
+        let RecordConfig { frames, torque_scale, hold, resets, .. } = self.config.record;
+        let truth = self.config.record.truth(&self.system);
         Identity {
             robot: self.system.name.clone(),
             robot_sha256: self.system.robot_sha256(),
@@ -164,7 +165,7 @@ impl Run {
     fn data(&self) -> Result<Data> {
         let (record, sequence) = (&self.config.record, self.network.sequence());
         let mut training = match &self.config.data {
-            Some(folder) => read(&self.system, &record.truth.name(), folder, sequence, self.form)?,
+            Some(folder) => read(&self.system, &record.truth(&self.system).name(), folder, sequence, self.form)?,
             None => record.tokens(&self.system, &self.recording, sequence, self.form)?,
         };
         let (transitions, seed) = (VALIDATION.0.min(self.config.transitions), record.seed + VALIDATION.1);
@@ -190,7 +191,7 @@ impl Run {
         if self.config.fresh == 0 {
             return Ok(None);
         }
-        let (truth, of, data) = (self.config.record.truth, self.system.clone(), self.recording.clone());
+        let (truth, of, data) = (self.config.record.truth(&self.system), self.system.clone(), self.recording.clone());
         let shards = self.config.fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
         let (updates, history, form, normalizer) = (self.trainer.updates, self.network.sequence(), self.form, normalizer.clone());
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
@@ -274,7 +275,7 @@ impl Run {
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
-    let like = |form: Form| (form.view, form.base.flies());
+    let like = |form: Form| (form.view, form.base.flies(), form.base.moves());
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;

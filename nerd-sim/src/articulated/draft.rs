@@ -1,0 +1,53 @@
+//! A first draft of a frame, for who corrects it: a few implicit substeps in which every contact point meets the plane that it
+//! faced at the frame's start. It is cheap, stable and of second order, and it needs no scene but those contacts.
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+
+use super::frame::Workspace;
+use super::{ArticulatedConfig, Friction};
+use crate::parallel::Frame as _;
+use crate::scene::{Collider, Plane, Scene};
+use crate::system::{System, SystemError};
+
+/// Working memory of one environment at a time; nothing in it outlives a frame.
+pub struct Draft {
+    workspace: Workspace,
+    config: ArticulatedConfig,
+    scene: Scene,
+}
+
+impl Draft {
+    /// Drafts of so many substeps for a system, on the material of its data's scene.
+    ///
+    /// # Errors
+    /// If the system has no such scene, or cannot be stepped.
+    pub fn new(system: &System, substeps: usize) -> Result<Self, SystemError> {
+        let data = system.scene(system.spec.data_scene.as_deref().unwrap_or("free"))?;
+        let material = data.colliders.first().map_or(system.spec.material, |c| c.material);
+        let mut scene = Scene::free(system.gravity());
+        // Stands for whatever the points face.
+        scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
+        let workspace = Workspace::new(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
+        Ok(Self { workspace, config: ArticulatedConfig::implicit(substeps, Friction::Coulomb), scene })
+    }
+
+    /// Moves `state` by a frame under torques `tau` and `gravity` (m/s^2). `events` are those of the contact points in order,
+    /// found at `state`; far ones may be infinitely far.
+    ///
+    /// # Errors
+    /// Why it cannot be moved; the state is then nothing.
+    pub fn step(
+        &mut self,
+        system: &System,
+        gravity: &Vector3<f64>,
+        events: &[ContactEvent],
+        tau: &[f64],
+        state: &mut [f64],
+    ) -> Result<(), String> {
+        self.scene.gravity = *gravity;
+        self.workspace.face(system, &self.scene, events);
+        let (config, substeps) = (self.config, self.config.contact_substeps);
+        self.workspace.implicit(system, &self.scene, &config, substeps, true, state, tau)
+    }
+}
