@@ -11,6 +11,7 @@ use nerd_train::choice::Choice;
 use nerd_train::experiments::ablations::Ablations;
 use nerd_train::experiments::changes;
 use nerd_train::experiments::chart::{Chart, ChartSettings};
+use nerd_train::experiments::judges::Judges;
 use nerd_train::experiments::passive::{Case, Passive, Rows};
 use nerd_train::experiments::policies::Policies;
 use nerd_train::experiments::sweep::Sweep;
@@ -71,6 +72,8 @@ pub enum Part {
     Sweep(ConductArgs<Sweep>),
     /// The shipped policies in the truth and in the simulator that learned it
     Policies(ConductArgs<Policies>),
+    /// Every policy before judges that nobody trained on: twice the substeps, rapier, the reference's preset, MuJoCo
+    Judges(ConductArgs<Judges>),
     /// Policies' gaps by the size of the network they were trained in
     Transfer(ConductArgs<Transfer>),
 }
@@ -82,6 +85,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         Some(Part::Horizons(args)) => return horizons::run(args),
         Some(Part::Sweep(args)) => return args.run(),
         Some(Part::Policies(args)) => return args.run(),
+        Some(Part::Judges(args)) => return args.run(),
         Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }

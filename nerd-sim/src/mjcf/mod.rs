@@ -1,12 +1,14 @@
 //! A system as MJCF, MuJoCo's own text, and MuJoCo as a referee for those who have one.
 
 mod referee;
+mod solver;
 mod state;
 mod text;
 
 use std::path::PathBuf;
 
 pub use referee::{GONE, Played, Referee, Scheme};
+pub use solver::Mujoco;
 pub use state::{from_mujoco, to_mujoco};
 pub use text::mjcf;
 

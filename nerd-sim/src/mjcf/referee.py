@@ -3,7 +3,7 @@
 JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames` and `starts` as [qpos, qvel]; the answer is
 MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the
 answer is the states at frame ends as `states[frame][start]`, null once MuJoCo has given one up, and the `seconds` of the
-fastest run. A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end
+fastest run. Or it is one frame: states `from` which, joint `forces`, `substeps`; the answer is `states`. A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end
 where the recorded one did.
 """
 
@@ -41,8 +41,23 @@ def main():
         fine = all(abs(x) < 1e10 for x in values) and not any(data.warning[kind].number for kind in bad)
         return values if fine else None
 
+    def step(asked):
+        """One frame of some environments, each from its own state under its own joint forces."""
+        substeps, states = asked["substeps"], []
+        model.opt.timestep = request["frame_time"] / substeps
+        first = model.nv - len(asked["forces"][0]) if asked["forces"] else 0
+        for start, forces in zip(asked["from"], asked["forces"]):
+            begin(start)
+            data.qfrc_applied[first:] = forces
+            mujoco.mj_step(model, data, nstep=substeps)
+            states.append(state())
+        say({"states": states})
+
     for line in sys.stdin:
         setting = json.loads(line)
+        if "from" in setting:
+            step(setting)
+            continue
         substeps = setting["substeps"]
         model.opt.timestep = request["frame_time"] / substeps
         model.opt.integrator = getattr(mujoco.mjtIntegrator, "mjINT_" + setting["integrator"])

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use nerd_core::robot::Robot;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::{MjcfError, from_mujoco, mjcf, to_mujoco};
@@ -56,17 +57,27 @@ struct Setting {
 /// What it says.
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Answer {
+enum Said<A> {
     Error { error: String },
-    Version { version: String },
-    Played { states: Vec<Vec<Option<Vec<f64>>>>, seconds: f64 },
+    Answer(A),
+}
+
+#[derive(Deserialize)]
+struct Version {
+    version: String,
+}
+
+#[derive(Deserialize)]
+struct Rolled {
+    states: Vec<Vec<Option<Vec<f64>>>>,
+    seconds: f64,
 }
 
 /// MuJoCo at work on one model from the same starts, at one setting after another.
 pub struct Referee {
     /// MuJoCo's version.
     pub version: String,
-    robot: Robot,
+    pub(super) robot: Robot,
     child: Child,
     input: ChildStdin,
     output: BufReader<ChildStdout>,
@@ -89,9 +100,7 @@ impl Referee {
             return Err(cannot(std::io::Error::other("it has no pipes")));
         };
         let mut referee = Self { version: String::new(), robot, child, input, output: BufReader::new(output) };
-        let Answer::Version { version } = referee.ask(&request)? else {
-            return Err(MjcfError::Referee("MuJoCo does not say its version".into()));
-        };
+        let Version { version } = referee.ask(&request)?;
         referee.version = version;
         Ok(referee)
     }
@@ -101,24 +110,21 @@ impl Referee {
     /// # Errors
     /// What MuJoCo says, or that it has ended.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played, MjcfError> {
-        let answer = self.ask(&Setting { integrator, substeps, timed })?;
-        let Answer::Played { states, seconds } = answer else {
-            return Err(MjcfError::Referee("MuJoCo says something else than states".into()));
-        };
+        let Rolled { states, seconds } = self.ask(&Setting { integrator, substeps, timed })?;
         let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
     }
 
-    fn ask(&mut self, question: &impl Serialize) -> Result<Answer, MjcfError> {
+    pub(super) fn ask<A: DeserializeOwned>(&mut self, question: &impl Serialize) -> Result<A, MjcfError> {
         // One that has ended says why on its output.
         let question = serde_json::to_string(question).map_err(|e| MjcfError::Referee(format!("cannot ask MuJoCo: {e}")))?;
         let _ = writeln!(self.input, "{question}");
         let mut line = String::new();
         self.output.read_line(&mut line).map_err(|e| MjcfError::Referee(format!("cannot hear MuJoCo: {e}")))?;
         match serde_json::from_str(&line) {
-            Ok(Answer::Error { error }) => Err(MjcfError::Referee(error)),
-            Ok(answer) => Ok(answer),
+            Ok(Said::Error { error }) => Err(MjcfError::Referee(error)),
+            Ok(Said::Answer(answer)) => Ok(answer),
             Err(_) => Err(MjcfError::Referee("the Python of MuJoCo ended without an answer".into())),
         }
     }

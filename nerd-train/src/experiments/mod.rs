@@ -14,6 +14,7 @@ pub mod cost;
 pub mod games;
 pub mod grow;
 pub mod horizons;
+pub mod judges;
 pub mod learned;
 pub mod passive;
 pub mod policies;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::pick::Setting;
 use nerd_model::neural::Neural;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
@@ -24,6 +25,11 @@ pub enum Arena {
         /// Where its network is computed.
         device: Device,
     },
+    /// An analytic solver that nobody learned from. The reference simulator's preset acts on its own robot, `NAME-paper`.
+    Judge(Setting),
+    /// MuJoCo, run by this Python.
+    #[cfg(feature = "report")]
+    Mujoco(PathBuf),
 }
 
 impl Arena {
@@ -32,6 +38,9 @@ impl Arena {
         match self {
             Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
             Self::Model { .. } => "neural".into(),
+            Self::Judge(setting) => setting.to_string().replace(' ', "-"),
+            #[cfg(feature = "report")]
+            Self::Mujoco(_) => "mujoco".into(),
         }
     }
 
@@ -43,6 +52,9 @@ impl Arena {
         Ok(match self {
             Self::Truth(truth) => truth.name(),
             Self::Model { folder, .. } => format!("neural {} of {}", folder.display(), ModelConfig::read(folder)?.truth),
+            Self::Judge(setting) => setting.to_string(),
+            #[cfg(feature = "report")]
+            Self::Mujoco(_) => "MuJoCo".into(),
         })
     }
 
@@ -57,6 +69,7 @@ impl Arena {
                 let ModelConfig { truth, model_sha256, .. } = ModelConfig::read(folder)?;
                 format!("model {} of {truth}", model_sha256.get(..16).unwrap_or("without a hash"))
             }
+            _ => self.title()?,
         };
         Ok(format!("{solver}, robot {} {}", system.name, &system.sha256()[..16]))
     }
@@ -80,7 +93,10 @@ impl Arena {
     /// As [`Arena::episodes`].
     pub fn timed(&self, task: &str, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
         let task = named(task)?;
-        let system = System::named(task.robot())?;
+        let system = match self {
+            Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
+            _ => System::named(task.robot())?,
+        };
         if n == 0 {
             refuse!("at least one environment is needed");
         }
@@ -94,6 +110,9 @@ impl Arena {
                 let reach = model.config.network.reach();
                 (Box::new(Neural::new(model, &system, Box::new(network))), reach)
             }
+            Self::Judge(setting) => (setting.solver(&system)?, 0),
+            #[cfg(feature = "report")]
+            Self::Mujoco(python) => (Box::new(nerd_sim::mjcf::Mujoco::new(python, &system, &batch.scenes[0])?), 0),
         };
         let solver = Box::new(Timed(solver, clock.solver.clone()));
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
