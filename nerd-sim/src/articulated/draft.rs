@@ -1,5 +1,6 @@
 //! A first draft of a frame, for who corrects it: a few implicit substeps in which every contact point meets the plane that it
-//! faced at the frame's start. It is cheap, stable and of second order, and it needs no scene but those contacts.
+//! faced at the frame's start. It is cheap, stable and of second order, and it needs no scene but those contacts. A robot with
+//! nothing to touch is drafted by as many substeps of Runge-Kutta.
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
@@ -29,7 +30,8 @@ impl Draft {
         // Stands for whatever the points face.
         scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
         let workspace = Workspace::new(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
-        Ok(Self { workspace, config: ArticulatedConfig::implicit(substeps, Friction::Coulomb), scene })
+        let config = ArticulatedConfig { substeps, ..ArticulatedConfig::implicit(substeps, Friction::Coulomb) };
+        Ok(Self { workspace, config, scene })
     }
 
     /// Moves `state` by a frame under torques `tau` and `gravity` (m/s^2). `events` are those of the contact points in order,
@@ -46,6 +48,9 @@ impl Draft {
         state: &mut [f64],
     ) -> Result<(), String> {
         self.scene.gravity = *gravity;
+        if system.robot.contact_points.is_empty() {
+            return self.workspace.step(system, &self.scene, &self.config, state, tau);
+        }
         self.workspace.face(system, &self.scene, events);
         let (config, substeps) = (self.config, self.config.contact_substeps);
         self.workspace.implicit(system, &self.scene, &config, substeps, true, state, tau)
