@@ -63,7 +63,9 @@ pub fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
     }
     let (state, found) = crate::checkpoint::load(&path, &run.network)?;
     let mut found: serde_json::Value = serde_json::from_str(&found).map_err(Error::format(&path))?;
-    let asked = serde_json::to_value(run).map_err(Error::format(&path))?;
+    // Through a text, as what was found went: as values alone, numbers of four bytes are widened.
+    let asked = serde_json::to_string(run).map_err(Error::format(&path))?;
+    let asked: serde_json::Value = serde_json::from_str(&asked).map_err(Error::format(&path))?;
     if run.data_sha256.is_empty() {
         for key in ["data_sha256", "transitions"] {
             found[key] = asked[key].clone();
