@@ -30,8 +30,8 @@ macro_rules! shipped {
 }
 
 /// Shipped recipes by name.
-const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "cartpole" "pendulum" "pendulum-paper" "pendulum-small" "cube" "franka" "ant"
-    "anymal" "pendulum-rapier" "cube-rapier" "ant-rapier" "baseline");
+const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "cartpole" "pendulum" "cube" "franka" "ant"
+    "anymal" "ant-small" "anymal-small" "cartpole-paper" "pendulum-paper" "ant-paper" "baseline");
 
 /// Runs to be made one after the other.
 #[derive(Clone, Debug, PartialEq)]
