@@ -23,11 +23,24 @@ fn the_converged_preset_passes_known_physics() {
 #[test]
 fn four_implicit_substeps_pass_known_physics() {
     let method = Method::known().into_iter().find(|m| m.name() == "implicit x4").expect("a column");
-    // Convergence is asked of an accurate preset.
-    let asked = must_pass().into_par_iter().filter(|r| !r.name.contains("self-convergence"));
+    // Convergence is asked of an accurate preset, and at a runner's speed it shows.
+    let asked = must_pass().into_par_iter().filter(|r| !r.name.contains("self-convergence") && r.name != "runner's momentum");
     let cells: Vec<_> = asked.map(|row| (row.name, row.cell(&method, None))).collect();
     let failed: Vec<_> = cells.iter().filter(|(_, c)| c.verdict != Verdict::Pass).map(|(name, c)| (name, c.figure)).collect();
     assert!(failed.is_empty(), "{failed:?}");
+}
+
+/// At a runner's speed the reference's preset gives energy for nothing and does not keep momentum. What models are learned from
+/// gives no energy and keeps momentum.
+#[test]
+fn only_the_reference_preset_pays_a_runner() {
+    let suite = Suite::new().only(&["runner's"]).expect("rows");
+    let lines = suite.run(&[Method::paper(), Method::accurate(), Method::converged()], |_| ());
+    assert_eq!(lines.len(), 2, "{lines:?}");
+    for line in &lines {
+        let verdicts: Vec<_> = line.cells.iter().map(|c| c.verdict).collect();
+        assert_eq!(verdicts, [Verdict::Fail, Verdict::Pass, Verdict::Pass], "{}: {:?}, limit {}", line.row, line.cells, line.limit);
+    }
 }
 
 /// A fault turns the rows red that name it, and leaves the others green.

@@ -7,6 +7,7 @@ use nerd_sim::truth::Truth;
 use nerd_train::choice::Choice;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 use nerd_train::experiments::passive::{Case, Passive, Row, Rows};
+use nerd_train::experiments::substeps::Substeps;
 use nerd_train::experiments::{Experiment, conduct};
 use nerd_train::report::Artifact;
 
@@ -86,5 +87,27 @@ fn a_choice_knows_its_setting_and_whether_it_is_the_truth() {
         assert_eq!(choice.title(&system).expect("no model"), words);
         let truths: Vec<_> = Truth::ALL.iter().filter(|t| choice.is(**t, &system)).collect();
         assert_eq!(truths.len(), usize::from(words == "articulated paper" || words == "rapier 16x4"), "{words}");
+    }
+}
+
+/// More substeps come nearer to a converged motion, and what shakes a start twice as much drives it twice as far.
+#[test]
+fn substeps_converge_and_a_shaken_start_has_its_size() {
+    let measured = |shake: f64| {
+        let mut asked = Substeps::default();
+        (asked.robot, asked.starts, asked.frames) = (vec!["cartpole".into(), "cube".into()], 4, 20);
+        (asked.shake, asked.no_games) = (shake, true);
+        let data = asked.measure().expect("measured");
+        assert_eq!(asked.tables(&data).expect("tables").len(), 2, "no games, no table of them");
+        data.rollouts
+    };
+    let (rows, more) = (measured(1e-6), measured(2e-6));
+    assert_eq!(rows.len(), 3, "Cartpole passive and driven, the cube passive");
+    for (row, more) in rows.iter().zip(&more) {
+        let errors: Vec<f64> = row.ladder.iter().map(|l| l.1).collect();
+        assert!(errors[4] < 0.5 * errors[0], "{} {}: {errors:?}", row.robot, row.drive());
+        assert_eq!(row.ladder[2].0, row.substeps);
+        let ratio = more.shaken.mean() / row.shaken.mean();
+        assert!((ratio - 2.0).abs() < 0.2, "{} {}: twice the noise drives it {ratio} times as far", row.robot, row.drive());
     }
 }

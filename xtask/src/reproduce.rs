@@ -14,6 +14,7 @@ use nerd_train::experiments::chart::{Chart, ChartSettings};
 use nerd_train::experiments::judges::Judges;
 use nerd_train::experiments::passive::{Case, Passive, Rows};
 use nerd_train::experiments::policies::Policies;
+use nerd_train::experiments::substeps::Substeps;
 use nerd_train::experiments::sweep::Sweep;
 use nerd_train::experiments::transfer::Transfer;
 use nerd_train::report::Artifact;
@@ -74,6 +75,8 @@ pub enum Part {
     Policies(ConductArgs<Policies>),
     /// Every policy before judges that nobody trained on: twice the substeps, rapier, the reference's preset, MuJoCo
     Judges(ConductArgs<Judges>),
+    /// The truth at half, once and twice its substeps: rollouts by robot, rewards by task
+    Substeps(ConductArgs<Substeps>),
     /// Policies' gaps by the size of the network they were trained in
     Transfer(ConductArgs<Transfer>),
 }
@@ -86,6 +89,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         Some(Part::Sweep(args)) => return args.run(),
         Some(Part::Policies(args)) => return args.run(),
         Some(Part::Judges(args)) => return args.run(),
+        Some(Part::Substeps(args)) => return args.run(),
         Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }

@@ -31,11 +31,13 @@ pub enum Fault {
     SinglePrecision,
     /// An error of the solver is passed over.
     SwallowedErrors,
+    /// Motors give a tenth more than they are told.
+    StrongMotors,
 }
 
 impl Fault {
-    /// All nine.
-    pub const ALL: [Self; 9] = [
+    /// All ten.
+    pub const ALL: [Self; 10] = [
         Self::HalfGravity,
         Self::NoFloor,
         Self::DroppedVelocity,
@@ -45,6 +47,7 @@ impl Fault {
         Self::HiddenClock,
         Self::SinglePrecision,
         Self::SwallowedErrors,
+        Self::StrongMotors,
     ];
 
     /// Its name, as on a command line.
@@ -59,12 +62,13 @@ impl Fault {
             Self::HiddenClock => "hidden-clock",
             Self::SinglePrecision => "single-precision",
             Self::SwallowedErrors => "swallowed-errors",
+            Self::StrongMotors => "strong-motors",
         }
     }
 
     /// The solver, broken.
     pub fn around(self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
-        Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new() })
+        Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
     }
 
     /// What it makes of a scene.
@@ -108,6 +112,8 @@ struct Broken {
     before: Vec<f64>,
     /// Scenes met, and what the fault makes of them.
     scenes: Vec<[Arc<Scene>; 2]>,
+    /// What the motors give.
+    torques: Vec<f64>,
 }
 
 impl Broken {
@@ -130,7 +136,10 @@ impl Solver for Broken {
         self.frame += 1;
         let shown = self.shown(&batch.scenes);
         let scenes = std::mem::replace(&mut batch.scenes, shown);
-        let done = self.solver.step(batch, torques);
+        self.torques.clear();
+        let strength = if self.fault == Fault::StrongMotors { 1.1 } else { 1.0 };
+        self.torques.extend(torques.iter().map(|t| t * strength));
+        let done = self.solver.step(batch, &self.torques);
         batch.scenes = scenes;
         if self.fault != Fault::SwallowedErrors {
             done?;

@@ -18,6 +18,7 @@ pub struct Method {
     make: Make,
     finer: Option<Make>,
     rigid: bool,
+    kin: Option<&'static str>,
 }
 
 impl fmt::Debug for Method {
@@ -27,12 +28,12 @@ impl fmt::Debug for Method {
 }
 
 impl Method {
-    /// Name of the accurate preset's column, which known physics must pass.
+    /// Name of the column of the preset that known physics must pass.
     pub const CONVERGED: &str = "converged";
 
     /// Any solver: `make` makes it anew for each motion of a system.
     pub fn new(name: impl Into<String>, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
-        Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false }
+        Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false, kin: None }
     }
 
     /// The same solver with four times the substeps, for the rows of self-convergence; without it they are not asked.
@@ -46,6 +47,13 @@ impl Method {
     #[must_use]
     pub fn rigid(mut self) -> Self {
         self.rigid = true;
+        self
+    }
+
+    /// A built-in robot has the materials and substeps of `NAME-kin`: those of `NAME-paper` are the reference simulator's.
+    #[must_use]
+    pub fn made_as(mut self, kin: &'static str) -> Self {
+        self.kin = Some(kin);
         self
     }
 
@@ -66,12 +74,17 @@ impl Method {
         self.rigid
     }
 
+    pub(super) fn kin(&self) -> Option<&'static str> {
+        self.kin
+    }
+
     /// The solvers of this crate: presets and substeps of [`Articulated`] and, with feature `rapier`, three of rapier.
     pub fn known() -> Vec<Self> {
         let euler = |n| Self::articulated(format!("Euler x{n}"), ArticulatedConfig::explicit, n);
         let implicit = |n| Self::articulated(format!("implicit x{n}"), ArticulatedConfig::implicit, n);
         [
             Self::paper(),
+            Self::accurate(),
             euler(4),
             euler(16),
             euler(64),
@@ -88,19 +101,28 @@ impl Method {
         .into()
     }
 
-    /// The accurate preset.
+    /// What models are learned from: as many implicit substeps as the robot's specification says.
+    pub fn accurate() -> Self {
+        let accurate = |system: &System, times: usize| -> Box<dyn Solver> {
+            Box::new(Articulated::new(ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb)))
+        };
+        Self::new("accurate", move |system| accurate(system, 1)).finer(move |system| accurate(system, 4))
+    }
+
+    /// As accurate as can be.
     pub fn converged() -> Self {
         Self::new(Self::CONVERGED, |_| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))))
             .finer(|_| Box::new(Articulated::new(ArticulatedConfig::implicit(512, Friction::Coulomb))))
     }
 
-    fn paper() -> Self {
+    /// The reference simulator's preset, with the materials and substeps that it has there.
+    pub fn paper() -> Self {
         let paper = |system: &System, times: usize| -> Box<dyn Solver> {
             let config = ArticulatedConfig::paper(system, Friction::Coulomb);
             let (substeps, contact_substeps) = (times * config.substeps, times * config.contact_substeps);
             Box::new(Articulated::new(ArticulatedConfig { substeps, contact_substeps, ..config }))
         };
-        Self::new("paper", move |system| paper(system, 1)).finer(move |system| paper(system, 4))
+        Self::new("paper", move |system| paper(system, 1)).finer(move |system| paper(system, 4)).made_as("paper")
     }
 
     fn articulated(name: String, config: fn(usize, Friction) -> ArticulatedConfig, substeps: usize) -> Self {

@@ -3,7 +3,7 @@
 //!
 //! A [`Row`] is a scene with a measured figure and a limit, which comes from an equation or from somebody's tests and never from
 //! our own build. Up to the limit is a pass, up to ten times the limit degraded; beyond it, or with an error of the solver (the
-//! figure is then that of the motion before), a failure. That rows can fail is shown by breaking a solver on purpose: each of nine
+//! figure is then that of the motion before), a failure. That rows can fail is shown by breaking a solver on purpose: each of ten
 //! [`Fault`]s turns those rows red that name it, and no other.
 //!
 //! Your own solver against it:

@@ -4,11 +4,13 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 use nerd_core::dynamics::{Data, Totals, totals};
+use nerd_core::state::wrap;
 
 use super::error::Error;
 use super::fault::Fault;
 use super::method::Method;
-use crate::batch::Batch;
+use crate::batch::{Batch, contacts};
+use crate::scene::Scene;
 use crate::solver::Solver;
 use crate::system::System;
 
@@ -23,8 +25,10 @@ pub(super) struct Trial<'a> {
 /// A motion: states after 0, 1, 2, ... frames.
 pub(super) struct Motion {
     system: Arc<System>,
-    gravity: nalgebra::Vector3<f64>,
+    scene: Arc<Scene>,
     pub states: Vec<Vec<f64>>,
+    /// Work (J) that the motors have done up to each state: a torque is held for a frame, so its work there is `tau dq`.
+    pub work: Vec<f64>,
 }
 
 impl Motion {
@@ -36,7 +40,25 @@ impl Motion {
 
     /// Energy (J) of every state.
     pub fn energies(&self) -> Vec<f64> {
-        self.totals().iter().map(|t| t.energy(&self.gravity)).collect()
+        self.totals().iter().map(|t| t.energy(&self.scene.gravity)).collect()
+    }
+
+    /// Energy (J) in the springs of contacts and joint limits, by state: `k g^2 / 2` at the depth g of each.
+    pub fn stored(&self) -> Vec<f64> {
+        let (robot, own) = (&self.system.robot, &self.system.spec.material);
+        let (mut data, mut events) = (Data::new(robot), Vec::new());
+        let stored = |state: &Vec<f64>| {
+            contacts(&self.system, &self.scene, state, &mut data, &mut events);
+            let touching = robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius);
+            let pressed = touching.map(|(point, event)| {
+                let k = self.scene.colliders[event.collider].material.mean(own).stiffness;
+                0.5 * k * (event.distance - point.radius).powi(2)
+            });
+            let ends = state[robot.root_coords()..].iter().zip(robot.joints());
+            let bent = ends.filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
+            pressed.sum::<f64>() + bent.sum::<f64>()
+        };
+        self.states.iter().map(stored).collect()
     }
 
     /// The last state.
@@ -51,6 +73,16 @@ pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 impl<'a> Trial<'a> {
     pub fn new(method: &'a Method, fault: Option<Fault>) -> Self {
         Self { method, fault, lost: RefCell::new(None) }
+    }
+
+    /// A built-in robot, for every method the same but for what it is made of.
+    pub fn robot(&self, name: &str) -> Result<Arc<System>, Error> {
+        let system = System::named(name)?;
+        let Some(kin) = self.method.kin() else { return Ok(system) };
+        let (mut system, kin) = ((*system).clone(), System::named(&format!("{name}-{kin}"))?.spec.clone());
+        (system.spec.material, system.spec.scenes) = (kin.material, kin.scenes);
+        (system.spec.substeps, system.spec.refresh) = (kin.substeps, kin.refresh);
+        Ok(Arc::new(system))
     }
 
     /// Rolls out `frames` frames without torques.
@@ -102,16 +134,26 @@ impl<'a> Trial<'a> {
         let mut batch = Batch::new(system, &scene, 1);
         batch.reset(0, start);
         let mut torques = vec![0.0; system.robot.joint_count()];
-        let mut states = vec![start.to_vec()];
+        let (mut states, mut work) = (vec![start.to_vec()], vec![0.0]);
         for _ in 0..frames {
             drive(batch.state(0), &mut torques);
             if let Err(error) = solver.step(&mut batch, &torques) {
                 self.lost.borrow_mut().get_or_insert(error.to_string());
                 states.resize(frames + 1, batch.state(0).to_vec());
+                work.resize(frames + 1, work[work.len() - 1]);
                 break;
             }
+            work.push(work[work.len() - 1] + done(system, &torques, [&states[states.len() - 1], batch.state(0)]));
             states.push(batch.state(0).to_vec());
         }
-        Ok(Motion { system: system.clone(), gravity: scene.gravity, states })
+        Ok(Motion { system: system.clone(), scene, states, work })
     }
+}
+
+/// Work (J) of torques held from one state to another.
+fn done(system: &System, torques: &[f64], [before, after]: [&[f64]; 2]) -> f64 {
+    let at = system.robot.root_coords();
+    let ways = after[at..].iter().zip(&before[at..]).zip(system.robot.joints());
+    let ways = ways.map(|((after, before), joint)| if joint.wraps() { wrap(after - before) } else { after - before });
+    torques.iter().zip(ways).map(|(torque, way)| torque * way).sum()
 }

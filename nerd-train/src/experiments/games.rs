@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nerd_sim::truth::Truth;
-use nerd_tasks::named;
+use nerd_tasks::{Episodes, named};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};
@@ -55,10 +55,17 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
     if n == 0 {
         refuse!("--games 0: at least one is needed");
     }
-    let mut episodes = arena.episodes(task, n, seed)?;
+    finished(&format!("{task} on {}", arena.title()?), arena.episodes(task, n, seed)?, policy)
+}
+
+/// Plays games to their ends under mean actions; `what` they are is told while that takes time.
+///
+/// # Errors
+/// If the solver cannot step.
+pub fn finished(what: &str, mut episodes: Episodes, policy: &Policy) -> Result<Vec<Game>> {
     // Nobody goes on with these.
     episodes.remember(0);
-    let bar = bar(&format!("steps of {n} games of {task} on {}", arena.title()?), episodes.task.episode_length());
+    let bar = bar(&format!("steps of {} games of {what}", episodes.len()), episodes.task.episode_length());
     let mut step = 0;
     let games = play(policy, &mut episodes, &mut |_| {
         step += 1;

@@ -21,6 +21,7 @@ pub mod policies;
 mod redraw;
 pub mod stability;
 pub mod storage;
+pub mod substeps;
 pub mod sweep;
 pub mod tosses;
 pub mod transfer;

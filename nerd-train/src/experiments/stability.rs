@@ -81,11 +81,13 @@ impl Experiment for Stability {
         let mut inputs = Inputs::default();
         for robot in ["pendulum", "franka", "ant", "anymal"] {
             inputs.add(Input::robot(&*System::named(robot)?));
+            inputs.add(Input::robot(&*System::named(&format!("{robot}-paper"))?));
         }
         for (robot, scene) in [("pendulum", "ground1"), ("ant", "ground"), ("anymal", "free")] {
-            for setting in [Setting::Paper, Setting::Euler(16), Setting::Implicit(16), Setting::RapierSteps(4)] {
+            for setting in [Setting::Accurate, Setting::Euler(16), Setting::Implicit(16), Setting::RapierSteps(4)] {
                 inputs.add(Input::motion(robot, scene, &setting)?);
             }
+            inputs.add(Input::motion(&format!("{robot}-paper"), scene, &Setting::Paper)?);
         }
         Ok(inputs)
     }

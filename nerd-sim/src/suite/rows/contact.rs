@@ -85,7 +85,7 @@ fn toss(trial: &Trial) -> Result<f64, Error> {
 }
 
 fn tip(trial: &Trial, times: f64) -> Result<f64, Error> {
-    let mut system = (*System::named("pendulum")?).clone();
+    let mut system = (*trial.robot("pendulum")?).clone();
     let tip = &mut system.robot.links[1].inertia;
     (tip.mass, tip.inertia) = (times * tip.mass, times * tip.inertia);
     gain(trial, &Arc::new(system), "ground1", &[0.0, 0.0, -7.0, 0.0], 120)

@@ -11,7 +11,6 @@ use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
 use crate::suite::trial::{Motion, Trial};
-use crate::system::System;
 
 pub(super) static ROWS: [Row; 9] = [
     Row::new("pendulum period", "mean error of the angle, 3.5 periods", "amplitudes", 0.01, period)
@@ -25,7 +24,7 @@ pub(super) static ROWS: [Row; 9] = [
     Row::new("drive inertia", "error of the speed under a constant torque, 1 s", "relative", 1e-4, armature)
         .source("rapier tests; tau t / (I + armature)")
         .why("A motor's rotor adds to the inertia of its joint; whoever forgets it accelerates too fast.")
-        .reddened_by(&[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .reddened_by(&[DroppedVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
     Row::new("joint limit", "depth beyond v sqrt(m/k), or gain of speed", "relative", 0.1, limit)
         .source("a spring's equation; a limit gives no energy")
         .why("A limit is a spring: a coarse step passes through it, or is thrown back faster than it came.")
@@ -101,7 +100,7 @@ fn heavy_end(trial: &Trial) -> Result<f64, Error> {
 }
 
 fn inner_torques(trial: &Trial) -> Result<f64, Error> {
-    let system = System::named("ant")?;
+    let system = trial.robot("ant")?;
     let state = start(&system, Start::Sample, &mut stream(7, 0));
     let mut rng = stream(7, 1);
     let mut push = |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 200.0 * rng.random::<f64>() - 100.0);
@@ -117,14 +116,14 @@ fn inner_torques(trial: &Trial) -> Result<f64, Error> {
 }
 
 fn falling(trial: &Trial) -> Result<f64, Error> {
-    let system = System::named("anymal")?;
+    let system = trial.robot("anymal")?;
     let state = start(&system, Start::Sample, &mut stream(7, 0));
     let motion = trial.passive(&system, "free", &state, 60)?;
     Ok(kept(&motion))
 }
 
 fn arm(trial: &Trial) -> Result<f64, Error> {
-    let mut system = (*System::named("franka")?).clone();
+    let mut system = (*trial.robot("franka")?).clone();
     for joint in system.robot.joints_mut() {
         (joint.armature, joint.damping, joint.limit) = (0.0, 0.0, None);
     }

@@ -5,6 +5,7 @@ mod flight;
 mod friction;
 mod joints;
 mod robots;
+mod runner;
 mod sameness;
 
 use super::row::Row;
@@ -12,5 +13,5 @@ use super::row::Row;
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
     let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&sameness::ROWS);
-    flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&robots::ROWS)
+    flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&robots::ROWS).chain(&runner::ROWS)
 }

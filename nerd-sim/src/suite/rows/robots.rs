@@ -10,7 +10,6 @@ use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
 use crate::suite::trial::Trial;
-use crate::system::System;
 
 /// What ANYmal's URDF allows its joints (rad/s).
 const SPEED: f64 = 20.0;
@@ -69,7 +68,7 @@ pub(super) static ROWS: [Row; 9] = [
 ];
 
 fn ant(trial: &Trial) -> Result<f64, Error> {
-    let system = System::named("ant")?;
+    let system = trial.robot("ant")?;
     let mut worst = 0.0f64;
     for seed in 0..4 {
         let state = start(&system, Start::Reset, &mut stream(11, seed));
@@ -85,7 +84,7 @@ fn ant(trial: &Trial) -> Result<f64, Error> {
 }
 
 fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Result<f64, Error> {
-    let mut system = (*System::named("anymal")?).clone();
+    let mut system = (*trial.robot("anymal")?).clone();
     system.robot.joints_mut().for_each(|j| j.armature = armature);
     let system = Arc::new(system);
     let mut controller = Controller::with_ahead(&system, ahead);
@@ -103,7 +102,7 @@ fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Resu
 }
 
 fn no_number(trial: &Trial) -> Result<f64, Error> {
-    let system = System::named("pendulum")?;
+    let system = trial.robot("pendulum")?;
     trial.passive(&system, "ground1", &[f64::NAN, 0.0, 0.0, 0.0], 1)?;
     Ok(if trial.lost.take().is_some() { 0.0 } else { 1.0 })
 }

@@ -5,7 +5,6 @@ use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
 use crate::suite::trial::{Motion, Trial};
-use crate::system::System;
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("pendulum self-convergence", "against four times the substeps, ground, 1 s, 4 starts", "rad", 1.2e-3, |trial| {
@@ -29,7 +28,7 @@ pub(super) static ROWS: [Row; 3] = [
 /// Mean |dq| at the end of a second between a method and itself with four times the substeps; 1 if from some start no
 /// coordinate moved by 0.3 rad or m, a fall's least being 0.5.
 fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64, Error> {
-    let system = System::named(robot)?;
+    let system = trial.robot(robot)?;
     let (nq, starts) = (system.robot.nq(), 4);
     let mut sum = 0.0;
     for seed in 0..starts {
@@ -45,7 +44,7 @@ fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64, Error> 
 }
 
 fn markov(trial: &Trial) -> Result<f64, Error> {
-    let system = System::named("pendulum")?;
+    let system = trial.robot("pendulum")?;
     let whole = trial.passive(&system, "ground1", &[1.0, 0.5, 0.0, 0.0], 80)?;
     let fresh = trial.passive(&system, "ground1", &whole.states[40], 40)?;
     let reset = trial.after_reset(&system, "ground1", &[-1.0, 1.0, 3.0, -2.0], &whole.states[40], 40)?;
