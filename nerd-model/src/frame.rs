@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
-use nerd_sim::batch::{Batch, contacts};
 use nerd_sim::articulated::Draft;
+use nerd_sim::batch::{Batch, contacts};
 use nerd_sim::solver::Fault;
 use nerd_sim::system::{System, SystemError};
 
