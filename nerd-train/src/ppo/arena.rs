@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::pick::Setting;
 use nerd_model::neural::Neural;
+use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, named};
