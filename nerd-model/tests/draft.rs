@@ -169,6 +169,15 @@ fn a_token_says_what_its_draft_changes() {
 }
 
 #[test]
+fn drafts_of_no_substeps_or_too_many_are_refused_in_one_line() {
+    let system = System::named("cube").expect("built in");
+    for substeps in [0, Draft::MOST + 1, usize::MAX] {
+        let error = Draft::new(&system, substeps).err().expect("no draft").to_string();
+        assert!(error.contains(&substeps.to_string()) && error.contains("`cube`") && !error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
 fn what_cannot_be_drafted_is_set_aside_alone() {
     let (system, mut batch, torques) = batch("pendulum", "ground1", 4);
     let mut solver = Neural::on_cpu(model(&system, Base::Draft(2)), &system);

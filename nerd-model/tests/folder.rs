@@ -101,6 +101,12 @@ fn a_shape_that_cannot_be_is_refused_before_any_memory_is_taken() {
         let said = edit(folder.path(), key, value);
         assert!(said.contains("config.json") && said.contains(&format!("`{key}`")), "{key} {value}: {said}");
     }
+    for value in [r#"{"draft": 0}"#, r#"{"draft": 65}"#, r#"{"draft": 18446744073709551615}"#, r#"{"draft": -1}"#, r#"{"draft": 1.5}"#] {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        saved(folder.path());
+        let said = edit(folder.path(), "base", value);
+        assert!(said.contains("config.json") && !said.contains('\n'), "base {value}: {said}");
+    }
     // Each by itself can be; together they would be 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);
     let said = TransformerConfig { layers: 64, heads: 64, ..paper }.check().expect_err("too many");
