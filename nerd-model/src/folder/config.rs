@@ -23,7 +23,7 @@ pub struct ModelConfig {
     /// Hash of what of the robot decides its motion ([`System::robot_sha256`]).
     #[serde(default)]
     pub robot_sha256: String,
-    /// The solver and preset that is the truth, for example `articulated paper coulomb`.
+    /// The solver and preset that is the truth, for example `articulated accurate`.
     pub truth: String,
     /// What its predictions are added to.
     #[serde(default)]
