@@ -156,7 +156,7 @@ impl Experiment for Sweep {
 
     fn inputs(&self) -> Result<Inputs> {
         let system = System::named(&self.robot)?;
-        Ok(Inputs(vec![Input::robot(&*system), Input::motion(&self.robot, &self.scene()?, &system.spec.truth.into())?]))
+        Ok(Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &self.scene()?, &system.spec.truth.into())?]))
     }
 
     fn measure(&self) -> Result<Swept> {
