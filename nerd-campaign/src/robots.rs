@@ -15,7 +15,7 @@ const FRAMES: usize = 3;
 
 /// Specification and URDF of a robot, the small ones more often: a case of theirs takes less time.
 pub fn robot(rng: &mut impl Rng) -> (&'static str, &'static str) {
-    texts(pick(rng, "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal"))
+    texts(pick(rng, "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper ant-paper"))
 }
 
 /// Specification and URDF of a robot that is built in.

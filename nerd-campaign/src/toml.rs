@@ -39,7 +39,10 @@ material = { stiffness = 1e4, damping = -1.0, friction_damping = 1e3, friction =
 clearance = 1e9
 column = "tau1"
 column = "step"
-torque_columns = ["a", "a"]"#;
+torque_columns = ["a", "a"]
+like = "ant"
+like = "robot"
+truth = "paper""#;
 
 /// A robot's specification, changed; sometimes its URDF, too.
 pub fn make(rng: &mut impl Rng) -> Files {
@@ -90,8 +93,9 @@ pub fn judge(files: &Files) -> Judged {
     }
     let frames = 3;
     let config = GenerateConfig { transitions: 2 * frames, frames, seed: 1, ..Default::default() };
-    let paper = ArticulatedConfig::paper(&system, Friction::Coulomb);
-    wrong(&record(&system, &mut Articulated::new(paper), &config, 0, 2)?)?;
+    for truth in [Truth::Articulated, Truth::Paper] {
+        wrong(&record(&system, &mut *truth.solver(&system), &config, 0, 2)?)?;
+    }
     let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
     let state = start(&system, Start::Reset, &mut stream(1, 2));
     if state.iter().any(|x| !x.is_finite()) {

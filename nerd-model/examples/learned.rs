@@ -6,7 +6,7 @@ use nerd_sim::prelude::*;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let system = System::named("pendulum")?;
     let batch = Batch::new(&system, &system.scene("ground1")?, 16);
-    let model = Model::load(std::path::Path::new("models/pendulum"), &system, Some("articulated paper coulomb"))?;
+    let model = Model::load(std::path::Path::new("models/pendulum"), &system, Some("articulated accurate"))?;
     let mut simulation = Simulation::new(batch, Neural::on_cpu(model, &system));
     for env in 0..16 {
         simulation.reset(env, &[1.0, 0.1 * env as f64, 0.0, 0.0]);

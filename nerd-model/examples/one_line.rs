@@ -6,11 +6,11 @@ use nerd_sim::prelude::*;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let system = System::named("pendulum")?; // or the path of your own .urdf
     let batch = Batch::new(&system, &system.scene("ground1")?, 16);
-    let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb)));
+    let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
     simulation.reset(0, &[1.0, 0.5, 0.0, 0.0]);
     simulation.step(&[0.0; 16 * 2])?; // one frame of all sixteen, by equations
 
-    let model = Model::load("models/pendulum".as_ref(), &system, Some("articulated paper coulomb"))?;
+    let model = Model::load("models/pendulum".as_ref(), &system, Some("articulated accurate"))?;
     simulation.solver = Box::new(Neural::on_cpu(model, &system));
     simulation.step(&[0.0; 16 * 2])?; // the next frame, by the network; nothing else changes
     println!("{:?}", simulation.batch.state(0));

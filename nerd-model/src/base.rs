@@ -5,7 +5,7 @@
 //! what the truth's many substeps change. It is asked in every frame.
 //!
 //! Flight is one frame of our articulated dynamics, joint limits and damping included, in a scene with nothing in it: as the
-//! truth flies, which is at the reference simulator's settings or, for a truth that is another engine, exactly (its own error
+//! truth flies, which is at the reference simulator's settings or, for every other truth, exactly (another engine's own error
 //! over the frame is then the floor of a model; `nerd-sim/tests/rapier.rs` measures rapier's). It costs microseconds. Then
 //! the network is left with what contact does, and an environment where nothing can be touched within the frame needs no
 //! network.
@@ -31,7 +31,7 @@ pub enum Base {
     State,
     /// The state after a frame of flight at the reference simulator's settings: the residual form.
     Flight,
-    /// The state after a frame of flight by Runge-Kutta: the residual form for other engines.
+    /// The state after a frame of flight by Runge-Kutta: the residual form for every other truth.
     ExactFlight,
     /// The state after a draft of so many substeps.
     Draft(usize),

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use common::model;
 use nerd_model::base::Base;
-use nerd_model::folder::{Model, ModelError};
+use nerd_model::folder::{Model, ModelConfig, ModelError};
 use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
@@ -100,6 +100,12 @@ fn a_shape_that_cannot_be_is_refused_before_any_memory_is_taken() {
         saved(folder.path());
         let said = edit(folder.path(), key, value);
         assert!(said.contains("config.json") && said.contains(&format!("`{key}`")), "{key} {value}: {said}");
+    }
+    for value in [r#"{"draft": 0}"#, r#"{"draft": 65}"#, r#"{"draft": 18446744073709551615}"#, r#"{"draft": -1}"#, r#"{"draft": 1.5}"#] {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        saved(folder.path());
+        let said = edit(folder.path(), "base", value);
+        assert!(said.contains("config.json") && !said.contains('\n'), "base {value}: {said}");
     }
     // Each by itself can be; together they would be 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);
@@ -205,4 +211,21 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     Model::load(&fresh, &pendulum(), None).expect("as it was written");
     let beside = std::fs::read_dir(new.path()).expect("read").count();
     assert_eq!(beside, 5, "four files and the folder");
+}
+
+/// Models that come with the project: whole, of robots that are built in, and of truths that there are; a robot `NAME-paper`'s is
+/// of the reference simulator's preset.
+#[test]
+fn shipped_models_are_of_built_in_robots_and_known_truths() {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+    let below = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect::<Vec<_>>();
+    let all = below(&models).into_iter().chain(below(&models.join("sizes"))).filter(|folder| folder.join("config.json").exists());
+    for folder in all {
+        let config = ModelConfig::read(&folder).expect("a card");
+        let system = System::named(&config.robot).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+        Model::load(&folder, &system, Some(&config.truth)).unwrap_or_else(|error| panic!("{error}"));
+        let truth = Truth::named(&config.truth).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+        let paper = config.robot.ends_with("-paper");
+        assert_eq!(truth == Truth::Paper, paper, "{}: {} learned `{}`", folder.display(), config.robot, config.truth);
+    }
 }

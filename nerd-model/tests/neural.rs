@@ -79,13 +79,13 @@ fn a_model_of_another_robot_or_truth_is_refused_by_name() {
     let (pendulum, cartpole) = (System::named("pendulum").expect("built in"), System::named("cartpole").expect("built in"));
     let folder = tempfile::tempdir().expect("temporary folder");
     model(&pendulum, Base::State).save(folder.path(), "# card\n", Storage::F32).expect("saved");
-    let loaded = Model::load(folder.path(), &pendulum, Some("articulated paper coulomb")).expect("its own");
+    let loaded = Model::load(folder.path(), &pendulum, Some("articulated accurate")).expect("its own");
     assert_eq!(loaded.weights.flat, model(&pendulum, Base::State).weights.flat);
     let refusal = |system: &System, truth| Model::load(folder.path(), system, truth).expect_err("refused").to_string();
     let error = refusal(&cartpole, None);
     assert!(error.contains("`pendulum`") && error.contains("`cartpole`") && !error.contains('\n'), "{error}");
     let error = refusal(&pendulum, Some("rapier"));
-    assert!(error.contains("`articulated paper coulomb`") && error.contains("`rapier`"), "{error}");
+    assert!(error.contains("`articulated accurate`") && error.contains("`rapier`"), "{error}");
     std::fs::write(folder.path().join("model.safetensors"), b"short").expect("written");
     assert!(refusal(&pendulum, None).contains("model.safetensors"));
 }

@@ -105,7 +105,7 @@ fn a_target_applied_is_the_next_state() {
     for robot in ["pendulum", "cartpole", "cube", "ant"] {
         let system = named(robot);
         let (robot_, d) = (&system.robot, system.robot.state_dim());
-        for base in [Base::State, Base::Flight] {
+        for base in [Base::State, Base::Flight, Base::Draft(1)] {
             let mut features = Features::new(&system, base);
             let mut worst = 0.0f64;
             for k in 0..50 {

@@ -27,7 +27,7 @@ const ELSEWHERE: [&str; 12] = [
 
 impl System {
     /// Hash of all that its motion under given torques depends on: links, joints, inertias, what touches and its material,
-    /// base, frame, gravity, and the reference simulator's substeps. Lower-case hex.
+    /// base, frame, gravity, and its substeps. Lower-case hex.
     pub fn robot_sha256(&self) -> String {
         sha256(&self.motion())
     }

@@ -8,7 +8,7 @@
 //! use nerd_sim::{prelude::*, rollout::States};
 //! let system = System::named("pendulum")?;
 //! let states = States::read("starts.csv".as_ref(), &system)?;
-//! let mut solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+//! let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
 //! let table = states.roll(&system, &system.scene("ground3")?, &mut solver, 100, &mut |_| ())?;
 //! std::fs::write("out.csv", table)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())

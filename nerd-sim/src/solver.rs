@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::batch::Batch;
 use crate::scene::Scene;
+use crate::system::System;
 use nerd_core::state::wrap_state;
 
 /// Why a frame could not be stepped.
@@ -132,10 +133,8 @@ pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -
     let d = system.robot.state_dim();
     if !next.iter().all(|x| x.is_finite()) {
         for (env, state) in next.chunks_exact(d).enumerate() {
-            let Some(column) = state.iter().position(|x| !x.is_finite()) else { continue };
+            let Some(reason) = gone(&system, state) else { continue };
             if faults.iter().all(|f| f.env != env) {
-                let (name, value) = (&system.spec.state_columns[column], state[column]);
-                let reason = format!("`{name}` is {value}; the state before it is the last good one");
                 faults.push(Fault { env, frame: batch.frames[env], reason });
             }
         }
@@ -152,6 +151,12 @@ pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -
     faults.iter().for_each(|f| batch.frames[f.env] = f.frame);
     faults.sort_by_key(|f| f.env);
     Err(StepError::Environments(std::mem::take(faults)))
+}
+
+/// Names the first number of a state, or of its first part, that is not finite.
+pub(crate) fn gone(system: &System, state: &[f64]) -> Option<String> {
+    let column = state.iter().position(|x| !x.is_finite())?;
+    Some(format!("`{}` is {}; the state before it is the last good one", system.spec.state_columns[column], state[column]))
 }
 
 /// A batch with the solver that advances it; assign `solver` to swap it mid-run.

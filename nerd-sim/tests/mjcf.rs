@@ -6,7 +6,7 @@ use std::path::Path;
 
 use nerd_core::robot::Limit;
 use nerd_core::state::wrap;
-use nerd_sim::mjcf::{Referee, Scheme, from_mujoco, mjcf, to_mujoco};
+use nerd_sim::mjcf::{Mujoco, Referee, Scheme, from_mujoco, mjcf, to_mujoco};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 
@@ -102,5 +102,51 @@ fn mujoco_moves_as_ours_does() {
         }
         let _ = writeln!(std::io::stderr(), "{name}, limits {limits}: MuJoCo {} within {worst:.1e} over a second", mujoco.version);
         assert!(worst < bound, "{name}: MuJoCo is {worst:.1e} away, allowed {bound:.0e}");
+    }
+}
+
+/// As a solver it is refused in one line where there is none, whether or not the program is there.
+#[test]
+fn without_a_python_that_has_it_mujoco_is_refused_in_one_line() {
+    let system = System::named("ant").expect("built in");
+    let scene = system.scene("ground").expect("scene");
+    for python in ["/nowhere/python", "/bin/true", "/bin/cat"] {
+        if python != "/nowhere/python" && !Path::new(python).exists() {
+            continue;
+        }
+        let error = Mujoco::new(Path::new(python), &system, &scene).err().expect("no MuJoCo").to_string();
+        assert!(error.contains("MuJoCo") || error.contains(python), "{python}: {error}");
+        assert!(!error.contains('\n'), "{python}: `{error}` is not one line");
+    }
+}
+
+/// As a solver it is a function of the state alone, and of each environment alone; and it flies as ours does.
+#[test]
+fn mujoco_as_a_solver_has_no_memory() {
+    let Ok(python) = std::env::var("NERD_MUJOCO") else {
+        let _ = writeln!(std::io::stderr(), "skipped: no MuJoCo");
+        return;
+    };
+    for (robot, name) in [("ant", "ground"), ("cube", "ground"), ("pendulum", "free")] {
+        let system = System::named(robot).expect("built in");
+        let scene = system.scene(name).expect("scene");
+        let solver = || Mujoco::new(Path::new(&python), &system, &scene).expect("MuJoCo");
+        let mut batch = Batch::new(&system, &scene, 4);
+        (0..4).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(9, env as u64))));
+        let torques: Vec<f64> = (0..4 * system.robot.joint_count()).map(|i| (i as f64).sin()).collect();
+        let mut used = solver();
+        for frame in 0..30 {
+            let mut fresh = batch.clone();
+            let before = batch.clone();
+            used.step(&mut batch, &torques).expect("stepped");
+            solver().step(&mut fresh, &torques).expect("stepped");
+            assert_eq!(batch.states, fresh.states, "{robot} on {name}, frame {frame}: it remembers");
+            if name == "free" {
+                let mut ours = before;
+                Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)).step(&mut ours, &torques).expect("stepped");
+                let apart = ours.states.iter().zip(&batch.states).map(|(a, b)| wrap(a - b).abs()).fold(0.0, f64::max);
+                assert!(apart < 0.05, "{robot}, frame {frame}: MuJoCo is {apart:.1e} away after one frame");
+            }
+        }
     }
 }

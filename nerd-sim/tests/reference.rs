@@ -89,10 +89,10 @@ fn drift_from(file: &Path, robot: &str, scene: &str, friction: Friction, steps: 
 fn contact_free_trajectories_are_reproduced_to_1e_4_at_step_100() {
     let Some(folder) = folder() else { return };
     for (name, robot) in [
-        ("cartpole_passive", "cartpole"),
-        ("cartpole_random_torque", "cartpole"),
-        ("pendulum_passive_config0", "pendulum"),
-        ("pendulum_random_torque_config0", "pendulum"),
+        ("cartpole_passive", "cartpole-paper"),
+        ("cartpole_random_torque", "cartpole-paper"),
+        ("pendulum_passive_config0", "pendulum-paper"),
+        ("pendulum_random_torque_config0", "pendulum-paper"),
     ] {
         for version in ["1.5.1", "1.8.1"] {
             let drifts = drift(&folder.join(format!("{name}_warp{version}.csv")), robot, "free", Friction::Coulomb, 100);
@@ -109,7 +109,7 @@ fn contact_trajectories_with_coulomb_friction_are_reproduced() {
     let mut all = Vec::new();
     for ground in 1..=6 {
         let file = folder.join(format!("pendulum_passive_config{ground}_warp1.5.1.csv"));
-        let drifts = drift(&file, "pendulum", &format!("ground{ground}"), Friction::Coulomb, 100);
+        let drifts = drift(&file, "pendulum-paper", &format!("ground{ground}"), Friction::Coulomb, 100);
         println!("ground{ground}: median {:.2e}, largest {:.2e}", drifts[drifts.len() / 2], drifts[drifts.len() - 1]);
         all.extend(drifts);
     }
@@ -124,7 +124,7 @@ fn contact_trajectories_with_coulomb_friction_are_reproduced() {
 fn the_friction_laws_are_told_apart() {
     let Some(folder) = folder() else { return };
     let file = folder.join("pendulum_passive_config1_warp1.8.1.csv");
-    let [huber, coulomb] = [Friction::Huber, Friction::Coulomb].map(|law| drift(&file, "pendulum", "ground1", law, 100));
+    let [huber, coulomb] = [Friction::Huber, Friction::Coulomb].map(|law| drift(&file, "pendulum-paper", "ground1", law, 100));
     let median = |d: &[f64]| d[d.len() / 2];
     println!("1.8.1 file: Huber {:.2e}, Coulomb {:.2e}", median(&huber), median(&coulomb));
     // Near rest the Huber law's force has a jump that f32 and f64 take at different substeps: 1e-3 is its level.
@@ -147,13 +147,13 @@ fn robots_in_space_are_reproduced_to_step_60() {
     use Friction::{Coulomb, Huber};
     let mut flipped = 0;
     for (name, robot, scene, friction, bound) in [
-        ("franka_random_torque_warp1.8.1", "franka", "free", Coulomb, 1e-4),
-        ("franka_pd_random_action_warp1.8.1", "franka", "free", Coulomb, 1e-4),
-        ("ant_passive_warp1.5.1", "ant", "ground", Coulomb, 1e-3),
-        ("ant_random_torque_warp1.5.1", "ant", "ground", Coulomb, 1e-3),
-        ("ant_passive_warp1.8.1", "ant", "ground", Huber, 1e-3),
-        ("ant_random_torque_warp1.8.1", "ant", "ground", Huber, 1e-3),
-        ("cube_toss_warp1.5.1", "cube", "ground", Coulomb, 1e-3),
+        ("franka_random_torque_warp1.8.1", "franka-paper", "free", Coulomb, 1e-4),
+        ("franka_pd_random_action_warp1.8.1", "franka-paper", "free", Coulomb, 1e-4),
+        ("ant_passive_warp1.5.1", "ant-paper", "ground", Coulomb, 1e-3),
+        ("ant_random_torque_warp1.5.1", "ant-paper", "ground", Coulomb, 1e-3),
+        ("ant_passive_warp1.8.1", "ant-paper", "ground", Huber, 1e-3),
+        ("ant_random_torque_warp1.8.1", "ant-paper", "ground", Huber, 1e-3),
+        ("cube_toss_warp1.5.1", "cube-paper", "ground", Coulomb, 1e-3),
         ("anymal_zero_action_warp1.8.1", "anymal-paper", "ground", Huber, 1e-3),
         ("anymal_random_action_warp1.8.1", "anymal-paper", "ground", Huber, 1e-3),
     ] {

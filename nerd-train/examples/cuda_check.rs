@@ -223,15 +223,9 @@ fn resume() -> Outcome {
         let start = |state| CudaLearner::new(configuration(512), precision, state, &train, &validation);
         let mut whole = start(LearnerState::new(weights(config, 0.0)))?;
         let mut half = start(LearnerState::new(weights(config, 0.0)))?;
-        for _ in 0..20 {
-            whole.update(1e-3)?;
-            half.update(1e-3)?;
-        }
+        (0..20).try_for_each(|_| whole.update(1e-3).and_then(|()| half.update(1e-3)))?;
         let mut taken_up = start(half.state()?)?;
-        for _ in 0..20 {
-            whole.update(5e-4)?;
-            taken_up.update(5e-4)?;
-        }
+        (0..20).try_for_each(|_| whole.update(5e-4).and_then(|()| taken_up.update(5e-4)))?;
         let equal = whole.state()? == taken_up.state()?;
         println!("{precision:?}: 20 + 20 updates from a state equal 40 unbroken ones bit for bit: {equal}");
         if !equal {

@@ -98,9 +98,17 @@ impl Choice {
         }
     }
 
-    /// Whether it is that truth itself, to the last setting.
-    pub fn is(&self, truth: Truth, system: &System) -> bool {
-        self.setting(system) == Some(truth.into())
+    /// Whether it moves as that truth does in a scene, by its settings.
+    pub fn is(&self, truth: Truth, system: &System, scene: &Scene) -> bool {
+        let ours = match self {
+            Self::Articulated(config) => Some(*config),
+            _ => self.setting(system).and_then(|setting| setting.articulated(system)),
+        };
+        let contact = system.robot.dry() || !scene.colliders.is_empty() && !system.robot.contact_points.is_empty();
+        match (ours, Setting::from(truth).articulated(system)) {
+            (Some(ours), Some(theirs)) => ours.moves_as(&theirs, contact),
+            _ => self.setting(system) == Some(truth.into()),
+        }
     }
 
     /// Substeps of a frame, as far as they are known before it is made.

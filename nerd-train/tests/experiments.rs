@@ -12,7 +12,7 @@ use nerd_train::experiments::{Experiment, conduct};
 use nerd_train::report::Artifact;
 
 fn truth() -> Case {
-    let (solver, scenes) = (Choice::Setting(Setting::Paper), vec!["ground1".into()]);
+    let (solver, scenes) = (Choice::Setting(Setting::Accurate), vec!["ground1".into()]);
     Case { solver, scenes, starts: 2, steps: Some(4), ..Case::default() }
 }
 
@@ -75,8 +75,10 @@ fn the_summary_names_the_largest_of_a_robots_grounds() {
 #[test]
 fn a_choice_knows_its_setting_and_whether_it_is_the_truth() {
     let system = System::named("pendulum").expect("built in");
-    let law = Friction::Coulomb;
+    let (law, ground) = (Friction::Coulomb, system.scene("ground1").expect("scene"));
     for (choice, setting, words) in [
+        (Choice::Articulated(ArticulatedConfig::accurate(&system)), Some(Setting::Accurate), "articulated accurate"),
+        (Choice::Articulated(ArticulatedConfig::implicit(8, law)), Some(Setting::Accurate), "articulated accurate"),
         (Choice::Articulated(ArticulatedConfig::paper(&system, law)), Some(Setting::Paper), "articulated paper"),
         (Choice::Articulated(ArticulatedConfig::converged(law)), Some(Setting::Implicit(128)), "articulated implicit x128"),
         (Choice::Articulated(ArticulatedConfig::converged(Friction::Huber)), None, "articulated x128, huber friction"),
@@ -85,9 +87,14 @@ fn a_choice_knows_its_setting_and_whether_it_is_the_truth() {
     ] {
         assert_eq!(choice.setting(&system), setting, "{choice:?}");
         assert_eq!(choice.title(&system).expect("no model"), words);
-        let truths: Vec<_> = Truth::ALL.iter().filter(|t| choice.is(**t, &system)).collect();
-        assert_eq!(truths.len(), usize::from(words == "articulated paper" || words == "rapier 16x4"), "{words}");
+        let truths: Vec<_> = Truth::ALL.iter().filter(|t| choice.is(**t, &system, &ground)).collect();
+        let known = ["articulated accurate", "articulated paper", "rapier 16x4"].contains(&words);
+        assert_eq!(truths.len(), usize::from(known), "{words}");
     }
+    // Eight substeps everywhere: on a ground that is the truth, in empty space it is not.
+    let eight = Choice::Articulated(ArticulatedConfig { substeps: 8, ..ArticulatedConfig::accurate(&system) });
+    let free = system.scene("free").expect("scene");
+    assert_eq!([&ground, &free].map(|scene| eight.is(Truth::Articulated, &system, scene)), [true, false], "eight substeps");
 }
 
 /// More substeps come nearer to a converged motion, and what shakes a start twice as much drives it twice as far.

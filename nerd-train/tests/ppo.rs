@@ -1,6 +1,8 @@
 //! PPO: gradients against finite differences, advantages and moments by hand, problems whose answers are known, runs that go
 //! on to the bit.
 
+mod common;
+
 use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
 use nerd_train::ppo::gae::{Steps, advantages};
@@ -303,30 +305,37 @@ fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
 fn a_learned_solver_goes_on_too() {
     // A network of windows to the bit. One that keeps keys and values adds them up in the order of their slots, which depends
     // on when an environment was last cleared: equal to rounding, 6e-6 rad/s where it was measured.
-    use nerd_model::{folder::Model, neural::Neural};
-    let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
-    for (name, model, allowed) in [("cartpole-swingup", "cartpole", 0.0), ("ant-run", "ant", 1e-4), ("anymal-side", "anymal", 1e-4)] {
+    use nerd_model::{base::Base, neural::Neural, transformer::Positions};
+    for (name, base, positions, allowed) in [
+        ("cartpole-swingup", Base::State, Positions::Table, 0.0),
+        ("ant-run", Base::ExactFlight, Positions::Rotary, 1e-5),
+        ("anymal-side", Base::Draft(1), Positions::Rotary, 1e-5),
+    ] {
         let task = || named(name).expect("registered");
         let system = System::named(task().robot()).expect("built in");
-        let begin = || {
-            let model = Model::load(&models.join(model), &system, None).expect("shipped");
+        let begin = |remembered: bool| {
+            let model = common::model(&system, base, positions);
             let network = model.config.network;
             let batch = Batch::new(&system, &system.scene(task().scene()).expect("known"), 3);
             let mut episodes = Episodes::new(task(), Simulation::new(batch, Neural::on_cpu(model, &system)), 4);
-            episodes.remember(network.history * network.layers);
+            episodes.remember(if remembered { network.history * network.layers } else { 0 });
             episodes
         };
         let actions = |step: usize| (0..3 * task().action_dim()).map(|i| ((i * 5 + step) as f64).sin()).collect::<Vec<_>>();
-        let mut whole = begin();
-        for step in 0..70 {
-            whole.step(&actions(step)).expect("steps");
-        }
-        let mut again = begin();
-        again.restore(&whole.snapshot()).expect("its own");
-        let (a, b) = (whole.step(&actions(70)).expect("steps"), again.step(&actions(70)).expect("steps"));
-        let gap = a.reached.iter().zip(&b.reached).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        println!("{name}: {gap:.1e}");
-        assert!(gap <= allowed, "{name}: {gap:.1e} between the states reached");
+        let gap = |remembered: bool| {
+            let mut whole = begin(remembered);
+            for step in 0..70 {
+                whole.step(&actions(step)).expect("steps");
+            }
+            let mut again = begin(remembered);
+            again.restore(&whole.snapshot()).expect("its own");
+            let (a, b) = (whole.step(&actions(70)).expect("steps"), again.step(&actions(70)).expect("steps"));
+            a.reached.iter().zip(&b.reached).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let (with, without) = (gap(true), gap(false));
+        println!("{name}: {with:.1e}, without its past {without:.1e}");
+        assert!(with <= allowed, "{name}: {with:.1e} between the states reached");
+        assert!(without > 10.0 * allowed.max(1e-6), "{name}: its past plays no part ({without:.1e}), so nothing is shown");
     }
 }
 
@@ -346,7 +355,7 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         let mut policy = Policy::new(shape.clone(), &mut nerd_sim::sampling::stream(0, 0));
         policy.seen.update(&(0..shape.observation * shape.stack * 3).map(|k| k as f64).collect::<Vec<_>>());
         let provenance = Default::default();
-        let solver = "articulated paper coulomb".into();
+        let solver = Truth::default().name();
         let config = folder::PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
         folder::save(folder_.path(), &config, &policy, "# A card\n").expect("written");
         assert_eq!(folder::load(folder_.path()).expect("read"), (config.clone(), policy.clone()), "{name}");

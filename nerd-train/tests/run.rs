@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use nerd_model::base::Base;
+use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::transformer::TransformerConfig;
 use nerd_sim::prelude::*;
-use nerd_train::run::{Recipe, Run, RunConfig, Variant};
+use nerd_train::run::{BaseName, Recipe, Run, RunConfig, Variant};
 use nerd_train::settings::{Given, Settings};
 
 fn given(pairs: &[(&str, serde_json::Value)]) -> Given {
@@ -143,11 +145,56 @@ fn options_that_mean_nothing_together_are_refused_before_anything_is_made() {
     wrong(|r| r.record.policy_share = 0.2, "--policy-share");
     wrong(|r| (r.epsilon, r.from) = (Some(1e-5), Some("x".into())), "--epsilon");
     wrong(|r| r.f32 = true, "--f32");
+    wrong(|r| (r.base, r.draft) = (BaseName::Flight, 3), "--draft");
+    for variant in [Variant::Absolute, Variant::EndToEnd] {
+        for base in [BaseName::Flight, BaseName::Draft] {
+            let mut run = tiny(out.clone());
+            (run.base, run.variant) = (base, variant);
+            let said = Run::new(&run).err().map_or_else(String::new, |e| e.to_string());
+            assert!(said.contains("--variant") && said.contains("--base") && !out.exists(), "{variant:?} on {base:?}: `{said}`");
+        }
+    }
     wrong(|r| r.robot.clear(), "--robot");
     wrong(|r| r.out = PathBuf::new(), "--out");
     wrong(|r| r.embedding = 50, "heads");
     wrong(|r| (r.data, r.fresh) = (Some("x".into()), 1), "--fresh");
     wrong(|r| r.record.policy = vec!["/nowhere".into()], "/nowhere");
+}
+
+/// Tokens before the run, fresh ones beside it and the rollouts that choose its weights are all on drafts; the model says so.
+#[test]
+fn a_run_on_drafts_makes_a_model_on_drafts() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    for (robot, draft) in [("pendulum", 2), ("cartpole", 1)] {
+        let train = |name: &str, fresh: usize, stream: bool| {
+            let mut run = tiny(folder.path().join(format!("{robot}-{name}")));
+            (run.robot, run.base, run.draft, run.fresh, run.stream) = (robot.into(), BaseName::Draft, draft, fresh, stream);
+            run.sequence = stream.then_some(16);
+            let model = Run::new(&run).expect("settings").train().expect("trained").expect("a model");
+            let system = System::named(robot).expect("built in");
+            let model = Model::load(&model, &system, Some(&Truth::Articulated.name())).expect("of its robot and truth");
+            assert_eq!(model.config.base, Base::Draft(draft), "{robot}");
+            assert!(model.weights.flat.iter().all(|w| w.is_finite()), "{robot}, {name}: weights");
+            model.config.model_sha256
+        };
+        let once = train("once", 0, false);
+        assert_eq!(once, train("again", 0, false), "{robot}: the same run made another model");
+        assert_ne!(once, train("streamed", 0, true), "{robot}: streaming changes nothing");
+        train("fresh", 32, false);
+    }
+}
+
+/// What a run learns where nothing is said is its robot's own truth.
+#[test]
+fn a_run_learns_its_robots_own_truth() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    for (robot, truth, base) in [("pendulum", Truth::Articulated, Base::ExactFlight), ("pendulum-paper", Truth::Paper, Base::Flight)] {
+        let mut run = tiny(folder.path().join(robot));
+        (run.robot, run.base) = (robot.into(), BaseName::Flight);
+        let model = Run::new(&run).expect("settings").train().expect("trained").expect("a model");
+        let config = ModelConfig::read(&model).expect("a card");
+        assert_eq!((config.truth, config.base), (truth.name(), base), "{robot}");
+    }
 }
 
 #[test]

@@ -41,10 +41,10 @@ fn table(path: &Path, columns: &[&str]) -> BTreeMap<(u64, u64), Vec<f64>> {
 fn a_reference_file_given_as_it_is_comes_out_again() {
     // Issue: 1e-4 at step 100 without contact; with it a median of 1e-5 and a maximum of 1e-3.
     let folder = tempfile::tempdir().expect("temporary folder");
-    let mut files = vec![("cartpole_random_torque_warp1.5.1.csv".to_string(), "cartpole", "free".to_string())];
-    files.push(("cartpole_passive_warp1.8.1.csv".into(), "cartpole", "free".into()));
-    files.push(("pendulum_random_torque_config0_warp1.8.1.csv".into(), "pendulum", "free".into()));
-    files.extend((1..=6).map(|k| (format!("pendulum_passive_config{k}_warp1.5.1.csv"), "pendulum", format!("ground{k}"))));
+    let mut files = vec![("cartpole_random_torque_warp1.5.1.csv".to_string(), "cartpole-paper", "free".to_string())];
+    files.push(("cartpole_passive_warp1.8.1.csv".into(), "cartpole-paper", "free".into()));
+    files.push(("pendulum_random_torque_config0_warp1.8.1.csv".into(), "pendulum-paper", "free".into()));
+    files.extend((1..=6).map(|k| (format!("pendulum_passive_config{k}_warp1.5.1.csv"), "pendulum-paper", format!("ground{k}"))));
     for (file, robot, scene) in files {
         let Some(path) = reference(&file) else { continue };
         let out = folder.path().join("out.csv");
@@ -60,7 +60,7 @@ fn a_reference_file_given_as_it_is_comes_out_again() {
             out.to_str().expect("utf-8"),
         ]);
         assert!(run.status.success(), "{file}: {}", String::from_utf8_lossy(&run.stderr));
-        let columns = if robot == "cartpole" { ["x", "theta"] } else { ["q1", "q2"] };
+        let columns = if robot == "cartpole-paper" { ["x", "theta"] } else { ["q1", "q2"] };
         let (ours, theirs) = (table(&out, &columns), table(&path, &columns));
         assert_eq!(ours.len(), theirs.len(), "{file}: rows");
         let last = ours.keys().map(|k| k.1).max().expect("rows");
@@ -219,8 +219,9 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
 
     for (args, culprit) in [
         (["--robot", "pendulum"].as_slice(), "`cartpole`"),
-        (["--robot", "cartpole", "--preset", "converged"].as_slice(), "articulated converged coulomb"),
-        (["--robot", "cartpole", "--friction", "huber"].as_slice(), "huber"),
+        (["--robot", "cartpole", "--preset", "converged"].as_slice(), "--preset"),
+        (["--robot", "cartpole", "--friction", "huber"].as_slice(), "--friction"),
+        (["--robot", "cartpole", "--truth", "paper"].as_slice(), "`articulated accurate`, not `articulated paper coulomb`"),
     ] {
         refused(
             &[["evaluate", "--solver", "neural", "--model", &model, "--starts", "2", "--frames", "2"].as_slice(), args].concat(),

@@ -58,3 +58,23 @@ fn every_key_of_a_robots_file_is_explained() {
         assert!(named, "docs/your-robot.md does not explain `{key}`");
     }
 }
+
+/// Rust and Python of the workspace, below a folder.
+fn sources(folder: &Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder").flatten().map(|entry| entry.path());
+    let named = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|path| path.is_dir());
+    let folders = folders.into_iter().filter(|path| !named(path).starts_with('.') && !named(path).starts_with("target"));
+    let files = files.into_iter().filter(|path| path.extension().is_some_and(|ending| ending == "rs" || ending == "py"));
+    files.chain(folders.flat_map(|path| sources(&path))).collect()
+}
+
+#[test]
+fn no_file_of_code_is_longer_than_400_lines() {
+    let all = sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join(".."));
+    assert!(all.len() > 200, "only {} files found", all.len());
+    for path in all {
+        let lines = std::fs::read_to_string(&path).expect("text").lines().count();
+        assert!(lines <= 400, "{} has {lines} lines", path.display());
+    }
+}

@@ -12,7 +12,7 @@ fn options_that_nothing_reads_are_refused() {
     let states = folder.path().join("states.csv");
     std::fs::write(&states, "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,1,0,0,0,0\n").expect("written");
     let states = states.to_str().expect("utf-8");
-    let both: [(&str, [&str; 2]); 12] = [
+    let both: [(&str, [&str; 2]); 13] = [
         ("--model models/pendulum", ["--model", "--solver neural"]),
         ("--model /nowhere", ["--model", "--solver neural"]),
         ("--solver rapier --model models/pendulum", ["--model", "--solver neural"]),
@@ -24,7 +24,8 @@ fn options_that_nothing_reads_are_refused() {
         ("--tolerance 0.1 --solver articulated", ["--solver", "--tolerance"]),
         ("--tolerance 0.1 --model models/pendulum", ["--model", "--tolerance"]),
         ("--tolerance 0.1 --substeps 4", ["--substeps", "--tolerance"]),
-        ("--solver neural --truth rapier --preset paper", ["--truth", "--preset"]),
+        ("--solver neural --preset accurate", ["--truth", "--preset"]),
+        ("--solver neural --truth rapier --friction coulomb", ["--truth", "--friction"]),
     ];
     let rollout = ["rollout", "--robot", "pendulum", "--states", states];
     let evaluate = ["evaluate", "--robot", "pendulum", "--starts", "2", "--frames", "2"];
@@ -57,7 +58,7 @@ fn the_truth_is_held_against_itself_only_as_a_control() {
     let measure = ["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--frames", "3"];
     // The robot's own substeps, given by hand, are the same settings.
     let substeps = nerd_sim::prelude::System::named("pendulum").expect("built in").spec.substeps.to_string();
-    for more in [&[][..], &["--solver", "articulated"], &["--preset", "paper", "--friction", "coulomb"], &["--substeps", &substeps]] {
+    for more in [&[][..], &["--solver", "articulated"], &["--preset", "accurate", "--friction", "coulomb"], &["--substeps", &substeps]] {
         refused(&[&measure[..], more].concat(), "--control");
     }
     let done = |more: &[&str]| {
@@ -67,8 +68,20 @@ fn the_truth_is_held_against_itself_only_as_a_control() {
     };
     let control = done(&["--control"]);
     assert!(control.starts_with("control:") && control.contains("| 0 / 0 ") && !control.contains("0.0120 / 0.0150"), "{control}");
-    // Another friction law, noise, another truth: something to measure.
-    for more in [&["--friction", "huber"][..], &["--shake", "0.1"], &["--truth", "rapier"], &["--solver", "rapier"]] {
+    // The reference's robot has its preset for a truth.
+    let paper = ["evaluate", "--robot", "pendulum-paper", "--scene", "ground1", "--starts", "2", "--frames", "3"];
+    for more in [&[][..], &["--preset", "paper"], &["--truth", "paper"]] {
+        refused(&[&paper[..], more].concat(), "articulated paper coulomb");
+    }
+    // Another friction law, preset, noise, another truth: something to measure.
+    for more in [
+        &["--friction", "huber"][..],
+        &["--preset", "paper"],
+        &["--truth", "paper"],
+        &["--shake", "0.1"],
+        &["--truth", "rapier"],
+        &["--solver", "rapier"],
+    ] {
         assert!(!done(more).starts_with("control:"), "{more:?}");
     }
 }

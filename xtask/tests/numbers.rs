@@ -85,7 +85,7 @@ fn products_that_no_machine_bears_are_refused_before_work_begins() {
         ("dataset --robot ant --transitions 1000000000 --frames 1000000", ["--frames 1000000", "TB of memory"]),
         ("chart --robot ant --starts 1000000 --frames 1000000", ["--starts 1000000 x --frames 1000000", "TB of memory"]),
         ("grow --links 256 --starts 100000 --frames 1000000", ["--links 256", "TB of memory"]),
-        ("reproduce horizons --model models/cartpole --starts 1000000 --frames 1000000", ["--frames 1000000", "TB of memory"]),
+        ("reproduce horizons --model models/cartpole-paper --starts 1000000 --frames 1000000", ["--frames 1000000", "TB of memory"]),
         ("rollout --robot pendulum --states STATES --frames 1000000", ["trajectories 2000 x --frames 1000000", "GB of memory"]),
     ] {
         let all: Vec<&str> = args.split(' ').map(|w| if w == "STATES" { states } else { w }).chain(["--out", place]).collect();

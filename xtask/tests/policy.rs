@@ -32,7 +32,7 @@ fn a_policy_is_trained_continued_played_and_shown() {
     train(&whole, "30", &[]);
     assert!(card == String::from_utf8_lossy(&read(format!("{whole}/policy/README.md"))), "a finished run's card has changed");
     let other = ["policy", "train", "cartpole-swingup", "--solver", "rapier", "--out", &whole];
-    ["another --out", "articulated paper coulomb", "rapier 16 steps"].iter().for_each(|word| refused(&other, word));
+    ["another --out", "articulated accurate", "rapier 16 steps"].iter().for_each(|word| refused(&other, word));
 
     let (policy, table, page) = (format!("{whole}/policy"), path("tables"), path("page.html"));
     let run = xtask(&["policy", "evaluate", "--policy", &policy, "--games", "3", "--truth-only", "--out", &table]);

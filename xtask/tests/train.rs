@@ -59,13 +59,14 @@ fn what_cannot_be_trained_is_refused_before_anything_is_made() {
         ("--minutes=-3", "--minutes"),
         (&format!("--seed {most}"), "--seed"),
         ("--f32", "--device cuda"),
-        ("--from models/cartpole", "--from"),
-        ("--from models/pendulum", "cartpole"),
+        ("--from models/cartpole-paper", "--from"),
+        ("--from models/pendulum-paper", "cartpole"),
         ("--from /nowhere", "/nowhere"),
         ("--data /nowhere", "/nowhere"),
         ("--data /nowhere --fresh 1000", "--fresh"),
     ] {
-        let args: Vec<&str> = "train --robot cartpole --recipe small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
+        let args: Vec<&str> =
+            "train --robot cartpole-paper --recipe small --out".split(' ').chain([out]).chain(options.split(' ')).collect();
         refused(&args, culprit);
         assert!(!Path::new(out).exists(), "{args:?} left something");
     }
@@ -144,14 +145,14 @@ fn a_model_that_names_no_robot_is_stamped_and_then_taken() {
     let model = folder.path().join("cartpole");
     std::fs::create_dir(&model).expect("made");
     for name in ["config.json", "normalizer.json", "model.safetensors"] {
-        std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/cartpole").join(name), model.join(name)).expect("copied");
+        std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/cartpole-paper").join(name), model.join(name)).expect("copied");
     }
     let path = model.join("config.json");
     let mut config: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).expect("read")).expect("JSON");
     config.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_sha256") || key == "data_sha256");
     std::fs::write(&path, config.to_string()).expect("written");
     let place = model.to_str().expect("utf-8");
-    let evaluate = ["evaluate", "--robot", "cartpole", "--solver", "neural", "--model", place, "--starts", "2", "--frames", "2"];
+    let evaluate = ["evaluate", "--robot", "cartpole-paper", "--solver", "neural", "--model", place, "--starts", "2", "--frames", "2"];
     refused(&evaluate, "cargo xtask stamp");
     let stamp = || String::from_utf8_lossy(&xtask(&["stamp", folder.path().to_str().expect("utf-8")]).stdout).to_string();
     let said = stamp();

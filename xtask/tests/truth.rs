@@ -62,7 +62,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     let row = &json(Path::new(&table))["rows"][0];
     assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");
     done(&[&measure[..], &["--truth", "rapier"]].concat());
-    refused(&[&measure[..], &["--truth", "articulated"]].concat(), "`rapier 16 steps 4 iterations`, not `articulated paper coulomb`");
+    refused(&[&measure[..], &["--truth", "articulated"]].concat(), "`rapier 16 steps 4 iterations`, not `articulated accurate`");
 
     let charts = path("charts");
     let short = ["--starts", "1", "--frames", "2", "--substeps", "1", "--scene", "ground1", "--model", &model, "--out", &charts];

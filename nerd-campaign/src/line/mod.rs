@@ -97,7 +97,7 @@ fn odd(rng: &mut impl Rng, flag: &str) -> &'static str {
         "--out" => "'' out/a/b/c there null there/a .",
         // The recipe of a shipped model is honest work of minutes.
         "--recipe" => "'' x 0 nan small converged",
-        "--preset" => "'' x 0 nan paper",
+        "--preset" => "'' x 0 nan paper accurate",
         _ => ODD,
     };
     one(rng, &words.split(' ').collect::<Vec<_>>())

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nerd_sim::articulated::Draft;
 use nerd_sim::system::System;
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,7 @@ pub struct ModelConfig {
     /// Hash of what of the robot decides its motion ([`System::robot_sha256`]).
     #[serde(default)]
     pub robot_sha256: String,
-    /// The solver and preset that is the truth, for example `articulated paper coulomb`.
+    /// The solver and preset that is the truth, for example `articulated accurate`.
     pub truth: String,
     /// What its predictions are added to.
     #[serde(default)]
@@ -57,6 +58,11 @@ impl ModelConfig {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
         config.network.check().map_err(|reason| wrong(&path, format!("network: {reason}")))?;
+        if let Base::Draft(n) = config.base
+            && !(1..=Draft::MOST).contains(&n)
+        {
+            return Err(wrong(&path, format!("base: a draft of {n} substeps, 1 to {} are possible", Draft::MOST)));
+        }
         Ok(config)
     }
 

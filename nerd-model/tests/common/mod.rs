@@ -26,7 +26,7 @@ pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let network =
         TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 192) };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n], epsilon: 1e-5 };
-    let (robot, truth) = (system.name.clone(), "articulated paper coulomb".to_string());
+    let (robot, truth) = (system.name.clone(), Truth::default().name());
     let config = ModelConfig {
         robot,
         robot_sha256: system.robot_sha256(),

@@ -113,6 +113,13 @@ impl ArticulatedConfig {
         Self::implicit(128, friction)
     }
 
+    /// Whether both move a robot alike: where there is something to touch, or dry friction (`contact`), the implicit step knows no
+    /// more than its own substeps.
+    pub fn moves_as(&self, other: &Self, contact: bool) -> bool {
+        let implicit = |c: &Self| (contact && c.contact_step == ContactStep::Implicit).then_some((c.contact_substeps, c.friction));
+        self == other || implicit(self).is_some() && implicit(self) == implicit(other)
+    }
+
     /// Refuses numbers of substeps that would stand still, or never end.
     ///
     /// # Errors

@@ -19,11 +19,18 @@ pub struct Draft {
 }
 
 impl Draft {
+    /// Substeps that a draft may have; with more it would be no cheaper than what it is a draft of.
+    pub const MOST: usize = 64;
+
     /// Drafts of so many substeps for a system, on the material of its data's scene.
     ///
     /// # Errors
-    /// If the system has no such scene, or cannot be stepped.
+    /// If the system has no such scene, cannot be stepped, or not in so many substeps.
     pub fn new(system: &System, substeps: usize) -> Result<Self, SystemError> {
+        if !(1..=Self::MOST).contains(&substeps) {
+            let reason = format!("a draft of {substeps} substeps, 1 to {} are possible", Self::MOST);
+            return Err(SystemError::Spec(system.name.clone(), reason));
+        }
         let data = system.scene(system.spec.data_scene.as_deref().unwrap_or("free"))?;
         let material = data.colliders.first().map_or(system.spec.material, |c| c.material);
         let mut scene = Scene::free(system.gravity());

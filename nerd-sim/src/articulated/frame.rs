@@ -15,6 +15,7 @@ use super::stiff::Stiff;
 use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
 use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
+use crate::solver::gone;
 use crate::system::System;
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.
@@ -126,7 +127,8 @@ impl Workspace {
                 // as the planes they present, as the reference does, unless the matrix is renewed every substep.
                 if renew {
                     let held = config.refresh == Refresh::Frame;
-                    self.query(system, scene, qd, if held { 2.0 * system.frame_time } else { 0.0 }, if held { BEYOND } else { 0.0 })?;
+                    let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
+                    self.query(system, scene, qd, time, margin).map_err(|lost| gone(system, q).unwrap_or(lost))?;
                 }
                 if !self.press(robot, config, qd, dt) {
                     return Ok(false);

@@ -28,6 +28,7 @@ use super::force::drag;
 use super::frame::Workspace;
 use super::{ArticulatedConfig, Friction};
 use crate::scene::{Material, Scene};
+use crate::solver::gone;
 use crate::system::System;
 
 /// One point or limit that touches, or will within the substep: what it is, then what the substep makes of it.
@@ -122,7 +123,7 @@ impl Workspace {
             drift(robot, q, qd, 0.5 * h);
             kinematics(robot, q, &mut self.data);
             if !held {
-                self.query(system, scene, qd, h, 0.0)?;
+                self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
             }
             self.find(robot, scene, q, qd, h);
             crba(robot, &mut self.data);

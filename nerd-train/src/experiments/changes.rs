@@ -6,7 +6,6 @@ use std::time::Instant;
 use nerd_model::folder::ModelConfig;
 use nerd_model::neural::Neural;
 use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
 
 use crate::device::Device;
 use crate::error::{Result, refuse};
@@ -85,7 +84,7 @@ pub fn each<T>(runs: &[(&Change, RunConfig)], mut measure: impl FnMut(&Change, &
 /// # Errors
 /// If it cannot be read.
 pub fn model(run: &RunConfig, system: &Arc<System>, starts: usize) -> Result<Neural> {
-    run.device.neural(&run.out.join("model"), system, Some(&Truth::Articulated.name()), starts)
+    run.device.neural(&run.out.join("model"), system, Some(&run.record.truth(system).name()), starts)
 }
 
 /// Its passive motion against the truth, from the starts of all evaluations.
@@ -94,6 +93,6 @@ pub fn model(run: &RunConfig, system: &Arc<System>, starts: usize) -> Result<Neu
 /// If one of them cannot step.
 pub fn moved(learned: &mut Neural, system: &Arc<System>, scene: &str, (starts, steps): (usize, usize)) -> Result<PassiveReport> {
     let protocol = PassiveConfig { starts, steps, seed: 500, action: Action::Zero };
-    let mut truth = Truth::Articulated.solver(system);
+    let mut truth = system.spec.truth.solver(system);
     Ok(passive(system, &system.scene(scene)?, &mut *truth, learned, protocol, &mut |_| ())?)
 }

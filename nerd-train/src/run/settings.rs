@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use nerd_sim::articulated::Draft;
 use serde::{Deserialize, Serialize};
 
 use super::recipe::Recipe;
@@ -27,7 +28,7 @@ settings! {
         /// draft (a coarse implicit step, contact and all; the network is left with what finer ones change)
         base: BaseName = BaseName::State, Words(&["state", "flight", "draft"]);
         /// Substeps of the draft with --base draft
-        draft: usize = 1, Whole(1..=64);
+        draft: usize = 1, Whole(1..=Draft::MOST as u64);
         /// NeRD, or one of the designs it is compared with (paper A.3.3)
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)

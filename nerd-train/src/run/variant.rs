@@ -52,8 +52,8 @@ impl Variant {
     /// # Errors
     /// [`crate::Error::Refused`], naming them.
     pub fn check(self, base: Base) -> Result<()> {
-        if base == Base::Flight && matches!(self, Self::Absolute | Self::EndToEnd) {
-            refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight out");
+        if base.moves() && matches!(self, Self::Absolute | Self::EndToEnd) {
+            refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight or draft out");
         }
         Ok(())
     }

@@ -6,7 +6,12 @@
 use std::sync::Arc;
 
 use burn::tensor::Device;
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::normalizer::{Moments, Normalizer};
+use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
+use nerd_sim::prelude::*;
 use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
 use nerd_train::windows::Windows;
 
@@ -20,7 +25,7 @@ pub const NETWORK: TransformerConfig = TransformerConfig {
     block: 4,
     history: 4,
     head: 8,
-    positions: nerd_model::transformer::Positions::Table,
+    positions: Positions::Table,
     architecture: Architecture::Transformer,
 };
 
@@ -45,4 +50,33 @@ pub fn learner(state: LearnerState) -> BurnLearner {
 /// The state before the first update.
 pub fn fresh() -> LearnerState {
     LearnerState::new(Weights::init(NETWORK, 3))
+}
+
+/// A small model of random weights, none of it learned, which says little: whatever its base does goes on.
+pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
+    let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
+    let network =
+        TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 24) };
+    let (mut nothing, state) = (vec![0.0f32; outputs], system.default_state());
+    Features::new(system, base).target(&state, &state, &state, &mut nothing);
+    let moments = |mean: Vec<f64>, variance: f64| Moments { variance: vec![variance; mean.len()], mean, epsilon: 1e-5 };
+    let normalizer =
+        Normalizer { inputs: moments(vec![0.0; inputs], 4.0), outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4) };
+    let config = ModelConfig {
+        robot: system.name.clone(),
+        robot_sha256: system.robot_sha256(),
+        model_sha256: String::new(),
+        truth: Truth::default().name(),
+        base,
+        view: Default::default(),
+        network,
+        data_sha256: "none".into(),
+        transitions: 0,
+        updates: 0,
+        batch: 0,
+        provenance: Default::default(),
+    };
+    let mut weights = Weights::init(network, 5);
+    weights.flat.iter_mut().for_each(|w| *w *= 3.0);
+    Model { config, normalizer, weights }
 }

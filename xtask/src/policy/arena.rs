@@ -15,7 +15,7 @@ use crate::solvers::SolverName;
 /// A solver that episodes run on.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ArenaArgs {
-    /// Solver: neural, or one of the truths, articulated (preset paper, Coulomb friction) and rapier (16 steps)
+    /// Solver: neural, or one of the truths, articulated (preset accurate) and rapier (16 steps)
     #[arg(long, value_enum, default_value_t = SolverName::Articulated)]
     pub solver: SolverName,
     /// Folder of the model of `neural` [default: models/ROBOT]

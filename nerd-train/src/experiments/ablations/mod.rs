@@ -10,7 +10,6 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -190,7 +189,7 @@ impl Experiment for Ablations {
         for robot in &self.robot {
             let system = System::named(robot)?;
             inputs.add(Input::robot(&system));
-            inputs.add(Input::motion(robot, scene(&system), &Setting::Paper)?);
+            inputs.add(Input::motion(robot, scene(&system), &system.spec.truth.into())?);
         }
         if self.robot.iter().any(|r| r == "ant") {
             runners()?.iter().try_for_each(|path| Input::policy(path).map(|policy| inputs.add(policy)))?;

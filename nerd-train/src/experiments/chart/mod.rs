@@ -148,8 +148,10 @@ impl Chart {
             // Of this robot, not of one whose name begins alike.
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
-        let methods = methods(!scene.colliders.is_empty(), substeps).into_iter().chain(models.into_iter().map(Setting::Neural));
-        let methods = methods.map(Method::new).collect::<Result<_>>()?;
+        let truth = system.spec.truth;
+        let methods = methods(!scene.colliders.is_empty(), substeps).into_iter().chain([truth.into()]);
+        let methods = methods.chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
+        let methods = methods.collect::<Result<_>>()?;
         let protocol = PassiveConfig { starts, steps: horizon, seed, action: Action::Limp };
         // Begun first, for it may not be there.
         let referee = settings.mujoco.as_ref().map(|python| guest::referee(python, &system, &scene, protocol)).transpose()?;
@@ -172,19 +174,19 @@ fn methods(contact: bool, most: usize) -> Vec<Setting> {
         methods.extend(powers(most.min(32)).map(Setting::Rk4));
     }
     methods.extend(powers(most).map(Setting::Rapier));
-    methods.push(Setting::Paper);
     methods
 }
 
 impl Method {
-    fn new(setting: Setting) -> Result<Self> {
+    /// One of a robot of this truth.
+    fn new(setting: Setting, truth: Truth) -> Result<Self> {
         let Setting::Neural(folder) = &setting else {
-            let series = if setting == Setting::Paper { "articulated, preset paper (NeRD's truth)" } else { setting.series() };
-            return Ok(Self { series: series.into(), own: None, setting });
+            let whose = if setting == truth.into() { " (NeRD's truth)" } else { "" };
+            return Ok(Self { series: format!("{}{whose}", setting.series()), own: None, setting });
         };
         let name = describe(&ModelConfig::read(folder)?);
-        let own = Some(ModelConfig::truth_of(folder)?).filter(|truth| *truth != Truth::Articulated);
-        let series = own.map_or(name.clone(), |truth| format!("{name}, against {}", truth.name()));
+        let own = Some(ModelConfig::truth_of(folder)?).filter(|own| *own != truth);
+        let series = own.map_or(name.clone(), |own| format!("{name}, against {}", own.name()));
         Ok(Self { series, own, setting })
     }
 }

@@ -7,6 +7,7 @@
 
 mod rows;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use nerd_model::folder::ModelConfig;
@@ -23,16 +24,6 @@ use crate::report::{Input, Inputs, Table};
 use crate::{bounds, paper, progress, shipped};
 
 pub use rows::{Row, Rows};
-
-/// Robots and the names of their models in `models/`, the first of them the one meant where none is named.
-const MODELS: [(&str, &[&str]); 6] = [
-    ("cartpole", &["cartpole"]),
-    ("pendulum", &["pendulum", "pendulum-small", "pendulum-paper"]),
-    ("cube", &["cube", "cube-rapier"]),
-    ("franka", &["franka"]),
-    ("ant", &["ant"]),
-    ("anymal", &["anymal"]),
-];
 
 /// One solver of one robot in some of its scenes.
 #[derive(Clone, Debug)]
@@ -74,22 +65,29 @@ impl Default for Case {
 }
 
 impl Case {
-    /// The models that come with the project, over so many starts.
+    /// The models that come with the project, by robot, over so many starts.
     ///
     /// # Errors
-    /// If one of them cannot be read.
+    /// If there is none, or one of them cannot be read.
     pub fn shipped(starts: usize, device: Device) -> Result<Vec<Self>> {
-        let mut cases = Vec::new();
-        for (robot, folder) in MODELS.iter().flat_map(|(robot, names)| names.iter().map(move |name| (*robot, shipped::models().join(name))))
-        {
-            // rapier as a truth costs a hundred times what ours does.
-            let starts = if ModelConfig::truth_of(&folder)? == Truth::default() { starts } else { starts.div_ceil(4) };
-            // A held arm does not move: Franka's model is for driven ones.
-            let action = if robot == "franka" { Action::Random(1.0) } else { Action::Zero };
-            let solver = Choice::Neural { folder, truth: None, device };
-            cases.push(Self { robot: robot.into(), solver, starts, action, ..Self::default() });
+        let mut models = Vec::new();
+        for folder in shipped::folders(&shipped::models(), "")? {
+            let robot = ModelConfig::read(&folder)?.robot;
+            let place = System::built_in().iter().position(|known| *known == robot).unwrap_or(usize::MAX);
+            models.push((place, robot, folder));
         }
-        Ok(cases)
+        if models.is_empty() {
+            refuse!("models/ holds no model: train one with `cargo xtask train`, or name one with --model");
+        }
+        models.sort();
+        let case = |(_, robot, folder): (usize, String, PathBuf)| {
+            // rapier as a truth costs a hundred times what ours does.
+            let starts = if ModelConfig::truth_of(&folder)? == Truth::Rapier { starts.div_ceil(4) } else { starts };
+            // A held arm does not move: Franka's model is for driven ones.
+            let action = if robot.starts_with("franka") { Action::Random(1.0) } else { Action::Zero };
+            Ok(Self { robot, solver: Choice::Neural { folder, truth: None, device }, starts, action, ..Self::default() })
+        };
+        models.into_iter().map(case).collect()
     }
 }
 
@@ -122,7 +120,7 @@ impl Passive {
             let usual = || system.usual_scenes().into_iter().map(String::from).collect();
             let scenes: Vec<String> = if case.scenes.is_empty() { usual() } else { case.scenes.clone() };
             let learned = case.solver.learned()?;
-            let truth = case.truth.or(learned).unwrap_or_default();
+            let truth = case.truth.or(learned).unwrap_or(system.spec.truth);
             let steps = case.steps.unwrap_or_else(|| paper::horizon(&system.name));
             let protocol = PassiveConfig { starts: case.starts, steps, seed, action: case.action };
             let method = match case.shake {
@@ -133,7 +131,7 @@ impl Passive {
             let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
             for scene in found {
                 let case = Case { solver: case.solver.in_scene(&system, &scene.name)?, ..case.clone() };
-                check(&case, truth, &system, steps)?;
+                check(&case, truth, &system, &scene, steps)?;
                 asked.push(Asked { case, system: system.clone(), scene, truth, method: method.clone(), protocol });
             }
         }
@@ -142,8 +140,8 @@ impl Passive {
 }
 
 /// Refuses what says nothing, and what is more than can be borne.
-fn check(case: &Case, truth: Truth, system: &System, steps: usize) -> Result<()> {
-    let itself = case.solver.is(truth, system);
+fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
+    let itself = case.solver.is(truth, system, scene);
     if itself && case.shake == 0.0 && !case.control {
         refuse!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
@@ -171,8 +169,8 @@ impl Asked {
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
         bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
         bounds::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
-        // What is no solver's error has nothing to stand beside.
-        let comparable = *truth == Truth::Articulated && !case.control;
+        // What is no solver's error has nothing to stand beside, and the paper's errors are from the reference simulator.
+        let comparable = *truth == Truth::Paper && !case.control;
         let folder = match &case.solver {
             Choice::Neural { folder, .. } => Some(shipped::from_root(folder)),
             _ => None,

@@ -5,7 +5,6 @@
 
 use std::path::Path;
 
-use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -156,7 +155,8 @@ impl Experiment for Sweep {
     }
 
     fn inputs(&self) -> Result<Inputs> {
-        Ok(Inputs(vec![Input::robot(&*System::named(&self.robot)?), Input::motion(&self.robot, &self.scene()?, &Setting::Paper)?]))
+        let system = System::named(&self.robot)?;
+        Ok(Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &self.scene()?, &system.spec.truth.into())?]))
     }
 
     fn measure(&self) -> Result<Swept> {

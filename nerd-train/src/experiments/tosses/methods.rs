@@ -101,7 +101,7 @@ pub fn all() -> Result<Vec<Method>> {
     let cube = Cube::default();
     let stiff = Cube { stiffness: 1e5, ..cube };
     let [best, ours] = pair(&cube, 1, false)?;
-    let reference = System::named("cube")?;
+    let reference = System::named("cube-paper")?;
     let paper = ArticulatedConfig::paper(&reference, Friction::Coulomb);
     let new = |name: &str, setting: Setting| Method::new(name, &cube, setting);
     Ok(vec![
