@@ -1,7 +1,8 @@
 //! Every task of the registry loads, resets and steps on every analytic solver; episodes begin, end and go on as they should.
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{Episodes, named, names};
+use nerd_sim::sampling::stream;
+use nerd_tasks::{Episodes, Fast, View, Work, fast_start, named, names};
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {
     match which {
@@ -138,4 +139,39 @@ fn an_environment_that_cannot_be_stepped_ends_its_episode_alone() {
 fn an_unknown_task_is_refused_by_name() {
     let message = named("juggle").err().map(|e| e.to_string()).unwrap_or_default();
     assert!(message.contains("juggle") && message.contains("cartpole-swingup"), "{message}");
+}
+
+#[test]
+fn fast_starts_are_faster_than_resets_and_end_no_episode() {
+    for name in names() {
+        let task = named(name).expect("registered");
+        let system = System::named(task.robot()).expect("built in");
+        let (scene, goal) = (system.scene(task.scene()).expect("known"), vec![0.0; task.goal_dim()]);
+        let (nq, mut work) = (system.robot.nq(), Work::new(&system));
+        let speed = |state: &[f64]| state[nq..].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let (mut slow, mut fast, mut over, mut placed) = (0.0_f64, 0.0_f64, 0, true);
+        for k in 0..200 {
+            let rng = || stream(3, k);
+            let (usual, hurried) = (task.reset(&system, &mut rng()), fast_start(&*task, &system, &mut rng()));
+            placed &= usual[..nq] == hurried[..nq];
+            (slow, fast) = (slow.max(speed(&usual)), fast.max(speed(&hurried)));
+            let over_at = |state: &[f64], work: &mut Work| task.terminated(View { state, goal: &goal, scene: &scene }, work);
+            over += usize::from(over_at(&hurried, &mut work) && !over_at(&usual, &mut work));
+        }
+        println!("{name}: fastest start {slow:.2} by reset, {fast:.2} hurried");
+        assert!(placed, "{name}: a hurried start stands elsewhere");
+        assert!(fast > 2.0 * slow && fast.is_finite(), "{name}: hurried starts have {fast:.2} at most, resets {slow:.2}");
+        assert_eq!(over, 0, "{name}: {over} of 200 hurried starts are over at once");
+        // Its episodes begin so, and are the task's own otherwise.
+        let solver = solver("articulated", &system);
+        let wrapped = Box::new(Fast::new(task, &system));
+        let mut episodes = Episodes::new(wrapped, Simulation::new(Batch::new(&system, &scene, 8), solver), 7);
+        assert_eq!(episodes.task.name(), name);
+        let fastest = (0..8).map(|env| speed(episodes.view(env).state)).fold(0.0, f64::max);
+        assert!(fastest > slow, "{name}: episodes begin at {fastest:.2} at most, resets at {slow:.2}");
+        for step in 0..10 {
+            let result = episodes.step(&actions(&episodes, step)).expect("finite physics");
+            assert!(result.rewards.iter().all(|r| r.is_finite()), "{name}: reward at step {step}");
+        }
+    }
 }

@@ -9,6 +9,8 @@ pub mod best;
 pub mod bounds;
 pub mod checkpoint;
 pub mod choice;
+#[cfg(feature = "report")]
+pub mod cotrain;
 pub mod device;
 pub mod difference;
 pub mod error;

@@ -1,4 +1,5 @@
-//! Policies act in the share of the data that was asked for, as they would in episodes, and the same seed gives the same bytes.
+//! Policies act in the share of the data that was asked for, as they would in episodes, from fast starts and in turn in part of
+//! it, and the same seed gives the same bytes.
 
 use std::sync::Arc;
 
@@ -9,21 +10,35 @@ use nerd_train::ppo::{Activation, Policies, Policy, Shape};
 
 /// A policy that pulls all joints one way, hardly noisy.
 fn one_way(task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
+    by(0.25, task, observation, action, stack)
+}
+
+/// The same, so strongly.
+fn by(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
     let shape = Shape { observation, stack, action, hidden: vec![4], activation: Activation::Relu, spread_by_state: false };
     let mut policy = Policy::new(shape, &mut stream(0, 0));
     policy.flat.fill(0.0);
     let (outputs, end) = (action + 1, policy.flat.len() - action);
-    policy.flat[end - outputs..end - 1].fill(0.25);
+    policy.flat[end - outputs..end - 1].fill(pull);
     policy.flat[end..].fill(-4.0);
     (task.into(), policy)
 }
 
 fn recording(robot: &str, policy: (String, Policy), share: f64) -> (nerd_sim::dataset::Recording, usize) {
+    recorded(robot, vec![policy], share, (12, 40))
+}
+
+fn recorded(
+    robot: &str,
+    policies: Vec<(String, Policy)>,
+    share: f64,
+    (frames, trajectories): (usize, usize),
+) -> (nerd_sim::dataset::Recording, usize) {
     let system = System::named(robot).unwrap();
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-    let pilot = Some((Arc::new(Policies::new(vec![policy]).unwrap()) as _, share));
-    let config = GenerateConfig { frames: 12, pilot, ..Default::default() };
-    (record(&system, &mut truth, &config, 0, 40).unwrap(), system.robot.joint_count())
+    let pilot = Some((Arc::new(Policies::new(policies).unwrap()) as _, share));
+    let config = GenerateConfig { frames, pilot, ..Default::default() };
+    (record(&system, &mut truth, &config, 0, trajectories).unwrap(), system.robot.joint_count())
 }
 
 #[test]
@@ -43,14 +58,38 @@ fn policies_act_in_their_share_of_the_trajectories() {
 fn an_action_stays_for_the_frames_of_its_step_and_answers_each_state() {
     let (r, joints) = recording("franka", one_way("franka-reach", 13, 7, 4), 1.0);
     let torque = |t: usize, f: usize| &r.torques[(t * 12 + f) * joints..][..joints];
+    // Resets are at rest, fast starts are not.
+    let resting = |t: usize| r.states[t * 13 * 14 + 7..][..7].iter().all(|v| *v == 0.0);
     let (mut moved, mut weak) = (0, 0);
     for t in 0..40 {
         for f in (0..12).step_by(2) {
             moved += usize::from(torque(t, f) != torque(t, f + 1));
             // The position law pulls to a quarter of 0.03125 rad ahead, from near rest: one way at the first frame.
-            weak += usize::from(f == 0 && torque(t, 0).iter().any(|tau| *tau <= 0.0));
+            weak += usize::from(f == 0 && resting(t) && torque(t, 0).iter().any(|tau| *tau <= 0.0));
         }
     }
     assert!(moved == 240, "the law answers the state of each of the two frames of a step: {moved} of 240 differ");
     assert_eq!(weak, 0, "joints pulled the wrong way at the start of {weak} of 40 trajectories");
+}
+
+#[test]
+fn part_of_the_trajectories_begin_fast_and_in_part_policies_take_turns() {
+    let ways = || vec![by(0.25, "ant-run", 29, 8, 1), by(-0.25, "ant-spin", 29, 8, 1)];
+    let (frames, trajectories) = (100, 200);
+    let (r, joints) = recorded("ant", ways(), 1.0, (frames, trajectories));
+    let (nq, d) = (15, 29);
+    // Beyond what resets draw for a joint (rad/s).
+    let fast = |t: &usize| r.states[t * (frames + 1) * d + nq + 6..][..joints].iter().any(|v| v.abs() > 0.25);
+    let fast = (0..trajectories).filter(fast).count();
+    assert!((30..=70).contains(&fast), "{fast} of 200 trajectories begin fast, a quarter was looked for");
+    let signs = |t: usize| (0..frames).map(move |f| (t, f)).map(|(t, f)| r.torques[(t * frames + f) * joints] > 0.0).collect::<Vec<_>>();
+    let turns: Vec<usize> = (0..trajectories).map(|t| signs(t).windows(2).filter(|w| w[0] != w[1]).count()).collect();
+    let mixed = turns.iter().filter(|n| **n > 0).count();
+    // One in thirty frames, in a quarter of the trajectories; of these e^-3.3 see no turn.
+    assert!((30..=70).contains(&mixed), "policies take turns in {mixed} of 200 trajectories, a quarter was looked for");
+    let each = turns.iter().sum::<usize>() as f64 / mixed as f64;
+    assert!((2.0..5.0).contains(&each), "{each:.1} turns in a mixed trajectory of 100 frames, 3.3 were looked for");
+    println!("of 200 trajectories {fast} begin fast, in {mixed} policies take turns, {each:.1} in each");
+    let (again, _) = recorded("ant", ways(), 1.0, (frames, trajectories));
+    assert!(r.torques == again.torques && r.states == again.states, "the same settings, other bytes");
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask policy train|evaluate|show`: policies learned on any solver, played on any other.
+//! `cargo xtask policy train|co-train|evaluate|show`: policies learned on any solver, played on any other.
 
 use std::path::PathBuf;
 
@@ -6,6 +6,7 @@ use anyhow::Result;
 use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
 
 mod arena;
+mod cotrain;
 pub mod evaluate;
 
 use arena::ArenaArgs;
@@ -24,6 +25,8 @@ pub struct PolicyArgs {
 pub enum PolicyVerb {
     /// Train a policy by PPO, or go on training
     Train(Box<TrainArgs>),
+    /// Train policies and their model in turn, until policies of new seeds earn in it what they earn in the truth
+    CoTrain(cotrain::CoTrainArgs),
     /// Play a policy in the truth and in the learned simulator
     Evaluate(evaluate::EvaluateArgs),
     /// Write one episode as a page that any browser plays
@@ -90,6 +93,7 @@ pub struct ShowArgs {
 pub fn run(args: PolicyArgs) -> Result<()> {
     match args.verb {
         PolicyVerb::Train(args) => train(*args),
+        PolicyVerb::CoTrain(args) => cotrain::run(args),
         PolicyVerb::Evaluate(args) => evaluate::run(args),
         PolicyVerb::Show(args) => show(args),
     }
@@ -104,7 +108,7 @@ fn train(args: TrainArgs) -> Result<()> {
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
     let out = args.out.unwrap_or_else(|| format!("out/policies/{task}-{}-{seed}", arena.word()).into());
-    let done = PolicyRun { task, arena, config, seed, until, minutes, out }.train()?;
+    let done = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out }.train()?;
     let reward = done.reward.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
     let seconds = done.elapsed.as_secs_f64();
     println!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());

@@ -22,6 +22,7 @@ const TABLES: &[&str] = &[
     "stability",
     "tosses",
     "reproduce",
+    "policy co-train",
     "policy evaluate",
     "light",
     "campaign",

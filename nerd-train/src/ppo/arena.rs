@@ -7,7 +7,7 @@ use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use nerd_tasks::{Episodes, named};
+use nerd_tasks::{Episodes, Task, named};
 
 use super::clock::{Clock, Timed};
 use crate::device::Device;
@@ -92,7 +92,14 @@ impl Arena {
     /// # Errors
     /// As [`Arena::episodes`].
     pub fn timed(&self, task: &str, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
-        let task = named(task)?;
+        self.host(named(task)?, n, seed, clock)
+    }
+
+    /// The same of a task that need not be built in.
+    ///
+    /// # Errors
+    /// As [`Arena::episodes`].
+    pub fn host(&self, task: Box<dyn Task>, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
             _ => System::named(task.robot())?,

@@ -1,12 +1,16 @@
 //! Policies that act in training data: a learned simulator is asked where they go, and random torques seldom go there.
+//!
+//! A policy that nobody has trained yet goes elsewhere still. So all are noisy, some trajectories begin fast, and in some the
+//! policies take turns, each in the states that another one left.
 
 use std::fmt;
 use std::sync::Arc;
 
 use nerd_sim::dataset::{Act, Pilot};
+use nerd_sim::sampling::FASTEST;
 use nerd_sim::scene::Scene;
 use nerd_sim::system::System;
-use nerd_tasks::{Task, TaskError, View, Work, named};
+use nerd_tasks::{Task, TaskError, View, Work, fast_start, named};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -16,10 +20,18 @@ use super::stack::Stack;
 
 /// Widest noise on actions, in the policy's own spread: data that its surest actions alone had made says nothing beside them.
 const NOISE: f64 = 2.0;
+/// Share of the trajectories in which policies take turns, and frames that one acts for, in the mean.
+const MIXED: f64 = 0.25;
+const TURN: f64 = 30.0;
+/// Share of the trajectories that begin with [`fast_start`].
+const FAST: f64 = 0.25;
 
-/// Policies, one of which acts in each trajectory.
+/// Policies with their tasks.
+type All = Arc<[(Arc<dyn Task>, Arc<Policy>)]>;
+
+/// Policies, of which one acts in each trajectory, or several in turn.
 pub struct Policies {
-    of: Vec<(Arc<dyn Task>, Arc<Policy>)>,
+    of: All,
 }
 
 impl Policies {
@@ -38,30 +50,39 @@ impl Policies {
     }
 }
 
-/// Data that policies acted in is known by what these were.
+/// Data that policies acted in is known by what these were, and how they acted.
 impl fmt::Debug for Policies {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{} {}", task.name(), p.sha256()))).finish()
+        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{} {}", task.name(), p.sha256()))).finish()?;
+        write!(f, " noise {NOISE}, mixed {MIXED} by {TURN} frames, fast {FAST} x {FASTEST}")
     }
 }
 
 impl Pilot for Policies {
     fn launch(&self, system: &Arc<System>, rng: &mut ChaCha8Rng) -> (Vec<f64>, Box<dyn Act>) {
-        let (task, policy) = self.of[rng.random_range(0..self.of.len())].clone();
-        let mut goal = vec![0.0; task.goal_dim()];
-        task.draw_goal(rng, &mut goal);
-        let (state, noise) = (task.reset(system, rng), NOISE * rng.random::<f64>());
-        let (work, observation, action) = (Work::new(system), vec![0.0; task.observation_dim()], Vec::new());
-        (state, Box::new(Acting { task, policy, goal, work, noise, observation, action, stack: None, frame: 0 }))
+        let which = rng.random_range(0..self.of.len());
+        let now = Turn::new(&self.of, which, rng);
+        let [mixed, fast] = [MIXED, FAST].map(|share| rng.random::<f64>() < share);
+        let state = if fast { fast_start(&*now.task, system, rng) } else { now.task.reset(system, rng) };
+        (state, Box::new(Acting { all: self.of.clone(), mixed: mixed && self.of.len() > 1, work: Work::new(system), now }))
     }
 }
 
-/// One policy in one trajectory.
+/// Who acts in one trajectory.
 struct Acting {
+    all: All,
+    /// Whether policies take turns.
+    mixed: bool,
+    work: Work,
+    now: Turn,
+}
+
+/// One policy, as long as it acts.
+struct Turn {
+    which: usize,
     task: Arc<dyn Task>,
     policy: Arc<Policy>,
     goal: Vec<f64>,
-    work: Work,
     noise: f64,
     observation: Vec<f64>,
     action: Vec<f64>,
@@ -69,22 +90,47 @@ struct Acting {
     frame: u64,
 }
 
+impl Turn {
+    /// One of them, with a goal and a noise of its own.
+    fn new(all: &All, which: usize, rng: &mut ChaCha8Rng) -> Self {
+        let (task, policy) = all[which].clone();
+        let mut goal = vec![0.0; task.goal_dim()];
+        task.draw_goal(rng, &mut goal);
+        let (noise, observation) = (NOISE * rng.random::<f64>(), vec![0.0; task.observation_dim()]);
+        Self { which, task, policy, goal, noise, observation, action: Vec::new(), stack: None, frame: 0 }
+    }
+
+    /// Any other one.
+    fn other(&self, all: &All, rng: &mut ChaCha8Rng) -> Self {
+        let which = rng.random_range(0..all.len() - 1);
+        Self::new(all, which + usize::from(which >= self.which), rng)
+    }
+
+    /// Whether a step of its task begins.
+    fn asked(&self) -> bool {
+        self.frame.is_multiple_of(self.task.frames())
+    }
+}
+
 impl Act for Acting {
     fn torques(&mut self, state: &[f64], scene: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]) {
-        let Self { task, policy, goal, work, observation, .. } = self;
-        let view = View { state, goal, scene };
-        if self.frame.is_multiple_of(task.frames()) {
-            task.observe(view, work, observation);
-            match &mut self.stack {
-                Some(stack) => stack.push(observation, |_| false, observation, &mut Vec::new()),
-                None => self.stack = Some(Stack::new(policy.shape.stack, observation.len(), observation)),
-            }
-            let answer = policy.answer(self.stack.as_ref().map_or(&[], |s| &s.rows));
-            let (noise, mut spare) = (self.noise as f32, None);
-            let drawn = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + noise * s.exp() * normal(rng, &mut spare));
-            self.action = drawn.map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
+        if self.mixed && self.now.frame > 0 && self.now.asked() && rng.random::<f64>() * TURN < self.now.task.frames() as f64 {
+            self.now = self.now.other(&self.all, rng);
         }
-        task.act(view, &self.action, work, out);
-        self.frame += 1;
+        let (asked, Turn { task, policy, goal, observation, stack, action, noise, .. }) = (self.now.asked(), &mut self.now);
+        let view = View { state, goal, scene };
+        if asked {
+            task.observe(view, &mut self.work, observation);
+            match stack {
+                Some(stack) => stack.push(observation, |_| false, observation, &mut Vec::new()),
+                None => *stack = Some(Stack::new(policy.shape.stack, observation.len(), observation)),
+            }
+            let answer = policy.answer(stack.as_ref().map_or(&[], |s| &s.rows));
+            let (noise, mut spare) = (*noise as f32, None);
+            let drawn = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + noise * s.exp() * normal(rng, &mut spare));
+            *action = drawn.map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
+        }
+        task.act(view, action, &mut self.work, out);
+        self.now.frame += 1;
     }
 }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{Episodes, Task, named};
+use nerd_tasks::{Episodes, Fast, Task, named};
 
 use super::clock::{Clock, Split};
 use super::{Arena, PpoConfig, Trainer, card};
@@ -31,6 +31,8 @@ pub struct PolicyRun {
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
+    /// Whether episodes begin fast ([`nerd_tasks::Fast`]).
+    pub fast: bool,
     /// Stops once the mean reward of the last episodes has reached this.
     pub until: Option<f64>,
     /// Stops, with a checkpoint, after so many minutes.
@@ -80,9 +82,11 @@ impl PolicyRun {
         let (system, solver) = (System::named(task.robot())?, self.arena.title()?);
         let title = format!("{} on {solver}", self.task);
         // What a checkpoint is known by: a model is its weights, wherever they are.
-        let identity = format!("{} on {}", self.task, self.arena.identity(&system)?);
+        let begun = if self.fast { " from fast starts" } else { "" };
+        let identity = format!("{}{begun} on {}", self.task, self.arena.identity(&system)?);
         let clock = Clock::default();
-        let episodes = self.arena.timed(&self.task, self.config.environments, self.seed, &clock)?;
+        let task = if self.fast { Box::new(Fast::new(task, &system)) } else { task };
+        let episodes = self.arena.host(task, self.config.environments, self.seed, &clock)?;
         let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
         let _claim = crate::run::claimed(out)?;
         if out.join(LAST).exists() {

@@ -108,6 +108,9 @@ pub fn history(config: &ModelConfig) -> String {
         config.batch,
         config.transitions
     );
+    // The names of those who acted stand in its own card.
+    let acted = config.provenance.get("policies").and_then(|said| said.split_once(':'));
+    let run = acted.map_or(run.clone(), |(share, _)| format!("{run}, policies {share}"));
     let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
@@ -119,7 +122,7 @@ pub fn export(
     run: &Identity,
     normalizer: Normalizer,
     weights: Weights,
-    (chosen, seed): (String, u64),
+    (chosen, actors, seed): (String, Option<String>, u64),
 ) -> Result<()> {
     let (minutes, machine) = sessions::sum(&sessions::read(out)?);
     let stamp = Provenance::now(seed);
@@ -136,7 +139,9 @@ pub fn export(
         ("schedule", format!("{:?}", run.trainer.schedule)),
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),
     ];
-    let rows: Vec<_> = rows.into_iter().chain(run.from.clone().map(|from| ("started from", from))).collect();
+    let more = [("policies", actors), ("started from", run.from.clone())];
+    let more = more.into_iter().filter_map(|(name, said)| Some((name, said?)));
+    let rows: Vec<_> = rows.into_iter().chain(more).collect();
     let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
     let config = model_config(run, &provenance);
     let mut card = format!(

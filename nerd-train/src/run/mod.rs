@@ -23,6 +23,7 @@ mod card;
 mod criterion;
 mod engine;
 mod memory;
+mod onward;
 mod plan;
 mod recipe;
 mod recording;

@@ -122,15 +122,9 @@ impl Recipe {
         self.runs.iter().try_for_each(RunConfig::check)?;
         let mut last = None;
         for run in &self.runs {
-            let done = run.out.join("model");
-            let system = System::named(&run.robot)?;
-            match Model::load(&done, &system, Some(&run.record.truth(&system).name())) {
-                Ok(_) => {
-                    last = Some(done);
-                    continue;
-                }
-                Err(e) if done.exists() => eprintln!("{e}; it is made anew"),
-                Err(_) => {}
+            if let Some(done) = run.made()? {
+                last = Some(done);
+                continue;
             }
             last = Run::new(run)?.train()?;
             if last.is_none() || run.finish {
@@ -138,6 +132,22 @@ impl Recipe {
             }
         }
         Ok(last)
+    }
+}
+
+impl RunConfig {
+    /// The folder of its model, if that is there and whole.
+    ///
+    /// # Errors
+    /// If there is no such robot.
+    pub fn made(&self) -> Result<Option<PathBuf>> {
+        let (done, system) = (self.out.join("model"), System::named(&self.robot)?);
+        match Model::load(&done, &system, Some(&self.record.truth(&system).name())) {
+            Ok(_) => return Ok(Some(done)),
+            Err(e) if done.exists() => eprintln!("{e}; it is made anew"),
+            Err(_) => {}
+        }
+        Ok(None)
     }
 }
 

@@ -81,6 +81,25 @@ impl RecordConfig {
         Ok(Some((Arc::new(Policies::new(policies)?), self.policy_share)))
     }
 
+    /// Who acts in which share of the trajectories, for a card: policies by the names of their folders and the first digits of
+    /// their hashes.
+    ///
+    /// # Errors
+    /// If a policy cannot be read.
+    pub(super) fn actors(&self) -> Result<String> {
+        if self.policy.is_empty() || self.policy_share == 0.0 {
+            return Ok("in none of the trajectories".into());
+        }
+        let name = |folder: &PathBuf| -> Result<String> {
+            let sha256 = crate::ppo::folder::load(&shipped::find(folder))?.1.sha256();
+            // That of a run stands in its folder `policy`.
+            let whole = if folder.ends_with("policy") { folder.parent() } else { None }.unwrap_or(folder);
+            Ok(format!("{} {}", whole.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]))
+        };
+        let names = self.policy.iter().map(name).collect::<Result<Vec<_>>>()?;
+        Ok(format!("in {} % of the trajectories: {}", (1e4 * self.policy_share).round() / 100.0, names.join(", ")))
+    }
+
     /// Records so many transitions into a folder: shards and a manifest, those that are there already kept. One process at a time writes there.
     ///
     /// # Errors

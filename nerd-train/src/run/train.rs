@@ -41,6 +41,8 @@ pub struct Run {
     recording: GenerateConfig,
     /// What it starts from, if not from random weights.
     parent: Option<Model>,
+    /// Which policies act in its data; none is known of data from a folder.
+    actors: Option<String>,
     arithmetic: String,
 }
 
@@ -83,8 +85,9 @@ impl Run {
             refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
         }
         let parent = config.from.as_deref().map(|folder| parent(folder, &system, network, form)).transpose()?;
+        let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
         let arithmetic = arithmetic(config, &network)?;
-        Ok(Self { config: config.clone(), system, base, form, network, learner, trainer, recording, parent, arithmetic })
+        Ok(Self { config: config.clone(), system, base, form, network, learner, trainer, recording, parent, actors, arithmetic })
     }
 
     /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
@@ -266,7 +269,7 @@ impl Run {
     fn export(&self, identity: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<Option<PathBuf>> {
         let out = &self.config.out;
         let folder = out.join("model");
-        export(&folder, out, identity, normalizer, weights, (chosen, self.learner.seed))?;
+        export(&folder, out, identity, normalizer, weights, (chosen, self.actors.clone(), self.learner.seed))?;
         eprintln!("model written to {}", folder.display());
         Ok(Some(folder))
     }

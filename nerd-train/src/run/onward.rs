@@ -1,0 +1,48 @@
+//! How a model is trained on where nobody says it.
+
+use nerd_model::base::Base;
+use nerd_model::folder::ModelConfig;
+use nerd_model::form::View;
+use nerd_model::transformer::{Architecture, Positions};
+
+use super::{BaseName, RunConfig};
+use crate::error::{Result, refuse};
+use crate::learner::Optimizer;
+
+/// Fewest frames of a trajectory.
+const FRAMES: usize = 120;
+/// Transitions to begin with, and fresh ones for each update.
+const TRANSITIONS: usize = 2_000_000;
+const FRESH: usize = 100;
+
+impl RunConfig {
+    /// Settings under which a model is trained on: its own network on its own base, and for the rest what the last runs of the
+    /// shipped models have in common. Data come fresh, half of the trajectories start as tasks do and half are passive.
+    ///
+    /// # Errors
+    /// If its network or its form is none that a run's few settings name.
+    pub fn onward(model: &ModelConfig, updates: u64) -> Result<Self> {
+        let network = &model.network;
+        let mut run = Self { robot: model.robot.clone(), updates, batch: model.batch, ..Self::default() };
+        (run.base, run.draft) = match model.base {
+            Base::State => (BaseName::State, run.draft),
+            Base::Flight | Base::ExactFlight => (BaseName::Flight, run.draft),
+            Base::Draft(n) => (BaseName::Draft, n),
+            Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),
+        };
+        if network.architecture != Architecture::Transformer || model.view != View::Own {
+            refuse!("the model is one of NeRD's rivals; say with --recipe how it is trained on");
+        }
+        (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);
+        (run.head_width, run.block) = (network.embedding / network.heads, network.block);
+        run.stream = network.positions == Positions::Rotary;
+        run.transitions = TRANSITIONS;
+        // No more than the run looks at.
+        run.fresh = usize::try_from(updates).unwrap_or(usize::MAX).saturating_mul(FRESH.min(model.batch * network.sequence()));
+        run.optimizer = Optimizer::Muon;
+        (run.last_rate, run.warmup, run.huber, run.rollouts) = (0.0, 1000.min(updates / 10), Some(0.01), 256);
+        (run.record.frames, run.record.torque_scale) = (FRAMES.max(network.sequence()).max(network.reach()), -1.0);
+        (run.record.hold, run.record.resets) = (16, 0.5);
+        Ok(run)
+    }
+}
