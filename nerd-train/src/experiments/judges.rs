@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use super::games::{Reward, games};
-use super::policies::Policies;
+use super::policies::{Policies, short};
 use crate::bounds::{SEEDS, STARTS};
 use crate::error::Result;
 use crate::ppo::{Arena, folder};
@@ -127,8 +127,7 @@ impl Experiment for Judges {
                 0 => format!("{:.1} +- {:.1}", reward.mean, reward.standard_error),
                 _ => format!("{:.1} ({:+.1} %)", reward.mean, 100.0 * (reward.mean - own) / own.abs()),
             };
-            let name = r.policy.rsplit('/').next().unwrap_or_default().to_string();
-            [name, r.trained_in.clone()].into_iter().chain(r.judged.iter().enumerate().map(word)).collect()
+            [short(&r.policy), r.trained_in.clone()].into_iter().chain(r.judged.iter().enumerate().map(word)).collect()
         };
         let note = "Mean reward of a game under mean actions (in brackets: beside that in the truth). +-: standard error over games.";
         Ok(vec![Table::new("judges", &header).with(data.rows.iter().map(line)).noted(note)])

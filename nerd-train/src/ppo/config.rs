@@ -143,7 +143,12 @@ const FILES: [(&str, &str); 4] = [
 ];
 
 /// Settings for where steps are dear.
-const SMALL: [(&str, &str); 1] = [("cartpole-", include_str!("../../assets/ppo/cartpole-small.toml"))];
+const SMALL: [(&str, &str); 4] = [
+    ("cartpole-", include_str!("../../assets/ppo/cartpole-small.toml")),
+    ("ant-", include_str!("../../assets/ppo/ant-small.toml")),
+    ("franka-", include_str!("../../assets/ppo/franka-small.toml")),
+    ("anymal-", include_str!("../../assets/ppo/anymal-small.toml")),
+];
 
 impl PpoConfig {
     /// Fewer environments and more updates a step than the paper's, for tasks that have such settings: for a learned simulator

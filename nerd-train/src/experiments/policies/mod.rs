@@ -20,6 +20,7 @@ use crate::settings::settings;
 use crate::shipped::{self, from_root};
 
 mod curves;
+mod fresh;
 
 settings! {
     /// Policies in the truth and in the simulator that learned it.
@@ -28,6 +29,17 @@ settings! {
         name: String = String::new(), Text;
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;
+        /// The strict protocol: seeds never used before, comma-separated. Of each and every task a policy is trained in the
+        /// frozen model, unless it is there; then all are played
+        fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
+        /// With --fresh: seeds of policies that are trained in the truth [default: those of --fresh]
+        truth_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
+        /// With --fresh: tasks [default: all]
+        task: Vec<String> = Vec::new(), Texts;
+        /// With --fresh: settings of PPO, small or paper (full length)
+        recipe: String = "small".into(), Words(&["small", "paper"]);
+        /// With --fresh: folder of the policies' runs; the same command goes on with those that are not done
+        runs: PathBuf = "out/fresh".into(), Text;
         /// Folder of the learned simulator's model [default: models/ROBOT]; the truth is the one it learned
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
@@ -131,6 +143,7 @@ impl Experiment for Policies {
         match one {
             _ if !self.name.is_empty() => self.name.clone(),
             Some(name) => name.to_string_lossy().into_owned(),
+            None if !self.fresh.is_empty() => "fresh".into(),
             None => "policies".into(),
         }
     }
@@ -140,11 +153,15 @@ impl Experiment for Policies {
     }
 
     fn effort(&self) -> f64 {
-        let policies = self.folders().map_or(0, |all| all.len());
+        let policies =
+            if self.fresh.is_empty() { self.folders().map_or(0, |all| all.len()) } else { self.plan().map_or(0, |all| all.len()) };
         (self.games * policies * if self.truth_only { 1 } else { 2 }) as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
+        if !self.fresh.is_empty() {
+            return self.frozen();
+        }
         let mut inputs = Inputs::default();
         for path in &self.folders()? {
             let task = folder::load(path)?.0.task;
@@ -161,10 +178,14 @@ impl Experiment for Policies {
     }
 
     fn measure(&self) -> Result<Played> {
-        Ok(Played { rows: self.folders()?.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
+        let folders = if self.fresh.is_empty() { self.folders()? } else { self.train()? };
+        Ok(Played { rows: folders.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
     }
 
     fn tables(&self, data: &Played) -> Result<Vec<Table>> {
+        if !self.fresh.is_empty() {
+            return Ok(vec![fresh::gaps(&data.rows), each(&data.rows)]);
+        }
         if data.rows.len() == 1 {
             return Ok(vec![each(&data.rows)]);
         }
@@ -173,7 +194,7 @@ impl Experiment for Policies {
 
     fn pictures(&self, data: &Played, stem: &Path) -> Result<()> {
         // That of one policy stands in its run's folder.
-        if data.rows.len() > 1 { curves::draw(&data.rows, stem) } else { Ok(()) }
+        if self.fresh.is_empty() && data.rows.len() > 1 { curves::draw(&data.rows, stem) } else { Ok(()) }
     }
 }
 
@@ -244,6 +265,11 @@ fn summary(rows: &[Row]) -> Table {
     table
 }
 
+/// Name of a policy's folder, or of its run where it is the run's own.
+pub fn short(policy: &str) -> String {
+    policy.strip_suffix("/policy").unwrap_or(policy).rsplit('/').next().unwrap_or_default().into()
+}
+
 /// Every policy, beside the paper's figures.
 fn each(rows: &[Row]) -> Table {
     let reward = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.spread);
@@ -251,7 +277,7 @@ fn each(rows: &[Row]) -> Table {
         let paper = policy_reward(&r.task);
         vec![
             r.task.clone(),
-            r.policy.rsplit('/').next().unwrap_or_default().into(),
+            short(&r.policy),
             r.trained_in.clone(),
             r.games.to_string(),
             reward(&r.real),
