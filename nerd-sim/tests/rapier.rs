@@ -318,7 +318,7 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
 #[test]
 fn flight_is_nearer_to_exact_flight_than_to_the_reference_s() {
     let n = 64;
-    for (robot, bound) in [("pendulum", 1e-4), ("cube", 1e-5), ("ant", 2e-4)] {
+    for (robot, bound) in [("pendulum-paper", 1e-4), ("cube-paper", 1e-5), ("ant-paper", 2e-4)] {
         let system = System::named(robot).expect("built in");
         let (joints, d, nq) = (system.robot.joint_count(), system.robot.state_dim(), system.robot.nq());
         let mut first = Batch::new(&system, &system.scene("free").expect("scene"), n);

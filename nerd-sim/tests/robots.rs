@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::state::{quaternion, vector};
 use nerd_sim::control::Controller;
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
 use nerd_sim::sampling::{Start, start, stream};
 
 /// Mass (kg), joints, contact points.
@@ -111,14 +113,21 @@ fn the_law_that_looks_ahead_is_stable_at_any_gain() {
 #[test]
 fn starts_keep_to_their_boxes() {
     for env in 0..200 {
-        let system = System::named("ant").expect("built in");
-        let ant = start(&system, Start::Sample, &mut stream(0, env));
-        let (p, q, w, v) = (vector(&ant[..3]), quaternion(&ant[3..7]), vector(&ant[15..18]), vector(&ant[18..21]));
-        let body = (q.inverse() * w, q.inverse() * (v + w.cross(&p)));
-        assert!(p.x.abs() < 10.0 && (1.0..1.3).contains(&p.y) && p.z.abs() < 10.0, "ant at {p:?}");
-        assert!(body.0.amax() <= std::f64::consts::PI + 1e-12 && body.1.amax() <= 1.0 + 1e-12, "ant's twist in the body {body:?}");
-        let tilt = quaternion(&system.default_state()[3..7]).angle_to(&q);
-        assert!(tilt <= std::f64::consts::FRAC_PI_2 + 1e-12, "ant tilted by {tilt}");
+        for name in ["ant", "ant-paper", "anymal"] {
+            let system = System::named(name).expect("built in");
+            let (state, nq) = (start(&system, Start::Sample, &mut stream(0, env)), system.robot.nq());
+            let (p, q, w, v) = (vector(&state[..3]), quaternion(&state[3..7]), vector(&state[nq..]), vector(&state[nq + 3..]));
+            let said = &system.spec.root.as_ref().expect("a free root").sample;
+            let within = |x: &Vector3<f64>, ranges: &[Range; 3]| {
+                x.iter().zip(ranges).all(|(x, range)| (range.low - 1e-12..range.high + 1e-12).contains(x))
+            };
+            assert!(within(&p, &said.position), "{name} at {p:?}");
+            let (turning, moving) = (q.inverse() * w, q.inverse() * (v + w.cross(&p)));
+            assert!(within(&turning, &said.angular), "{name} turns in the body with {turning:?}");
+            assert!(within(&moving, &said.linear), "{name} moves in the body with {moving:?}");
+            let tilt = quaternion(&system.default_state()[3..7]).angle_to(&q);
+            assert!(tilt <= said.tilt.high.max(-said.tilt.low) + 1e-12, "{name} tilted by {tilt}");
+        }
 
         let system = System::named("cube").expect("built in");
         let cube = start(&system, Start::Reset, &mut stream(0, env));
@@ -135,8 +144,7 @@ fn every_robot_is_recorded() {
     for name in System::built_in() {
         let system = System::named(name).expect("built in");
         let config = GenerateConfig { transitions: 160, frames: 20, ..Default::default() };
-        let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-        let recording = record(&system, &mut truth, &config, 0, 8).expect("recorded");
+        let recording = record(&system, &mut *system.spec.truth.solver(&system), &config, 0, 8).expect("recorded");
         assert!(recording.states.iter().all(|x| x.is_finite()), "{name}");
         let driven = recording.torques.iter().any(|t| *t != 0.0);
         assert_eq!(driven, system.robot.joint_count() > 0, "{name}: torques");
