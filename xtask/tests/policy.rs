@@ -76,8 +76,13 @@ fn what_cannot_be_trained_is_refused_in_one_line() {
         (&["policy", "train", "ant-run", "--config", settings], "hurry"),
         (&["policy", "train", "ant-run", "--recipe", "small"], "ant-run"),
         (&["policy", "evaluate", "--policy", "nowhere"], "nowhere"),
+        (&["policy", "co-train", "juggle"], "juggle"),
+        (&["policy", "co-train", "ant-run", "anymal-side"], "`anymal`"),
+        (&["policy", "co-train", "ant-run", "--rounds", "0"], "--rounds"),
+        (&["policy", "co-train", "ant-run"], "--recipe"),
+        (&["policy", "co-train", "ant-run", "--model", "models/cartpole-paper"], "cartpole-paper"),
     ] {
-        let args = if args[1] == "train" { [args, &["--out", out]].concat() } else { args.to_vec() };
+        let args = if args[1].ends_with("train") { [args, &["--out", out]].concat() } else { args.to_vec() };
         refused(&args, culprit);
         assert!(!std::path::Path::new(out).exists(), "{args:?} left something");
     }

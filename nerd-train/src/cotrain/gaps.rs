@@ -85,7 +85,7 @@ impl Gap {
 
     /// In words.
     pub(super) fn words(&self) -> String {
-        let gap = self.gap.map_or("no gap to speak of".into(), |gap| format!("gap {gap:+.2} %"));
+        let gap = self.gap.map_or("no gap to speak of".into(), |gap| format!("gap {gap:+.3} %"));
         format!("reward {:.1} in the truth, {:.1} in the model, {gap}", self.real.mean, self.learned.mean)
     }
 }

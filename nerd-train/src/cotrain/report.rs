@@ -81,7 +81,7 @@ impl Experiment for Done<'_> {
     fn tables(&self, data: &Rounds) -> Result<Vec<Table>> {
         let Rounds { mean, most, rounds } = data;
         let each = || rounds.iter().flat_map(|r| r.tasks.iter().map(move |t| (r, t)));
-        let percent = |x: f64| if x.is_finite() { format!("{x:.2}") } else { "-".into() };
+        let percent = |x: f64| if x.is_finite() { format!("{x:.3}") } else { "-".into() };
         let lines = each().map(|(r, t)| {
             let verdict = if t.passes(*mean, *most) { "passes" } else { "does not" };
             let model = r.model.get(..12).unwrap_or("-");
@@ -96,7 +96,7 @@ impl Experiment for Done<'_> {
         let summary = Table::new("rounds", &header).with(lines).noted(&note);
         let line = |round: usize, task: &str, p: &super::Gap| {
             let rewards = [p.real, p.learned].map(|r| format!("{:.1} ± {:.1}", r.mean, r.standard_error));
-            let gap = p.gap.map_or("-".into(), |gap| format!("{gap:+.2} ± {:.2}", p.gap_error.unwrap_or(f64::NAN)));
+            let gap = p.gap.map_or("-".into(), |gap| format!("{gap:+.3} ± {:.3}", p.gap_error.unwrap_or(f64::NAN)));
             [&[round.to_string(), task.to_string(), p.seed.to_string()], &rewards[..], &[gap]].concat()
         };
         let lines = each().flat_map(|(r, t)| t.policies.iter().map(move |p| line(r.round, &t.task, p)));

@@ -146,7 +146,7 @@ pub fn export(
     let config = model_config(run, &provenance);
     let mut card = format!(
         "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
-         {} updates of {} windows on {} random transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
+         {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
         run.variant.name(),
         run.robot,
         if run.network.architecture == Architecture::Transformer { "A causal Transformer" } else { "A network" },
@@ -163,6 +163,7 @@ pub fn export(
         run.trainer.updates,
         run.learner.batch,
         run.transitions + run.fresh,
+        if run.policies.is_none() { "random " } else { "" },
         if run.fresh > 0 { format!(" of the first {}", run.transitions) } else { String::new() },
         run.data_sha256,
     );

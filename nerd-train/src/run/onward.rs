@@ -12,7 +12,7 @@ use crate::learner::Optimizer;
 /// Fewest frames of a trajectory.
 const FRAMES: usize = 120;
 /// Transitions to begin with, and fresh ones for each update.
-const TRANSITIONS: usize = 2_000_000;
+const TRANSITIONS: usize = 1_000_000;
 const FRESH: usize = 100;
 
 impl RunConfig {

@@ -33,7 +33,8 @@ settings! {
         hold: usize = 1, Whole(FRAMES);
         /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data
         resets: f64 = 0.0, Number(0.0..=1.0);
-        /// Folders of policies that act in part of the data, each in its task: random torques seldom go where they go
+        /// Folders of policies that act in part of the data, each in its task: random torques seldom go where they go. They are
+        /// noisy, a quarter of their trajectories begin fast, in a quarter they take turns
         policy: Vec<PathBuf> = Vec::new(), Texts;
         /// Share of the trajectories that policies act in
         policy_share: f64 = 0.5, Number(0.0..=1.0);

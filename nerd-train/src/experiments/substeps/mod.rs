@@ -74,6 +74,9 @@ fn taken(system: &System, scene: &Scene, config: &ArticulatedConfig) -> usize {
     if touches || system.robot.dry() { config.contact_substeps } else { config.substeps }
 }
 
+/// A robot in a scene under a drive.
+type Case = (Arc<System>, Arc<Scene>, Action);
+
 impl Substeps {
     fn policies(&self) -> Result<Vec<PathBuf>> {
         if self.no_games {
@@ -83,7 +86,7 @@ impl Substeps {
     }
 
     /// Robots, each in a scene under a drive.
-    fn cases(&self) -> Result<Vec<(Arc<System>, Arc<Scene>, Action)>> {
+    fn cases(&self) -> Result<Vec<Case>> {
         let own = || System::built_in().into_iter().filter(|name| !name.ends_with("-paper")).map(String::from).collect();
         let robots: Vec<String> = if self.robot.is_empty() { own() } else { self.robot.clone() };
         let mut cases = Vec::new();
