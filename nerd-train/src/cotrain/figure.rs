@@ -9,10 +9,14 @@ use super::{Rounds, TaskGaps};
 use crate::error::Result;
 use crate::report::plot::{COLOURS, Log, Picture, failed, save, stroke};
 
+/// Width and height (px).
 const SIZE: (u32, u32) = (900, 520);
 const FONT: (&str, i32) = ("sans-serif", 14);
 /// What is smaller is drawn here (percent).
 const SMALLEST: f64 = 0.01;
+
+/// A figure of a task's gaps.
+type Size = fn(&TaskGaps) -> f64;
 
 /// Writes `stem`.svg and `stem`.png.
 pub(super) fn draw(rounds: &Rounds, stem: &Path) -> Result<()> {
@@ -21,7 +25,7 @@ pub(super) fn draw(rounds: &Rounds, stem: &Path) -> Result<()> {
 
 impl Rounds {
     /// A figure of a task by round; what is infinite is left out.
-    fn line(&self, task: &str, of: fn(&TaskGaps) -> f64) -> Vec<(f64, f64)> {
+    fn line(&self, task: &str, of: Size) -> Vec<(f64, f64)> {
         let point = |r: &super::Round| {
             let size = r.tasks.iter().find(|t| t.task == task).map(of)?;
             size.is_finite().then_some((r.round as f64, size.max(SMALLEST)))
@@ -38,7 +42,11 @@ impl Picture for Rounds {
         let failed = failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let tasks: Vec<&str> = self.rounds.first().map_or_else(Vec::new, |r| r.tasks.iter().map(|t| t.task.as_str()).collect());
+<<<<<<< HEAD
         let kinds: [Kind; 2] = [(TaskGaps::mean, "mean", 3), (TaskGaps::largest, "largest", 1)];
+=======
+        let kinds: [(Size, &str, u32); 2] = [(TaskGaps::mean, "mean", 3), (TaskGaps::largest, "largest", 1)];
+>>>>>>> c
         let heights = tasks.iter().flat_map(|task| kinds.iter().flat_map(|kind| self.line(task, kind.0))).map(|p| p.1);
         let (y, ends) = (Log::over(heights.chain([self.mean, self.most])), [-0.3, self.rounds.len() as f64 - 0.7]);
         let mut builder = ChartBuilder::on(area);

@@ -19,12 +19,11 @@ impl Policies {
         }
         let known = nerd_tasks::names();
         let tasks = if self.task.is_empty() { known.iter().map(|t| t.to_string()).collect() } else { self.task.clone() };
-        let truths = if self.truth_seeds.is_empty() { &self.fresh } else { &self.truth_seeds };
         let mut runs = Vec::new();
         for task in tasks {
             let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
             let learned = Arena::Model { folder: model, device: self.device };
-            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", Arena::Truth(truth), truths)] {
+            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", Arena::Truth(truth), &self.truth_seeds)] {
                 let config = PpoConfig::choose(&task, &arena, Some(&self.recipe), None)?;
                 for seed in seeds {
                     let out = self.runs.join(format!("{task}-{word}-{seed}"));

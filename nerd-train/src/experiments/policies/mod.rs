@@ -32,7 +32,7 @@ settings! {
         /// The strict protocol: seeds never used before, comma-separated. Of each and every task a policy is trained in the
         /// frozen model, unless it is there; then all are played
         fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
-        /// With --fresh: seeds of policies that are trained in the truth [default: those of --fresh]
+        /// With --fresh: seeds of policies that are trained in the truth [default: none]
         truth_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
         /// With --fresh: tasks [default: all]
         task: Vec<String> = Vec::new(), Texts;
