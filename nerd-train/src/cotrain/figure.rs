@@ -34,19 +34,12 @@ impl Rounds {
     }
 }
 
-/// What of a task's gaps a line shows, its name, its width.
-type Kind = (fn(&TaskGaps) -> f64, &'static str, u32);
-
 impl Picture for Rounds {
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
         let failed = failed::<B>;
         area.fill(&WHITE).map_err(failed)?;
         let tasks: Vec<&str> = self.rounds.first().map_or_else(Vec::new, |r| r.tasks.iter().map(|t| t.task.as_str()).collect());
-<<<<<<< HEAD
-        let kinds: [Kind; 2] = [(TaskGaps::mean, "mean", 3), (TaskGaps::largest, "largest", 1)];
-=======
         let kinds: [(Size, &str, u32); 2] = [(TaskGaps::mean, "mean", 3), (TaskGaps::largest, "largest", 1)];
->>>>>>> c
         let heights = tasks.iter().flat_map(|task| kinds.iter().flat_map(|kind| self.line(task, kind.0))).map(|p| p.1);
         let (y, ends) = (Log::over(heights.chain([self.mean, self.most])), [-0.3, self.rounds.len() as f64 - 0.7]);
         let mut builder = ChartBuilder::on(area);
