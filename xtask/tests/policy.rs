@@ -74,7 +74,6 @@ fn what_cannot_be_trained_is_refused_in_one_line() {
         (&["policy", "train", "ant-run", "--solver", "magic"], "magic"),
         (&["policy", "train", "ant-run", "--solver", "neural", "--model", "nowhere"], "nowhere"),
         (&["policy", "train", "ant-run", "--config", settings], "hurry"),
-        (&["policy", "train", "ant-run", "--recipe", "small"], "ant-run"),
         (&["policy", "evaluate", "--policy", "nowhere"], "nowhere"),
         (&["policy", "co-train", "juggle"], "juggle"),
         (&["policy", "co-train", "ant-run", "anymal-side"], "`anymal`"),

@@ -184,7 +184,7 @@ impl Experiment for Policies {
 
     fn tables(&self, data: &Played) -> Result<Vec<Table>> {
         if !self.fresh.is_empty() {
-            return Ok(vec![fresh::gaps(&data.rows), each(&data.rows)]);
+            return Ok(vec![fresh::summary(&data.rows), fresh::gaps(&data.rows), each(&data.rows)]);
         }
         if data.rows.len() == 1 {
             return Ok(vec![each(&data.rows)]);
