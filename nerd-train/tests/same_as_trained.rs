@@ -2,17 +2,20 @@
 //! tokens that training makes of the same recording. Also where it is not asked for long, in flight: those frames are tokens in
 //! training, so they are in a rollout. Weights are random. Bound: the network's f32, in units of its targets' deviations.
 
+mod common;
+
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
+use common::unlearned;
 use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::folder::Model;
 use nerd_model::network::Network;
 use nerd_model::neural::Neural;
-use nerd_model::transformer::{Positions, TransformerConfig, Weights};
+use nerd_model::transformer::{Positions, TransformerConfig};
 use nerd_sim::batch::contacts;
 use nerd_sim::dataset::{GenerateConfig, Recording, record};
 use nerd_sim::prelude::*;
@@ -30,23 +33,7 @@ fn recorded(system: &Arc<System>) -> Recording {
 fn model(system: &Arc<System>, base: Base, positions: Positions, windows: &Windows) -> Model {
     let paper = TransformerConfig::paper(windows.inputs, windows.outputs, 24);
     let network = TransformerConfig { layers: 3, heads: 4, history: 6, block: FRAMES, positions, ..paper };
-    let mut weights = Weights::init(network, 5);
-    weights.flat.iter_mut().for_each(|w| *w *= 3.0);
-    let config = ModelConfig {
-        robot: system.name.clone(),
-        robot_sha256: system.robot_sha256(),
-        model_sha256: String::new(),
-        truth: "articulated paper coulomb".into(),
-        base,
-        view: Default::default(),
-        network,
-        data_sha256: "none".into(),
-        transitions: 0,
-        updates: 0,
-        batch: 0,
-        provenance: Default::default(),
-    };
-    Model { config, normalizer: moments(windows), weights }
+    unlearned(system, base, network, moments(windows))
 }
 
 /// Predictions of the training pass `[frame][outputs]` for the normalised tokens of one trajectory.

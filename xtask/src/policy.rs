@@ -40,8 +40,7 @@ pub struct TrainArgs {
     pub task: String,
     #[command(flatten)]
     pub arena: ArenaArgs,
-    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU, if
-    /// the task has it]
+    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU]
     #[arg(long, value_parser = ["paper", "small"])]
     pub recipe: Option<String>,
     /// TOML with all settings, in place of a recipe (see nerd-train/assets/ppo)

@@ -99,8 +99,8 @@ impl ArticulatedConfig {
         Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
     }
 
-    /// What models, policies and charts stand on: [`Self::implicit`] with so many substeps as the robot's specification says,
-    /// enough that twice as many change neither rollouts nor rewards (`results/substeps.md`).
+    /// What models, policies and charts stand on: [`Self::implicit`] with so many substeps as the robot's specification says.
+    /// What twice as many change is measured (`results/substeps.md`).
     pub fn accurate(system: &System) -> Self {
         Self::implicit(system.spec.substeps, Friction::Coulomb)
     }

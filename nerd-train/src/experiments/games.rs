@@ -1,7 +1,9 @@
 //! Games of a policy: in a truth, in a model, and how far their rewards are apart.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use nerd_model::pick::Setting;
+use nerd_sim::system::System;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, named};
 use serde::{Deserialize, Serialize};
@@ -9,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Result, refuse};
 use crate::ppo::{Arena, Game, Policy, folder, play};
 use crate::progress::bar;
-use crate::report::Input;
+use crate::report::{Input, Inputs};
 
 /// Mean and spread over games.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,6 +75,20 @@ pub fn finished(what: &str, mut episodes: Episodes, policy: &Policy) -> Result<V
     })?;
     bar.finish();
     Ok(games)
+}
+
+/// What games of policies before analytic judges depend on.
+///
+/// # Errors
+/// If a policy cannot be read.
+pub fn judged(policies: &[PathBuf], inputs: &mut Inputs) -> Result<()> {
+    for path in policies {
+        let task = named(&folder::load(path)?.0.task)?;
+        inputs.add(Input::robot(&*System::named(task.robot())?));
+        inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
+        inputs.add(Input::policy(path)?);
+    }
+    Ok(())
 }
 
 /// The policy of a folder, which is of that task.

@@ -9,12 +9,12 @@ use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
-use super::games::{Reward, games};
+use super::games::{Reward, games, judged};
 use super::policies::{Policies, short};
 use crate::bounds::{SEEDS, STARTS};
 use crate::error::Result;
 use crate::ppo::{Arena, folder};
-use crate::report::{Input, Inputs, Table};
+use crate::report::{Inputs, Table};
 use crate::settings::settings;
 use crate::shipped::from_root;
 
@@ -105,12 +105,7 @@ impl Experiment for Judges {
 
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
-        for path in &self.folders()? {
-            let task = nerd_tasks::named(&folder::load(path)?.0.task)?;
-            inputs.add(Input::robot(&*System::named(task.robot())?));
-            inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
-            inputs.add(Input::policy(path)?);
-        }
+        judged(&self.folders()?, &mut inputs)?;
         Ok(inputs)
     }
 

@@ -151,11 +151,12 @@ const SMALL: [(&str, &str); 4] = [
 ];
 
 impl PpoConfig {
-    /// Fewer environments and more updates a step than the paper's, for tasks that have such settings: for a learned simulator
-    /// on the CPU.
-    pub fn small(task: &str) -> Option<Self> {
-        let found = SMALL.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task))?;
-        Self::from_text(found.1).ok()
+    /// Fewer environments and more updates a step than the paper's: for a learned simulator on the CPU.
+    ///
+    /// # Errors
+    /// If there is no such task.
+    pub fn small(task: &str) -> Result<Self, ConfigError> {
+        Self::shipped(&SMALL, task)
     }
 
     /// The paper's for a task.
@@ -163,7 +164,11 @@ impl PpoConfig {
     /// # Errors
     /// If there is no such task.
     pub fn of(task: &str) -> Result<Self, ConfigError> {
-        let found = FILES.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task));
+        Self::shipped(&FILES, task)
+    }
+
+    fn shipped(files: &[(&str, &str)], task: &str) -> Result<Self, ConfigError> {
+        let found = files.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task));
         Self::from_text(found.ok_or_else(|| TaskError(task.into()))?.1)
     }
 

@@ -12,7 +12,7 @@ use nerd_tasks::{Episodes, Fast, Task, named};
 use super::clock::{Clock, Split};
 use super::{Arena, PpoConfig, Trainer, card};
 use crate::bounds;
-use crate::error::{Error, Result, refuse};
+use crate::error::{Error, Result};
 use crate::metrics::Metrics;
 use crate::progress::{Bar, bar};
 use crate::sessions;
@@ -148,18 +148,17 @@ impl PpoConfig {
     /// Settings of a task: of a file, those called `small` or `paper`, or by what a step in the arena costs.
     ///
     /// # Errors
-    /// If the file cannot be read or has a key that there is not, or the task has no such settings.
+    /// If the file cannot be read or has a key that there is not, or there is no such task.
     pub fn choose(task: &str, arena: &Arena, recipe: Option<&str>, file: Option<&std::path::Path>) -> Result<Self> {
         if let Some(path) = file {
             let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
             return Self::from_text(&text).map_err(Error::format(path));
         }
-        match (recipe, Self::small(task)) {
-            (Some("small"), None) => refuse!("task `{task}` has no small settings; --config takes your own"),
-            (Some("small"), Some(small)) => Ok(small),
-            (None, Some(small)) if arena.dear() => Ok(small),
-            _ => Ok(Self::of(task)?),
-        }
+        Ok(match recipe {
+            Some("small") => Self::small(task)?,
+            None if arena.dear() => Self::small(task)?,
+            _ => Self::of(task)?,
+        })
     }
 }
 

@@ -62,6 +62,11 @@ pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let moments = |mean: Vec<f64>, variance: f64| Moments { variance: vec![variance; mean.len()], mean, epsilon: 1e-5 };
     let normalizer =
         Normalizer { inputs: moments(vec![0.0; inputs], 4.0), outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4) };
+    unlearned(system, base, network, normalizer)
+}
+
+/// A model of random weights, three times as large as training begins with.
+pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normalizer: Normalizer) -> Model {
     let config = ModelConfig {
         robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),

@@ -15,11 +15,11 @@ use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
+use super::games::judged;
 use super::policies::Policies;
 use crate::bounds::{self, FRAMES, SEEDS, STARTS};
 use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig};
-use crate::ppo::folder;
 use crate::progress::bar;
 use crate::report::plot::{Figure, Series};
 use crate::report::{Input, Inputs, Table};
@@ -129,12 +129,7 @@ impl Experiment for Substeps {
             inputs.add(Input::robot(&system));
             inputs.add(Input::motion(&system.name, &scene.name, &Setting::Accurate)?);
         }
-        for path in &self.policies()? {
-            let task = nerd_tasks::named(&folder::load(path)?.0.task)?;
-            inputs.add(Input::robot(&*System::named(task.robot())?));
-            inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
-            inputs.add(Input::policy(path)?);
-        }
+        judged(&self.policies()?, &mut inputs)?;
         Ok(inputs)
     }
 

@@ -3,7 +3,7 @@
 use crate::error::{Result, refuse};
 use crate::experiments::changes::Change;
 use crate::learner::Optimizer;
-use crate::run::{BaseName, RunConfig};
+use crate::run::{BaseName, RunConfig, Variant};
 
 const fn entry(name: &'static str, change: fn(&mut RunConfig)) -> Change {
     Change { name, change }
@@ -13,7 +13,8 @@ const fn entry(name: &'static str, change: fn(&mut RunConfig)) -> Change {
 pub const BASE: &str = "base";
 
 /// Sets of runs by name.
-const SETS: [(&str, &[Change]); 4] = [("switches", &SWITCHES), ("sizes", &SIZES), ("forms", &FORMS), ("sameness", &SAMENESS)];
+const SETS: [(&str, &[Change]); 5] =
+    [("switches", &SWITCHES), ("sizes", &SIZES), ("smallest", &SMALLEST), ("forms", &FORMS), ("sameness", &SAMENESS)];
 
 /// One decision of training taken back, or added, at a time.
 const SWITCHES: [Change; 12] = [
@@ -43,6 +44,20 @@ const SIZES: [Change; 9] = [
     entry("e192-l6", |r| size(r, 192, 6)),
     entry("h-1", |r| r.history = 1),
     entry("h-5", |r| r.history = 5),
+];
+
+/// The model that ships, made smaller and larger in one thing at a time.
+const SMALLEST: [Change; 10] = [
+    entry(BASE, |_| ()),
+    entry("e32-l2", |r| size(r, 32, 2)),
+    entry("e64-l2", |r| size(r, 64, 2)),
+    entry("e64-l4", |r| size(r, 64, 4)),
+    entry("e192-l6", |r| size(r, 192, 6)),
+    entry("h-5", |r| r.history = 5),
+    entry("mlp", |r| (r.variant, r.stream, r.sequence) = (Variant::Mlp, false, None)),
+    entry("half-the-draft", |r| r.draft = r.draft.div_ceil(2)),
+    entry("flight", |r| (r.base, r.draft) = (BaseName::Flight, 1)),
+    entry("state", |r| (r.base, r.draft) = (BaseName::State, 1)),
 ];
 
 /// What a rollout differs in from training: sequences shorter than what a prediction depends on, and small targets. As many

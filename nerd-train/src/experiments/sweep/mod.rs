@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use nerd_sim::prelude::*;
+use nerd_tasks::named;
 use serde::{Deserialize, Serialize};
 
 mod entries;
@@ -15,6 +16,7 @@ use entries::{BASE, entries};
 use super::Experiment;
 use super::changes::{chosen, each, model, moved};
 use super::cost::microseconds;
+use super::policies::Policies;
 use crate::bounds::{BATCH, EMBEDDING, LAYERS, SEEDS, STARTS, TRANSITIONS, UPDATES};
 use crate::device::Device;
 use crate::error::Result;
@@ -28,6 +30,8 @@ use crate::run::{BaseName, RunConfig};
 use crate::settings::settings;
 use crate::shipped::root;
 
+/// The set that starts from the robot's own recipe.
+const SMALLEST: &str = "smallest";
 /// Where runs are kept.
 const RUNS: &str = "out/sweep";
 /// Frames that errors are given at.
@@ -37,7 +41,8 @@ settings! {
     /// One run's settings changed one at a time.
     pub struct Sweep {
         /// Set of runs: switches (one decision of training taken back, or added, at a time), sizes (width, depth and window of the
-        /// network), forms (the paper's form, optimiser and loss beside ours), sameness (what rollouts differ in from training)
+        /// network), smallest (the recipe of the robot's shipped model, with less and more of a network), forms (the paper's form,
+        /// optimiser and loss beside ours), sameness (what rollouts differ in from training)
         set: String = "switches".into(), Text;
         /// Robot
         robot: String = "pendulum".into(), Text;
@@ -59,6 +64,11 @@ settings! {
         fresh: usize = 200_000, Whole(0..=*TRANSITIONS.end());
         /// Trajectories of the evaluation
         starts: usize = 128, Whole(STARTS);
+        /// Seeds of policies that are trained in each model, one of each task of the robot, comma-separated: their gaps say whether
+        /// the model is enough [default: none]
+        policies: Vec<u64> = Vec::new(), Wholes(SEEDS);
+        /// Games of each policy
+        games: usize = 256, Whole(STARTS);
         /// Where networks are trained and evaluated (cpu or cuda); a frame is timed on the CPU
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
@@ -83,6 +93,9 @@ pub struct Measured {
     pub diverged: usize,
     /// A frame of one environment on one core.
     pub microseconds: f64,
+    /// Gaps of policies that were trained in it (%).
+    #[serde(default)]
+    pub gaps: Vec<f64>,
 }
 
 /// All of them.
@@ -97,10 +110,17 @@ pub struct Swept {
 
 impl Sweep {
     /// The run that the others change.
-    fn base(&self, seed: u64) -> RunConfig {
+    fn base(&self, seed: u64) -> Result<RunConfig> {
         let Self { set, robot, embedding, layers, updates, batch, transitions, fresh, .. } = self;
-        let folder = format!("{robot}-{set}-e{embedding}l{layers}-{updates}x{batch}-{transitions}+{fresh}-seed{seed}");
-        let mut run = RunConfig::new(robot, root().join(RUNS).join(folder));
+        let (kept, size) = (root().join(RUNS), format!("e{embedding}l{layers}-{updates}x{batch}"));
+        if set == SMALLEST {
+            let folder = format!("{robot}-{set}-{updates}-{transitions}+{fresh}-seed{seed}");
+            let mut run = RunConfig::recipe(robot, robot, kept.join(folder))?;
+            (run.updates, run.transitions, run.fresh, run.device) = (*updates, *transitions, *fresh, self.device);
+            (run.validate_every, run.record.seed) = (Some(*updates), seed);
+            return Ok(run);
+        }
+        let mut run = RunConfig::new(robot, kept.join(format!("{robot}-{set}-{size}-{transitions}+{fresh}-seed{seed}")));
         (run.base, run.stream, run.sequence, run.optimizer) = (BaseName::Flight, true, Some(32), Optimizer::Muon);
         (run.embedding, run.layers, run.batch, run.updates) = (*embedding, *layers, *batch, *updates);
         (run.transitions, run.fresh, run.device) = (*transitions, *fresh, self.device);
@@ -108,7 +128,26 @@ impl Sweep {
         (run.record.torque_scale, run.record.seed) = (-1.0, seed);
         // The end of the run alone is looked at: the last weights or their average.
         (run.validate_every, run.rollouts) = (Some(*updates), 32);
-        run
+        Ok(run)
+    }
+
+    /// Gaps of policies trained in a run's model, of every task of the robot.
+    fn gaps(&self, run: &RunConfig) -> Result<Vec<f64>> {
+        if self.policies.is_empty() {
+            return Ok(Vec::new());
+        }
+        let tasks = nerd_tasks::names().into_iter().map(|name| Ok((name, named(name)?.robot() == self.robot)));
+        let tasks = tasks.collect::<Result<Vec<_>>>()?.into_iter().filter(|(_, ours)| *ours).map(|(name, _)| name.into());
+        let policies = Policies {
+            fresh: self.policies.clone(),
+            task: tasks.collect(),
+            runs: run.out.join("policies"),
+            model: Some(run.out.join("model")),
+            games: self.games,
+            device: self.device,
+            ..Policies::default()
+        };
+        Ok(policies.measure()?.rows.iter().filter_map(|row| row.gap).collect())
     }
 
     /// The scene that runs are judged in.
@@ -134,6 +173,7 @@ impl Sweep {
             error: near.map(|r| summary(&system, &r.error)),
             diverged: far.map_or(self.starts, |r| r.diverged),
             microseconds: microseconds(&run.out.join("model"), &system, &system.scene(&scene)?)?,
+            gaps: self.gaps(run)?,
         })
     }
 }
@@ -161,13 +201,14 @@ impl Experiment for Sweep {
 
     fn measure(&self) -> Result<Swept> {
         let entries = chosen(&entries(&self.set)?, &self.only, BASE)?;
-        let runs = self.seed.iter().flat_map(|seed| entries.iter().map(|e| (*e, e.run(&self.base(*seed)))));
+        let bases = self.seed.iter().map(|seed| self.base(*seed)).collect::<Result<Vec<_>>>()?;
+        let runs = bases.iter().flat_map(|base| entries.iter().map(|e| (*e, e.run(base))));
         let rows = each(&runs.collect::<Vec<_>>(), |change, run, _| self.measured(change.name, run))?;
         Ok(Swept { settings: self.clone(), rows })
     }
 
     fn tables(&self, data: &Swept) -> Result<Vec<Table>> {
-        let base = of(data, BASE);
+        let (base, played) = (of(data, BASE), data.rows.iter().any(|m| !m.gaps.is_empty()));
         let rows = names(data).into_iter().map(|name| {
             let runs = of(data, name);
             let mut row = vec![name.to_string(), runs[0].parameters.to_string()];
@@ -185,16 +226,22 @@ impl Experiment for Sweep {
             row.push(if errors.is_empty() { "left".into() } else { pair(&errors) });
             row.push(runs.iter().map(|m| m.diverged).sum::<usize>().to_string());
             row.push(over_seeds(&runs, |m| Some(m.microseconds)).map_or_else(String::new, |m| digits(m[0])));
+            let gaps: Vec<f64> = runs.iter().flat_map(|m| m.gaps.iter().map(|g| g.abs())).collect();
+            if played {
+                let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+                row.push(format!("{mean:.2} / {:.2}", gaps.iter().copied().fold(f64::NAN, f64::max)));
+            }
             row
         });
         let [a, b, c] = AT.map(|frame| format!("{frame} frames (over base's)"));
-        let header = ["run", "parameters", &a, &b, &c, "over the paper's horizon", "diverged", "us a frame, one core"];
-        Ok(vec![Table::new("sweep", &header).with(rows).noted(&self.note())])
+        let mut header = vec!["run", "parameters", &a, &b, &c, "over the paper's horizon", "diverged", "us a frame, one core"];
+        header.extend(played.then_some("new policies' gaps (%): mean / largest"));
+        Ok(vec![Table::new("sweep", &header).with(rows).noted(&self.note()?)])
     }
 
     /// Of sizes, error against time.
     fn pictures(&self, data: &Swept, stem: &Path) -> Result<()> {
-        if self.set != "sizes" {
+        if self.set != "sizes" && self.set != SMALLEST {
             return Ok(());
         }
         // A size is one point: the quickest of its runs, since others may be on the machine, and the mean of their errors.
@@ -218,16 +265,27 @@ impl Experiment for Sweep {
 
 impl Sweep {
     /// What the base is.
-    fn note(&self) -> String {
-        let mut base = self.base(self.seed());
-        let change = entries(&self.set).ok().and_then(|all| all.into_iter().find(|e| e.name == BASE));
+    fn note(&self) -> Result<String> {
+        let mut base = self.base(self.seed())?;
+        let change = entries(&self.set)?.into_iter().find(|e| e.name == BASE);
         change.iter().for_each(|e| (e.change)(&mut base));
-        format!(
-            "Each run differs from `base` in one thing: a network of width {} and {} layers on flight, streaming, Muon, bent loss at 0.02, half of the \
-             data passive, {} updates of {} sequences of 32 tokens on {} transitions and {} fresh ones. Passive motion from {} starts: mean error (rad or m) \
-             at a frame, mean and standard deviation over seeds {:?}, and divided by the base's.",
-            base.embedding, base.layers, self.updates, self.batch, self.transitions, self.fresh, self.starts, self.seed
-        )
+        let form = match base.base {
+            BaseName::Draft => format!("a draft of {} substeps", base.draft),
+            _ => "flight".into(),
+        };
+        let policies = match self.policies.len() {
+            0 => String::new(),
+            n => format!(
+                " In each model {n} policies of every task were trained, with seeds that no model met; gaps over {} games.",
+                self.games
+            ),
+        };
+        Ok(format!(
+            "Each run differs from `base` in one thing: a network of width {} and {} layers on {form}, streaming, Muon, bent loss at 0.02, half of the \
+             data passive, {} updates of {} sequences on {} transitions and {} fresh ones. Passive motion from {} starts: mean error (rad or m) \
+             at a frame, mean and standard deviation over seeds {:?}, and divided by the base's.{policies}",
+            base.embedding, base.layers, self.updates, base.batch, self.transitions, self.fresh, self.starts, self.seed
+        ))
     }
 }
 
