@@ -3,6 +3,8 @@
 pub mod articulated;
 pub mod batch;
 pub mod bodies;
+#[cfg(feature = "calibrate")]
+pub mod calibrate;
 mod collider;
 pub mod control;
 pub mod dataset;
@@ -10,6 +12,8 @@ pub mod files;
 mod identity;
 pub mod instruments;
 mod limits;
+#[cfg(feature = "csv")]
+pub mod log;
 mod material;
 #[cfg(feature = "measured")]
 pub mod measured;

@@ -48,6 +48,14 @@ pub enum Error {
     #[cfg(feature = "report")]
     #[error(transparent)]
     Measured(#[from] nerd_sim::measured::MeasuredError),
+    /// Measured trajectories.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Log(#[from] nerd_sim::log::LogError),
+    /// A calibration.
+    #[cfg(feature = "report")]
+    #[error(transparent)]
+    Calibrate(#[from] nerd_sim::calibrate::CalibrateError),
     /// MuJoCo.
     #[cfg(feature = "report")]
     #[error("--mujoco: {0}")]

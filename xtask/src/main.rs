@@ -78,6 +78,8 @@ enum Verb {
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
     Stability(stability::StabilityArgs),
+    /// Fit parameters of robot, contact and scene to measured trajectories, and judge them on others
+    Calibrate(conduct::ConductArgs<nerd_train::experiments::calibrated::Calibration>),
     /// Predict real tosses of a cube, open loop
     Tosses(tosses::TossesArgs),
     /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
@@ -134,6 +136,7 @@ fn main() -> ExitCode {
         Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
+        Verb::Calibrate(args) => args.run(),
         Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
         Verb::Light(args) => light::run(args),

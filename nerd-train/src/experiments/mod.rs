@@ -8,6 +8,7 @@
 //! ```
 
 pub mod ablations;
+pub mod calibrated;
 pub mod changes;
 pub mod chart;
 pub mod cost;

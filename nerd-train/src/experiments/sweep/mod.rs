@@ -67,6 +67,8 @@ settings! {
         /// Seeds of policies that are trained in each model, one of each task of the robot, comma-separated: their gaps say whether
         /// the model is enough [default: none]
         policies: Vec<u64> = Vec::new(), Wholes(SEEDS);
+        /// With --policies: runs in whose models they are trained, comma-separated [default: all]
+        judged: Vec<String> = Vec::new(), Texts;
         /// Games of each policy
         games: usize = 256, Whole(STARTS);
         /// Where networks are trained and evaluated (cpu or cuda); a frame is timed on the CPU
@@ -133,7 +135,8 @@ impl Sweep {
 
     /// Gaps of policies trained in a run's model, of every task of the robot.
     fn gaps(&self, run: &RunConfig) -> Result<Vec<f64>> {
-        if self.policies.is_empty() {
+        let name = run.out.file_name().map(|n| n.to_string_lossy().to_string()).unwrap_or_default();
+        if self.policies.is_empty() || !(self.judged.is_empty() || self.judged.contains(&name)) {
             return Ok(Vec::new());
         }
         let tasks = nerd_tasks::names().into_iter().map(|name| Ok((name, named(name)?.robot() == self.robot)));
@@ -227,10 +230,9 @@ impl Experiment for Sweep {
             row.push(runs.iter().map(|m| m.diverged).sum::<usize>().to_string());
             row.push(over_seeds(&runs, |m| Some(m.microseconds)).map_or_else(String::new, |m| digits(m[0])));
             let gaps: Vec<f64> = runs.iter().flat_map(|m| m.gaps.iter().map(|g| g.abs())).collect();
-            if played {
-                let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
-                row.push(format!("{mean:.2} / {:.2}", gaps.iter().copied().fold(f64::NAN, f64::max)));
-            }
+            let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+            let most = gaps.iter().copied().fold(f64::NAN, f64::max);
+            row.extend(played.then(|| if gaps.is_empty() { "-".into() } else { format!("{mean:.2} / {most:.2}") }));
             row
         });
         let [a, b, c] = AT.map(|frame| format!("{frame} frames (over base's)"));

@@ -1,0 +1,160 @@
+//! The fit: CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv 1604.00772; crate fcmaes-core).
+//! Contact makes the objective a rugged one, which gradients do not lead through.
+
+use fcmaes_core::{Cmaes, CmaesParams, Fitness};
+use serde::{Deserialize, Serialize};
+
+use super::trial::{Gap, Trial, mean, some};
+use super::{CalibrateError, Parameter, Subject};
+
+/// How to fit. The search goes from coarse to fine: its first half sees a quarter of the trials.
+#[derive(Clone, Copy, Debug)]
+pub struct FitConfig {
+    /// Evaluations of the objective.
+    pub evaluations: usize,
+    /// Trials that the second half sees at most, evenly chosen.
+    pub trials: usize,
+    /// Seed of the search.
+    pub seed: u64,
+}
+
+impl Default for FitConfig {
+    fn default() -> Self {
+        Self { evaluations: 1000, trials: 500, seed: 0 }
+    }
+}
+
+/// First steps of the coarse and of the fine search, in shares of the bounds.
+const STEPS: [f64; 2] = [0.15, 0.04];
+
+/// What was found.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Fit {
+    /// Values of the parameters, in their order.
+    pub values: Vec<f64>,
+    /// The objective there: the sum of the mean distances, each in units of that without a fit, over their number.
+    pub objective: f64,
+    /// Mean distances without a fit.
+    pub before: Gap,
+    /// And with it.
+    pub after: Gap,
+}
+
+/// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
+pub fn objective(gap: &Gap, unit: &Gap) -> f64 {
+    let parts = [(gap.position, unit.position), (gap.rotation, unit.rotation), (gap.joints, unit.joints)];
+    let (sum, n) = parts.iter().filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
+    if n > 0.0 { sum / n } else { 0.0 }
+}
+
+/// At most so many of the trials, evenly chosen.
+pub fn thinned(trials: &[Trial], most: usize) -> Vec<Trial> {
+    trials.iter().step_by(trials.len().div_ceil(most.max(1)).max(1)).cloned().collect()
+}
+
+/// One search over all its trials.
+struct Search<'a> {
+    subject: &'a Subject,
+    parameters: &'a [Parameter],
+    trials: &'a [Trial],
+    unit: Gap,
+}
+
+impl Search<'_> {
+    /// The objective of these values, and the distances behind it.
+    fn worth(&self, values: &[f64]) -> Result<(f64, Gap), CalibrateError> {
+        let gap = mean(&self.subject.with(self.parameters, values)?.gaps(self.trials));
+        let worth = objective(&gap, &self.unit);
+        Ok((if worth.is_finite() { worth } else { f64::MAX }, gap))
+    }
+
+    /// The best values that a search from some of them finds.
+    fn run(
+        &self,
+        from: &[f64],
+        step: f64,
+        budget: usize,
+        seed: u64,
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Result<Vec<f64>, CalibrateError> {
+        let n = self.parameters.len();
+        let mut best = (self.worth(from)?.0, from.to_vec());
+        if n == 0 {
+            return Ok(best.1);
+        }
+        let start: Vec<f64> = self.parameters.iter().zip(from).map(|(p, v)| p.place(*v)).collect();
+        let popsize = 4 + (3.0 * (n as f64).ln()) as i32;
+        let params = CmaesParams { popsize, mu: popsize / 2, max_evaluations: budget as u64, seed, ..Default::default() };
+        let mut search = Cmaes::new(Fitness::bounded(n, 1, &vec![0.0; n], &vec![1.0; n]), &start, &vec![step; n], &params);
+        let mut done = 1;
+        while done < budget && search.stop() == 0 {
+            let mut worths = Vec::new();
+            for x in search.ask() {
+                let values: Vec<f64> = self.parameters.iter().zip(&x).map(|(p, x)| p.at(*x)).collect();
+                let (worth, _) = self.worth(&values)?;
+                if worth < best.0 {
+                    best = (worth, values);
+                }
+                worths.push(worth);
+                done += 1;
+            }
+            search.tell(&worths);
+            progress(done, best.0);
+        }
+        Ok(best.1)
+    }
+}
+
+impl Subject {
+    /// Fits parameters to trials; `progress` is told evaluations done and the best objective so far.
+    ///
+    /// # Errors
+    /// No trials; a parameter that the engine does not have.
+    pub fn fit(
+        &self,
+        parameters: &[Parameter],
+        trials: &[Trial],
+        config: FitConfig,
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Result<Fit, CalibrateError> {
+        some(trials, "no trials to fit to")?;
+        let fine = thinned(trials, config.trials);
+        let mut done = 0;
+        let mut from: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
+        for (trials, step) in [thinned(&fine, config.trials.div_ceil(4)), fine.clone()].iter().zip(STEPS) {
+            let search = Search { subject: self, parameters, trials, unit: mean(&self.gaps(trials)) };
+            let budget = config.evaluations / 2;
+            from = search.run(&from, step, budget, config.seed, &mut |own, best| progress(done + own, best))?;
+            done += budget;
+        }
+        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.gaps(&fine)) };
+        let (objective, after) = search.worth(&from)?;
+        Ok(Fit { values: from, objective, before: search.unit, after })
+    }
+
+    /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.
+    ///
+    /// # Errors
+    /// A parameter that the engine does not have.
+    pub fn profiles(
+        &self,
+        parameters: &[Parameter],
+        fit: &Fit,
+        trials: &[Trial],
+        places: usize,
+    ) -> Result<Vec<Vec<[f64; 2]>>, CalibrateError> {
+        let along = |k: usize| -> Result<Vec<[f64; 2]>, CalibrateError> {
+            let own = parameters[k].place(fit.values[k]);
+            let mut at: Vec<f64> = (0..places).map(|i| i as f64 / (places - 1).max(1) as f64).chain([own]).collect();
+            at.sort_by(f64::total_cmp);
+            let worth = |x: &f64| {
+                let mut values = fit.values.clone();
+                values[k] = parameters[k].at(*x);
+                let gap = mean(&self.with(parameters, &values)?.gaps(trials));
+                Ok([values[k], objective(&gap, &fit.before)])
+            };
+            at.iter().map(worth).collect()
+        };
+        (0..parameters.len()).map(along).collect()
+    }
+}

@@ -1,0 +1,177 @@
+//! What can be fitted, by name.
+
+use nalgebra::Vector3;
+
+use super::CalibrateError;
+use crate::system::System;
+
+/// One parameter: its name, where it stands without a fit, and its bounds.
+///
+/// | name | what | unit |
+/// |---|---|---|
+/// | `mass:LINK` | mass | kg |
+/// | `com.x:LINK` (y, z) | centre of mass in the link's frame | m |
+/// | `inertia:LINK` | factor on the inertia about the centre of mass | 1 |
+/// | `friction`, `stiffness`, `damping`, `friction-damping` | contact, robot and scene alike | 1, N/m, N s/m, N s/m |
+/// | `rounding` | radius of corners: contact points move in and become balls that touch the same planes | m |
+/// | `restitution` | of rapier's contacts | 1 |
+/// | `gravity` | its size | m/s^2 |
+/// | `height`, `tilt.x`, `tilt.y` | of the scene's plane | m, rad |
+/// | `lag` | frames by which measured velocities are older than their poses, in free fall | 1 |
+/// | `joint-damping:JOINT`, `joint-friction:JOINT` | of a joint | N m s/rad, N m |
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+    /// Its value without a fit.
+    pub nominal: f64,
+    /// Whether it is searched by its logarithm.
+    pub logarithmic: bool,
+    /// Its unit.
+    pub unit: &'static str,
+    pub(super) what: What,
+}
+
+/// What a parameter changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum What {
+    Mass(usize),
+    Com(usize, usize),
+    Inertia(usize),
+    Friction,
+    Stiffness,
+    Damping,
+    FrictionDamping,
+    Rounding,
+    Restitution,
+    Gravity,
+    Height,
+    Tilt(usize),
+    Lag,
+    JointDamping(usize),
+    JointFriction(usize),
+}
+
+/// Names without a link or joint.
+const PLAIN: [&str; 10] =
+    ["friction", "stiffness", "damping", "friction-damping", "rounding", "restitution", "gravity", "height", "lag", "tilt.x, tilt.y"];
+
+impl Parameter {
+    /// The parameter of this name, with bounds from the robot's own values and size.
+    ///
+    /// # Errors
+    /// If there is none of this name.
+    pub fn named(system: &System, name: &str) -> Result<Self, CalibrateError> {
+        let (head, of) = name.split_once(':').map_or((name, None), |(head, of)| (head, Some(of)));
+        let robot = &system.robot;
+        let unknown = || {
+            let links: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
+            let joints: Vec<&str> = robot.joints().map(|j| j.name.as_str()).collect();
+            let joints =
+                if joints.is_empty() { String::new() } else { format!("; joint-damping, joint-friction:JOINT of {}", joints.join(", ")) };
+            CalibrateError::Parameter(
+                name.into(),
+                format!("{}; mass, com.x, com.y, com.z, inertia:LINK of {}{joints}", PLAIN.join(", "), links.join(", ")),
+            )
+        };
+        let link = || match of {
+            Some(of) => robot.links.iter().position(|l| l.name == of).ok_or_else(unknown),
+            None if robot.links.len() == 1 => Ok(0),
+            None => Err(unknown()),
+        };
+        let joint = || of.and_then(|of| robot.joints().position(|j| j.name == of)).ok_or_else(unknown);
+        let size = extent(system);
+        let m = system.spec.material;
+        let g = system.gravity().norm();
+        let (what, nominal, low, high, logarithmic, unit) = match head {
+            "mass" => ratio(What::Mass(link()?), robot.links[link()?].inertia.mass, 3.0, "kg"),
+            "com.x" | "com.y" | "com.z" => {
+                let axis = ["com.x", "com.y", "com.z"].iter().position(|n| *n == head).unwrap_or_default();
+                let at = robot.links[link()?].inertia.com[axis];
+                (What::Com(link()?, axis), at, at - 0.2 * size, at + 0.2 * size, false, "m")
+            }
+            "inertia" => ratio(What::Inertia(link()?), 1.0, 2.0, "1"),
+            "friction" => ratio(What::Friction, m.friction.max(1e-3), 4.0, "1"),
+            "stiffness" => ratio(What::Stiffness, m.stiffness.max(1.0), 10.0, "N/m"),
+            "damping" => ratio(What::Damping, m.damping.max(1e-2), 20.0, "N s/m"),
+            "friction-damping" => ratio(What::FrictionDamping, m.friction_damping.max(1e-2), 100.0, "N s/m"),
+            "rounding" => (What::Rounding, 0.0, 0.0, 0.1 * size, false, "m"),
+            "restitution" => (What::Restitution, 0.0, 0.0, 0.8, false, "1"),
+            "gravity" => (What::Gravity, g, 0.9 * g, 1.1 * g, false, "m/s^2"),
+            "height" => (What::Height, 0.0, -0.05 * size, 0.05 * size, false, "m"),
+            "tilt.x" => (What::Tilt(0), 0.0, -0.05, 0.05, false, "rad"),
+            "tilt.y" => (What::Tilt(1), 0.0, -0.05, 0.05, false, "rad"),
+            "lag" => (What::Lag, 0.0, -1.0, 1.0, false, "1"),
+            // A joint that loses all its speed within a second of the lightest link's inertia is at the upper bound.
+            "joint-damping" => (What::JointDamping(joint()?), 0.0, 0.0, 0.1 * size * size * robot.mass() * 50.0, false, "N m s/rad"),
+            "joint-friction" => (What::JointFriction(joint()?), 0.0, 0.0, 0.1 * size * robot.mass() * g, false, "N m"),
+            _ => return Err(unknown()),
+        };
+        Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, what })
+    }
+
+    /// What data of free motion may determine, for one of the two engines: every link's centre of mass and inertia, masses of links
+    /// against that of the root, contact, gravity's size (in the log's own metres), the lag, and what brakes joints.
+    ///
+    /// # Errors
+    /// None: every name is one of the robot's own.
+    pub fn usual(system: &System, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
+        let mut names: Vec<String> = Vec::new();
+        for (k, link) in system.robot.links.iter().enumerate() {
+            let own = ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass"));
+            names.extend(own.map(|head| if system.robot.links.len() == 1 { head.into() } else { format!("{head}:{}", link.name) }));
+        }
+        let contact: &[&str] =
+            if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
+        names.extend(contact.iter().chain(&["gravity", "lag"]).map(|name| name.to_string()));
+        let joints = system.robot.joints().map(|j| j.name.clone());
+        names.extend(joints.flat_map(|j| [format!("joint-damping:{j}"), format!("joint-friction:{j}")]));
+        names.iter().map(|name| Self::named(system, name)).collect()
+    }
+
+    /// The value at `x` from 0 (its lower bound) to 1.
+    pub fn at(&self, x: f64) -> f64 {
+        let x = x.clamp(0.0, 1.0);
+        if self.logarithmic { self.low * (self.high / self.low).powf(x) } else { self.low + x * (self.high - self.low) }
+    }
+
+    /// Where a value stands between the bounds.
+    pub fn place(&self, value: f64) -> f64 {
+        let x = if self.logarithmic {
+            (value / self.low).ln() / (self.high / self.low).ln()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        };
+        x.clamp(0.0, 1.0)
+    }
+}
+
+fn ratio(what: What, nominal: f64, factor: f64, unit: &'static str) -> (What, f64, f64, f64, bool, &'static str) {
+    (what, nominal, nominal / factor, nominal * factor, true, unit)
+}
+
+/// Size of a robot (m): the largest distance of two contact points of one link, or 1.
+fn extent(system: &System) -> f64 {
+    let points = &system.robot.contact_points;
+    let apart = points.iter().flat_map(|a| points.iter().filter(|b| b.link == a.link).map(|b| (a.local - b.local).abs().max()));
+    let size = apart.fold(0.0, f64::max);
+    if size > 0.0 { size } else { 1.0 }
+}
+
+/// Moves every contact point of the robot inwards until balls of `radius` touch the planes that the points touched.
+pub(super) fn round(system: &mut System, radius: f64) {
+    let points = &mut system.robot.contact_points;
+    for link in 0..system.robot.links.len() {
+        let own: Vec<usize> = (0..points.len()).filter(|&k| points[k].link == link).collect();
+        let middle = own.iter().map(|&k| points[k].local).sum::<Vector3<f64>>() / own.len().max(1) as f64;
+        for k in own {
+            let out = points[k].local - middle;
+            points[k].local -= out.map(|x| x.signum() * radius.min(x.abs()));
+            points[k].radius += radius;
+        }
+    }
+}

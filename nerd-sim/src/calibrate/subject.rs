@@ -1,0 +1,105 @@
+//! A robot in its scene under a solver, with parameters set.
+
+use std::sync::Arc;
+
+use super::CalibrateError;
+use super::parameter::{Parameter, What, round};
+use crate::prelude::*;
+
+/// A solver and its settings.
+#[derive(Clone, Copy, Debug)]
+pub enum Engine {
+    /// `articulated`.
+    Articulated(ArticulatedConfig),
+    /// rapier.
+    #[cfg(feature = "rapier")]
+    Rapier(RapierConfig),
+}
+
+impl Engine {
+    /// The solver.
+    pub fn solver(&self) -> Box<dyn Solver> {
+        match *self {
+            Self::Articulated(config) => Box::new(Articulated::new(config)),
+            #[cfg(feature = "rapier")]
+            Self::Rapier(config) => Box::new(Rapier::new(config)),
+        }
+    }
+}
+
+/// What is held against measurements.
+#[derive(Clone)]
+pub struct Subject {
+    /// The robot.
+    pub system: Arc<System>,
+    /// Where it is.
+    pub scene: Arc<Scene>,
+    /// What moves it.
+    pub engine: Engine,
+    /// Frames by which measured velocities are older than their poses.
+    pub lag: f64,
+}
+
+impl Subject {
+    /// A robot as its files have it.
+    ///
+    /// # Errors
+    /// If it has no such scene.
+    pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
+        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0 })
+    }
+
+    /// The same with these values of the parameters.
+    ///
+    /// # Errors
+    /// A parameter that the engine does not have.
+    pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
+        let (mut system, mut engine, mut lag, mut tilted) = ((*self.system).clone(), self.engine, self.lag, false);
+        for (p, &value) in parameters.iter().zip(values) {
+            let material = &mut system.spec.material;
+            match p.what {
+                What::Mass(link) => {
+                    let inertia = &mut system.robot.links[link].inertia;
+                    inertia.inertia *= value / inertia.mass;
+                    inertia.mass = value;
+                }
+                What::Com(link, axis) => system.robot.links[link].inertia.com[axis] = value,
+                What::Inertia(link) => system.robot.links[link].inertia.inertia *= value,
+                What::Friction => material.friction = value,
+                What::Stiffness => material.stiffness = value,
+                What::Damping => material.damping = value,
+                What::FrictionDamping => material.friction_damping = value,
+                What::Rounding => round(&mut system, value),
+                What::Gravity => {
+                    let g = system.gravity();
+                    system.spec.gravity = (g * (value / g.norm())).into();
+                }
+                What::Height | What::Tilt(_) => tilted = true,
+                What::Lag => lag = value,
+                What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
+                What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
+                #[cfg(feature = "rapier")]
+                What::Restitution => match &mut engine {
+                    Engine::Rapier(config) => config.restitution = value,
+                    Engine::Articulated(_) => return Err(CalibrateError::Engine(p.name.clone())),
+                },
+                #[cfg(not(feature = "rapier"))]
+                What::Restitution => return Err(CalibrateError::Engine(p.name.clone())),
+            }
+            #[cfg(feature = "rapier")]
+            if matches!((engine, p.what), (Engine::Rapier(_), What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping)) {
+                return Err(CalibrateError::Engine(p.name.clone()));
+            }
+        }
+        if tilted {
+            let of = |what: What| parameters.iter().zip(values).find(|(p, _)| p.what == what).map(|v| *v.1);
+            let planes = system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name);
+            for plane in planes.map(|s| &mut s.plane) {
+                plane.height = of(What::Height).unwrap_or(plane.height);
+                (0..2).for_each(|axis| plane.angles[axis] = of(What::Tilt(axis)).unwrap_or(plane.angles[axis]));
+            }
+        }
+        let system = Arc::new(system);
+        Ok(Self { scene: system.scene(&self.scene.name)?, system, engine, lag })
+    }
+}

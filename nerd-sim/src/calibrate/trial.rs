@@ -1,0 +1,149 @@
+//! Open-loop rollouts from measured states: pieces of equal length that begin at every so many frames of a trajectory.
+
+use nerd_core::dynamics::{Data, to_local, to_world};
+use nerd_core::state::{quaternion, vector};
+use rayon::prelude::*;
+
+use super::{CalibrateError, Subject};
+use crate::batch::contacts;
+use crate::log::{Log, Trajectory};
+use crate::prelude::*;
+
+/// A start, and the poses that were measured from there on.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Trajectory it is of.
+    pub id: u64,
+    /// The state `[q, qd]` that a rollout begins with.
+    pub start: Vec<f64>,
+    /// Coordinates q of every frame, the start's first.
+    pub measured: Vec<Vec<f64>>,
+    /// Torques held over each frame.
+    pub torques: Vec<Vec<f64>>,
+}
+
+/// How far a rollout is from its measurement: means over its frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Gap {
+    /// Distance of the roots (m).
+    pub position: f64,
+    /// Angle between the roots (rad).
+    pub rotation: f64,
+    /// Mean |difference| of the joints (rad or m).
+    pub joints: f64,
+    /// 1 if the root ends with another side up, else 0.
+    pub other_side: f64,
+}
+
+impl Log {
+    /// Pieces of `length` frames, a start every `every` frames; of whole trajectories one each if `length` is 0.
+    pub fn trials(&self, length: usize, every: usize) -> Vec<Trial> {
+        let nq = self.system.robot.nq();
+        let cut = |t: &Trajectory, first: usize, length: usize| Trial {
+            id: t.id,
+            start: t.states[first].clone(),
+            measured: t.states[first..first + length].iter().map(|s| s[..nq].to_vec()).collect(),
+            torques: t.torques[first..first + length - 1].to_vec(),
+        };
+        let pieces = |t: &Trajectory| match length {
+            0 => vec![cut(t, 0, t.states.len())],
+            _ => (0..(t.states.len() + 1).saturating_sub(length)).step_by(every.max(1)).map(|k| cut(t, k, length)).collect(),
+        };
+        self.trajectories.iter().flat_map(pieces).collect()
+    }
+}
+
+impl Subject {
+    /// Rolls every trial out, in as many threads as there are: coordinates of every frame. A rollout that the solver cannot finish
+    /// stands still from there on.
+    pub fn roll(&self, trials: &[Trial]) -> Vec<Vec<Vec<f64>>> {
+        let nq = self.system.robot.nq();
+        let begin = || (self.engine.solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
+        let rolled = trials.par_iter().map_init(begin, |(solver, batch, data), trial| {
+            batch.reset(0, &self.start(trial, data));
+            solver.reset(0);
+            let mut lost = false;
+            let mut motion = vec![batch.state(0)[..nq].to_vec()];
+            for torques in &trial.torques {
+                lost = lost || solver.step(batch, torques).is_err();
+                motion.push(batch.state(0)[..nq].to_vec());
+            }
+            motion
+        });
+        rolled.collect()
+    }
+
+    /// The start of a rollout: out of the ground, which would throw out what begins in it, and, in free fall, with a velocity of its
+    /// own moment.
+    fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
+        let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
+        if !robot.floating() {
+            return state;
+        }
+        contacts(&self.system, &self.scene, &state, data, &mut events);
+        let gap = |(e, p): (&nerd_core::contact::ContactEvent, &nerd_core::contact::ContactPoint)| (e.distance - p.radius, e.normal);
+        let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(gap).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return state;
+        };
+        let (q, qd) = state.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        if depth < 0.0 {
+            (0..3).for_each(|k| q[k] -= depth * normal[k]);
+        } else if depth > FREE {
+            (0..3).for_each(|k| qd[3 + k] += self.lag * self.system.frame_time * self.scene.gravity[k]);
+        }
+        to_world(robot, q, qd);
+        state
+    }
+
+    /// Distance of every trial from its rollout.
+    pub fn gaps(&self, trials: &[Trial]) -> Vec<Gap> {
+        self.roll(trials).iter().zip(trials).map(|(motion, trial)| gap(&self.system, motion, &trial.measured)).collect()
+    }
+}
+
+/// Farther (m) from every surface than this, a body falls freely.
+const FREE: f64 = 0.002;
+
+/// The distance of two motions.
+pub fn gap(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Gap {
+    let (floating, first, n) = (system.robot.floating(), system.robot.root_coords(), a.len().min(b.len()) as f64);
+    let mut sum = Gap::default();
+    for (a, b) in a.iter().zip(b) {
+        if floating {
+            sum.position += (vector(a) - vector(b)).norm() / n;
+            sum.rotation += quaternion(&a[3..7]).angle_to(&quaternion(&b[3..7])) / n;
+        }
+        let joints = a[first..].iter().zip(&b[first..]).map(|(a, b)| (a - b).abs()).sum::<f64>();
+        sum.joints += joints / ((a.len() - first).max(1) as f64 * n);
+    }
+    if let (true, Some(a), Some(b)) = (floating, a.last(), b.last()) {
+        sum.other_side = f64::from(up(a) != up(b));
+    }
+    sum
+}
+
+/// The root's axis, and its side, nearest to up.
+fn up(q: &[f64]) -> (usize, bool) {
+    let up = quaternion(&q[3..7]).inverse() * nalgebra::Vector3::z();
+    (up.iamax(), up[up.iamax()] > 0.0)
+}
+
+/// Means over trials.
+pub fn mean(gaps: &[Gap]) -> Gap {
+    let n = gaps.len().max(1) as f64;
+    gaps.iter().fold(Gap::default(), |a, b| Gap {
+        position: a.position + b.position / n,
+        rotation: a.rotation + b.rotation / n,
+        joints: a.joints + b.joints / n,
+        other_side: a.other_side + b.other_side / n,
+    })
+}
+
+/// Refuses to go on without trials.
+///
+/// # Errors
+/// If there are none.
+pub fn some(trials: &[Trial], what: &str) -> Result<(), CalibrateError> {
+    if trials.is_empty() { Err(CalibrateError::Empty(what.into())) } else { Ok(()) }
+}

@@ -1,0 +1,199 @@
+//! What cannot be right: rates that are not those of the poses, free fall that is not gravity.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nerd_core::dynamics::{Data, totals};
+use nerd_core::state::quaternion;
+
+use super::read::{Moment, Raw};
+use super::spec::{Axes, LogSpec, Order};
+use super::tidy::rate;
+use super::{Log, LogError, bad};
+use crate::batch::contacts;
+use crate::scene::Scene;
+use crate::system::System;
+
+/// Rates that are off by more than this share are not those of the poses.
+const OFF: f64 = 0.5;
+/// A share by which rates or free fall are off that is worth a line.
+const ODD: f64 = 0.01;
+/// Frames of a flight that free fall is read from, at least, and how far (m) off every surface.
+const FLIGHT: usize = 8;
+/// A fall that differs from gravity by this share is none.
+const HELD: f64 = 0.5;
+const CLEAR: f64 = 0.005;
+/// Factors from what was told to what is, by the unit that is wrong.
+const UNITS: [(f64, &str); 6] = [
+    (std::f64::consts::PI / 180.0, "degrees taken for radians"),
+    (180.0 / std::f64::consts::PI, "radians taken for degrees"),
+    (1000.0, "a factor of 1000"),
+    (1e-3, "a factor of 1000"),
+    (100.0, "a factor of 100"),
+    (0.01, "a factor of 100"),
+];
+
+/// The unit that explains a factor, if one does.
+fn unit(factor: f64) -> Option<&'static str> {
+    UNITS.iter().find(|(f, _)| (factor / f).ln().abs() < 0.2).map(|u| u.1)
+}
+
+/// Pairs of rows that lie a usual step apart.
+fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
+    raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])))
+}
+
+/// How far measured rates are from those of the poses: the share of their size, and the factor that fits best.
+fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[f64; 2]> {
+    let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
+    for (found, told) in rates.filter(|(found, told)| (found + told).iter().all(|x| x.is_finite())) {
+        off.push((found - told).norm());
+        size.push(found.norm());
+        (product, square) = (product + found.dot(&told), square + told.norm_squared());
+    }
+    let median = |x: &mut Vec<f64>| {
+        x.sort_by(f64::total_cmp);
+        x.get(x.len() / 2).copied()
+    };
+    let size = median(&mut size).filter(|s| *s > 1e-6)?;
+    Some([median(&mut off)? / size, product / square])
+}
+
+/// Refuses rates that the poses contradict, and says what would explain them.
+///
+/// # Errors
+/// Which columns, by how much, and what fits instead.
+pub fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
+    if let Some(root) = &spec.root {
+        let seconds = |a: &Moment, b: &Moment| b.time - a.time;
+        let linear = pairs(raw).map(|(a, b)| {
+            let v = rate(true, &a.q, &b.q, seconds(a, b));
+            (Vector3::new(v[3], v[4], v[5]), Vector3::new(b.qd[3], b.qd[4], b.qd[5]))
+        });
+        if let (Some(names), Some([off, factor])) = (&root.velocity, misfit(linear)) {
+            refuse(csv, &names.join(", "), off, factor, None)?;
+        }
+        let angular = |order: Order, axes: Axes| {
+            misfit(pairs(raw).map(|(a, b)| {
+                let [x, y] = [a, b].map(|m| as_if(&m.q[3..7], root.order, order));
+                // The angular velocity in the columns' own axes, then in those of the hypothesis.
+                let own = Vector3::new(b.qd[0], b.qd[1], b.qd[2]);
+                let own = if root.axes == Axes::Body { quaternion(&b.q[3..7]).inverse() * own } else { own };
+                let told = if axes == Axes::Body { y * own } else { own };
+                ((y * x.inverse()).scaled_axis() / seconds(a, b), told)
+            }))
+        };
+        if let (Some(names), Some([off, factor])) = (&root.angular, angular(root.order, root.axes)) {
+            let all = [Order::Wxyz, Order::Xyzw].into_iter().flat_map(|o| [Axes::Body, Axes::World].map(|a| (o, a)));
+            let best = all.filter_map(|(o, a)| Some((angular(o, a)?[0], o, a))).min_by(|a, b| a.0.total_cmp(&b.0));
+            let better = best.filter(|(other, ..)| *other < 0.5 * off && off > ODD);
+            let words = better.map(|(other, order, axes)| {
+                let word = |x: &dyn std::fmt::Debug| format!("{x:?}").to_lowercase();
+                format!("with order = \"{}\" and axes = \"{}\" they are {:.0} % off", word(&order), word(&axes), 100.0 * other)
+            });
+            let columns = format!("{} and {}", root.quaternion.join(", "), names.join(", "));
+            refuse(csv, &columns, off, factor, words)?;
+        }
+    }
+    let first = system.robot.joint_count();
+    for (k, joint) in system.robot.joints().enumerate() {
+        let column = spec.joints.iter().find(|j| j.name == joint.name).and_then(|j| j.velocity.as_ref());
+        let (q, v) = (system.robot.nq() - first + k, system.robot.nv() - first + k);
+        let along = |x: f64| Vector3::new(x, 0.0, 0.0);
+        let found = misfit(pairs(raw).map(|(a, b)| (along((b.q[q] - a.q[q]) / (b.time - a.time)), along(b.qd[v]))));
+        if let (Some(column), Some([off, factor])) = (column, found) {
+            refuse(csv, column, off, factor, None)?;
+        }
+    }
+    Ok(())
+}
+
+/// An orientation (x y z w) that was read in the order `stated`, as it would be in another.
+fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
+    let columns = match stated {
+        Order::Wxyz => [q[3], q[0], q[1], q[2]],
+        Order::Xyzw => [q[0], q[1], q[2], q[3]],
+    };
+    let [a, b, c, d] = columns;
+    UnitQuaternion::new_normalize(match order {
+        Order::Wxyz => Quaternion::new(a, b, c, d),
+        Order::Xyzw => Quaternion::new(d, a, b, c),
+    })
+}
+
+fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<String>) -> Result<(), LogError> {
+    let said = match (better, unit(factor)) {
+        (Some(better), _) => better,
+        (None, Some(unit)) => format!("{unit} would explain it"),
+        (None, None) if off < OFF => return Ok(()),
+        (None, None) => format!("rates times {factor:.3} fit best"),
+    };
+    Err(bad(csv, format!("columns {columns}: rates are {:.0} % off those that the poses have; {said}", 100.0 * off)))
+}
+
+/// What free fall says of lengths and time; an error where only a wrong unit explains it. Frames before a release are taken
+/// away: what a hand holds does not fall.
+///
+/// # Errors
+/// Free fall that no gravity has.
+pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
+    let g = scene.gravity.norm();
+    if !log.system.robot.floating() || g == 0.0 {
+        return Ok(());
+    }
+    let (system, mut data, mut events) = (log.system.clone(), Data::new(&log.system.robot), Vec::new());
+    let (mut falls, mut held) = (Vec::new(), 0);
+    for trajectory in &mut log.trajectories {
+        let height = |state: &Vec<f64>| {
+            contacts(&system, scene, state, &mut data, &mut events);
+            let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance - p.radius > CLEAR);
+            clear.then(|| -totals(&system.robot, state, &mut data).com.dot(&scene.gravity) / g)
+        };
+        let heights: Vec<f64> = trajectory.states.iter().map_while(height).collect();
+        let fall = |from: usize, to: usize| -acceleration(&heights[from..to], system.frame_time);
+        let Some(last) = heights.len().checked_sub(FLIGHT) else { continue };
+        let free = (0..=last).rev().find(|&k| (fall(k, k + FLIGHT) / g - 1.0).abs() > HELD).map_or(0, |k| k + FLIGHT / 2);
+        if heights.len() >= free + FLIGHT {
+            falls.push((fall(free, heights.len()), heights.len() - free));
+        }
+        falls.push((fall(0, FLIGHT), 0));
+        if free > 0 && heights.len() >= free + FLIGHT {
+            held += 1;
+            trajectory.states.drain(..free);
+            trajectory.torques.drain(..free);
+        }
+    }
+    let Some(found) = median(&falls, 1).or_else(|| median(&falls, 0)) else { return Ok(()) };
+    let words = format!("free fall is {found:.3} m/s^2, gravity is {g:.3}");
+    match unit(found / g) {
+        Some(unit) => return Err(bad(csv, format!("{words}; {unit} would explain it"))),
+        None if (found / g - 1.0).abs() > OFF => return Err(bad(csv, format!("{words}: lengths or times cannot be right"))),
+        None if (found / g - 1.0).abs() > ODD => {
+            log.notes.push(format!("{words}: lengths may be {:+.1} % off", 100.0 * (found / g - 1.0)));
+        }
+        None => {}
+    }
+    if held > 0 {
+        log.notes.push(format!("{held} trajectories do not fall freely at first, and begin where they do"));
+    }
+    Ok(())
+}
+
+/// The median of those falls whose flights are as long as `frames` at least.
+fn median(falls: &[(f64, usize)], frames: usize) -> Option<f64> {
+    let mut all: Vec<f64> = falls.iter().filter(|f| f.1 >= frames).map(|f| f.0).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied()
+}
+
+/// Acceleration of a parabola through even samples by least squares.
+fn acceleration(x: &[f64], dt: f64) -> f64 {
+    let n = x.len() as f64;
+    let time = |k: usize| (k as f64 - 0.5 * (n - 1.0)) * dt;
+    let square = (0..x.len()).map(|k| time(k).powi(2)).sum::<f64>() / n;
+    // The part of t^2 that a straight line has not.
+    let bend = |k: usize| time(k).powi(2) - square;
+    let norm: f64 = (0..x.len()).map(|k| bend(k).powi(2)).sum();
+    2.0 * x.iter().enumerate().map(|(k, x)| bend(k) * x).sum::<f64>() / norm
+}

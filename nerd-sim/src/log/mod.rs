@@ -1,0 +1,106 @@
+//! Measured trajectories of any robot: a CSV, and a TOML beside it that says which column is what, in which unit and frame
+//! ([`LogSpec`]).
+//!
+//! A [`Log`] holds states as solvers have them, one a frame of the robot. What had to be done for that is said in its `notes`:
+//! velocities taken from differences, gaps at which a trajectory was cut, other rates that were resampled, copies left out. What
+//! cannot be right ends in an error, or in a note with the figure: rates that are not those of the poses, free fall that is not g.
+//!
+//! ```no_run
+//! use nerd_sim::log::Log;
+//! let log = Log::read("tosses/cube.log.toml".as_ref(), None)?;
+//! log.notes.iter().for_each(|note| eprintln!("{note}"));
+//! println!("{} trajectories of {}", log.trajectories.len(), log.system.name);
+//! # Ok::<(), nerd_sim::log::LogError>(())
+//! ```
+
+mod check;
+mod read;
+mod shards;
+mod spec;
+mod tidy;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, RootColumns, Time, Units};
+
+use crate::system::{System, SystemError};
+use crate::table::TableError;
+
+/// Measured trajectories.
+#[derive(Clone, Debug)]
+pub struct Log {
+    /// The robot.
+    pub system: Arc<System>,
+    /// Where it was.
+    pub scene: String,
+    /// What was measured, one state a frame.
+    pub trajectories: Vec<Trajectory>,
+    /// What was done to it, and what looks odd, a line each.
+    pub notes: Vec<String>,
+}
+
+/// One trajectory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Its name in the file.
+    pub id: u64,
+    /// Line of its first row.
+    pub line: u64,
+    /// States `[q, qd]` as solvers have them, one a frame.
+    pub states: Vec<Vec<f64>>,
+    /// Torques of the joints, as many.
+    pub torques: Vec<Vec<f64>>,
+}
+
+/// Why measurements cannot be used; one line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// A table that cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// A robot that cannot be made.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// A file that does not say what is needed, or contradicts itself.
+    #[error("{}: {reason}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// One line.
+        reason: String,
+    },
+}
+
+fn bad(path: &Path, reason: String) -> LogError {
+    LogError::Content { path: path.into(), reason }
+}
+
+/// The table that a TOML names.
+///
+/// # Errors
+/// If the TOML cannot be read.
+pub fn table_of(path: &Path) -> Result<PathBuf, LogError> {
+    Ok(path.with_file_name(read::specified(path)?.0.file))
+}
+
+impl Log {
+    /// From the TOML that describes a table; `csv` is the table, by default the one that the TOML names.
+    ///
+    /// # Errors
+    /// What is wrong in either, with file, line and column; numbers that contradict each other.
+    pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
+        let (spec, system) = read::specified(path)?;
+        let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);
+        let scene = system.scene(&spec.scene)?;
+        let (mut raw, mut notes) = (read::rows(&csv, &spec, &system)?, Vec::new());
+        check::rates(&csv, &spec, &system, &raw)?;
+        tidy::copies(&system, &mut raw, &mut notes);
+        let cut = tidy::cut(raw, &mut notes);
+        let trajectories = tidy::states(&system, cut, &mut notes);
+        let mut log = Self { scene: spec.scene.clone(), system, trajectories, notes };
+        check::falls(&csv, &mut log, &scene)?;
+        Ok(log)
+    }
+}

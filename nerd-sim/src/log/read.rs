@@ -1,0 +1,178 @@
+//! Rows of a table, in SI units and our own order of coordinates.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nerd_core::state::write_quaternion;
+
+use super::spec::{Axes, LogSpec, Order, RootColumns};
+use super::{LogError, bad};
+use crate::system::System;
+use crate::table::{Row, Table};
+
+/// What one row says.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// Line in its file.
+    pub line: u64,
+    /// Time (s).
+    pub time: f64,
+    /// Coordinates as a state has them.
+    pub q: Vec<f64>,
+    /// Velocities: of a floating root the angular velocity and that of its origin, both in world axes, then joints. NaN where
+    /// they were not measured.
+    pub qd: Vec<f64>,
+    /// Torques of the joints.
+    pub torques: Vec<f64>,
+}
+
+/// A run of rows of one name.
+#[derive(Clone, Debug)]
+pub struct Raw {
+    /// Its name.
+    pub id: u64,
+    /// Its rows, in order of time.
+    pub moments: Vec<Moment>,
+}
+
+/// Where the columns stand.
+struct Columns {
+    trajectory: Option<usize>,
+    time: usize,
+    root: Option<Root>,
+    joints: Vec<[Option<usize>; 3]>,
+}
+
+struct Root {
+    position: Vec<usize>,
+    quaternion: Vec<usize>,
+    order: Order,
+    velocity: Option<Vec<usize>>,
+    angular: Option<Vec<usize>>,
+    axes: Axes,
+}
+
+/// The file's specification, and the robot that it names.
+///
+/// # Errors
+/// What is wrong with either.
+pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
+    let text = crate::files::read_text(path).map_err(|e| bad(path, e.to_string()))?;
+    let spec: LogSpec = toml::from_str(&text).map_err(|e| bad(path, e.to_string().trim().replace('\n', " ")))?;
+    let beside = path.with_file_name(&spec.robot);
+    let name = if beside.exists() { beside.display().to_string() } else { spec.robot.clone() };
+    let system = System::named(&name)?;
+    let named: Vec<&str> = spec.joints.iter().map(|j| j.name.as_str()).collect();
+    if let Some(joint) = system.robot.joints().find(|j| !named.contains(&j.name.as_str())) {
+        return Err(bad(path, format!("no [[joint]] says where joint `{}` of robot `{}` stands", joint.name, system.name)));
+    }
+    if let Some(name) = named.iter().find(|name| system.robot.joints().all(|j| j.name != **name)) {
+        return Err(bad(path, format!("[[joint]] `{name}`: robot `{}` has no such joint", system.name)));
+    }
+    match (&spec.root, system.robot.floating()) {
+        (None, true) => Err(bad(path, format!("robot `{}` floats: [root] must say where it stands", system.name))),
+        (Some(_), false) => Err(bad(path, format!("robot `{}` is fixed: [root] means nothing", system.name))),
+        _ => Ok((spec, system)),
+    }
+}
+
+impl Columns {
+    fn new(table: &Table, spec: &LogSpec, system: &System) -> Result<Self, LogError> {
+        let many = |names: &[String]| table.columns(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        let one = |name: &String| many(std::slice::from_ref(name)).map(|c| c[0]);
+        let some = |names: &Option<[String; 3]>| names.as_ref().map(|n| many(n)).transpose();
+        let root = |r: &RootColumns| -> Result<Root, LogError> {
+            Ok(Root {
+                position: many(&r.position)?,
+                quaternion: many(&r.quaternion)?,
+                order: r.order,
+                velocity: some(&r.velocity)?,
+                angular: some(&r.angular)?,
+                axes: r.axes,
+            })
+        };
+        let joints = system.robot.joints().filter_map(|joint| spec.joints.iter().find(|j| j.name == joint.name));
+        let joints = joints.map(|j| {
+            let velocity = j.velocity.as_ref().map(one).transpose()?;
+            Ok([Some(one(&j.position)?), velocity, j.torque.as_ref().map(one).transpose()?])
+        });
+        Ok(Self {
+            trajectory: spec.trajectory.as_ref().map(one).transpose()?,
+            time: one(&spec.time)?,
+            root: spec.root.as_ref().map(root).transpose()?,
+            joints: joints.collect::<Result<_, LogError>>()?,
+        })
+    }
+
+    fn moment(&self, row: &Row<'_>, [length, angle, time]: [f64; 3]) -> Result<Moment, LogError> {
+        let (mut q, mut qd, mut torques) = (Vec::new(), Vec::new(), Vec::new());
+        if let Some(root) = &self.root {
+            let p = row.numbers(&root.position)?;
+            let x = row.numbers(&root.quaternion)?;
+            row.unit(&root.quaternion, &x)?;
+            let [w, i, j, k] = match root.order {
+                Order::Wxyz => [x[0], x[1], x[2], x[3]],
+                Order::Xyzw => [x[3], x[0], x[1], x[2]],
+            };
+            let turn = UnitQuaternion::new_normalize(Quaternion::new(w, i, j, k));
+            q.extend(p.iter().map(|p| p * length));
+            q.resize(7, 0.0);
+            write_quaternion(&mut q[3..], &turn);
+            let three = |columns: &Option<Vec<usize>>, unit: f64| -> Result<Vector3<f64>, LogError> {
+                let x = columns.as_ref().map(|c| row.numbers(c)).transpose()?;
+                Ok(x.map_or(Vector3::repeat(f64::NAN), |x| Vector3::new(x[0], x[1], x[2]) * unit))
+            };
+            let angular = three(&root.angular, angle)?;
+            let angular = if root.axes == Axes::Body { turn * angular } else { angular };
+            qd.extend(angular.iter().chain(three(&root.velocity, length)?.iter()));
+        }
+        for joint in &self.joints {
+            let number = |c: Option<usize>, absent: f64| c.map_or(Ok(absent), |c| row.numbers(&[c]).map(|x| x[0]));
+            q.push(number(joint[0], 0.0)? * angle);
+            qd.push(number(joint[1], f64::NAN)? * angle);
+            torques.push(number(joint[2], 0.0)?);
+        }
+        Ok(Moment { line: row.line, time: row.numbers(&[self.time])?[0] * time, q, qd, torques })
+    }
+}
+
+/// All rows by trajectory, in the order of their names.
+///
+/// # Errors
+/// A column that is not there, a cell that is no number, a quaternion that is none, time that does not go on; with its line.
+pub fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
+    let mut table = Table::open(csv)?;
+    let columns = Columns::new(&table, spec, system)?;
+    let factors = spec.units.factors();
+    let mut all: BTreeMap<u64, Raw> = BTreeMap::new();
+    let mut wrong = None;
+    table.rows(|row| {
+        if wrong.is_some() {
+            return Ok(());
+        }
+        let id = columns.trajectory.map_or(Ok(0), |c| row.whole(c, u64::MAX))?;
+        let moment = match columns.moment(row, factors) {
+            Ok(moment) => moment,
+            Err(LogError::Table(e)) => return Err(e),
+            Err(e) => {
+                wrong = Some(e);
+                return Ok(());
+            }
+        };
+        let raw = all.entry(id).or_insert_with(|| Raw { id, moments: Vec::new() });
+        if let Some(last) = raw.moments.last().filter(|last| moment.time <= last.time) {
+            let (now, then, at) = (moment.time, last.time, last.line);
+            let text = format!(", column `{}`: {now} s, but line {at} was at {then} s: time must go on", spec.time);
+            return Err(row.wrong(&text));
+        }
+        raw.moments.push(moment);
+        Ok(())
+    })?;
+    match wrong {
+        Some(e) => Err(e),
+        None if all.is_empty() => Err(bad(csv, "no rows".into())),
+        None => Ok(all.into_values().collect()),
+    }
+}

@@ -1,0 +1,185 @@
+//! The TOML beside a table of measurements: which column is what, in which unit and frame.
+
+use serde::Deserialize;
+
+/// One file of measurements.
+///
+/// ```toml
+/// file = "tosses.csv"               # beside this one
+/// robot = "cube.urdf"               # beside this one, or a built-in robot's name
+/// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
+/// time = "t"
+/// units = { length = "m", angle = "rad", time = "s" }
+/// [root]                            # of a floating robot
+/// position = ["px", "py", "pz"]     # the root link's origin, world axes
+/// quaternion = ["qw", "qx", "qy", "qz"]
+/// order = "wxyz"                    # of the four columns above
+/// velocity = ["vx", "vy", "vz"]     # of the origin, world axes; without it from differences
+/// angular = ["wx", "wy", "wz"]      # without it from differences
+/// axes = "body"                     # of `angular`: body or world
+/// [[joint]]                         # one for every joint of the robot
+/// name = "hinge"
+/// position = "theta"
+/// velocity = "thetadot"             # without it from differences
+/// torque = "tau"                    # without it 0
+/// ```
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogSpec {
+    /// CSV beside this file.
+    pub file: String,
+    /// URDF beside this file, or a built-in robot's name.
+    pub robot: String,
+    /// Scene in which it was measured.
+    #[serde(default = "ground")]
+    pub scene: String,
+    /// Column that names a row's trajectory.
+    #[serde(default)]
+    pub trajectory: Option<String>,
+    /// Column of time.
+    pub time: String,
+    /// Units of all columns.
+    #[serde(default)]
+    pub units: Units,
+    /// Columns of a floating root.
+    #[serde(default)]
+    pub root: Option<RootColumns>,
+    /// Columns of joints.
+    #[serde(default, rename = "joint")]
+    pub joints: Vec<JointColumns>,
+}
+
+fn ground() -> String {
+    "ground".into()
+}
+
+/// Units; velocities are in those of length or angle over that of time.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Units {
+    /// Of lengths, `m` by default.
+    pub length: Length,
+    /// Of angles, `rad` by default.
+    pub angle: Angle,
+    /// Of the column of time, `s` by default; velocities are always over seconds.
+    pub time: Time,
+}
+
+/// Unit of length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Length {
+    /// Metres.
+    #[default]
+    M,
+    /// Centimetres.
+    Cm,
+    /// Millimetres.
+    Mm,
+}
+
+/// Unit of angles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Angle {
+    /// Radians.
+    #[default]
+    Rad,
+    /// Degrees.
+    Deg,
+}
+
+/// Unit of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Time {
+    /// Seconds.
+    #[default]
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+}
+
+impl Units {
+    /// Metres, radians and seconds of one unit.
+    pub fn factors(self) -> [f64; 3] {
+        let length = match self.length {
+            Length::M => 1.0,
+            Length::Cm => 1e-2,
+            Length::Mm => 1e-3,
+        };
+        let angle = match self.angle {
+            Angle::Rad => 1.0,
+            Angle::Deg => std::f64::consts::PI / 180.0,
+        };
+        let time = match self.time {
+            Time::S => 1.0,
+            Time::Ms => 1e-3,
+            Time::Us => 1e-6,
+            Time::Ns => 1e-9,
+        };
+        [length, angle, time]
+    }
+}
+
+/// Columns of a floating root.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RootColumns {
+    /// Position of its origin, world axes.
+    pub position: [String; 3],
+    /// Its orientation, body to world.
+    pub quaternion: [String; 4],
+    /// Which of the four is the real part.
+    pub order: Order,
+    /// Velocity of its origin, world axes.
+    #[serde(default)]
+    pub velocity: Option<[String; 3]>,
+    /// Angular velocity.
+    #[serde(default)]
+    pub angular: Option<[String; 3]>,
+    /// Axes of the angular velocity.
+    #[serde(default)]
+    pub axes: Axes,
+}
+
+/// Order of a quaternion's four numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Order {
+    /// The real part first.
+    Wxyz,
+    /// The real part last.
+    Xyzw,
+}
+
+/// Axes of an angular velocity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axes {
+    /// The world's.
+    #[default]
+    World,
+    /// The root link's.
+    Body,
+}
+
+/// Columns of a joint.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointColumns {
+    /// Name in the URDF.
+    pub name: String,
+    /// Its position.
+    pub position: String,
+    /// Its velocity.
+    #[serde(default)]
+    pub velocity: Option<String>,
+    /// Its torque.
+    #[serde(default)]
+    pub torque: Option<String>,
+}

@@ -1,0 +1,161 @@
+//! From rows to frames: copies left out, cut at gaps, missing velocities from differences, other rates resampled.
+
+use nerd_core::dynamics::to_world;
+use nerd_core::state::{quaternion, vector, write_quaternion};
+
+use super::Trajectory;
+use super::read::{Moment, Raw};
+use crate::system::System;
+
+/// A step that is this many times the usual one is a gap.
+const GAP: f64 = 1.5;
+/// Share of a frame by which a step may differ from it and count as one.
+const JITTER: f64 = 0.01;
+/// Numbers of two copies differ by no more: digits are cut in files.
+const SAME: f64 = 1e-4;
+
+/// The usual step of a trajectory: the median.
+pub fn step(moments: &[Moment]) -> f64 {
+    let mut steps: Vec<f64> = moments.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Leaves out what is another trajectory turned about the vertical and shifted on the ground: it would count twice, and sit on
+/// both sides of a split.
+pub fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
+    let joints = system.robot.root_coords();
+    // What such a turn leaves alone: heights, the vertical in body axes, and joints.
+    let print = |raw: &Raw| -> Vec<f64> {
+        let of = |m: &Moment| {
+            let mut all = m.q[joints..].to_vec();
+            if system.robot.floating() {
+                let up = quaternion(&m.q[3..7]).inverse() * nalgebra::Vector3::z();
+                all.extend([m.q[2], up.x, up.y]);
+            }
+            all
+        };
+        raw.moments.iter().take(50).flat_map(of).collect()
+    };
+    let mut prints: Vec<Vec<f64>> = Vec::new();
+    let before = raw.len();
+    raw.retain(|r| {
+        let own = print(r);
+        let same = |other: &Vec<f64>| own.len() == other.len() && own.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME);
+        let new = own.is_empty() || !prints.iter().any(same);
+        if new {
+            prints.push(own);
+        }
+        new
+    });
+    if raw.len() < before {
+        notes.push(format!("{} of {before} trajectories are another one turned about the vertical, and are left out", before - raw.len()));
+    }
+}
+
+/// Cuts trajectories where rows are missing; what is left needs two rows.
+pub fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
+    let (mut all, mut gaps, mut first) = (Vec::new(), 0, None);
+    for Raw { id, moments } in raw {
+        let limit = GAP * step(&moments);
+        let mut part: Vec<Moment> = Vec::new();
+        for moment in moments {
+            if part.last().is_some_and(|last| moment.time - last.time > limit) {
+                gaps += 1;
+                first.get_or_insert(moment.line);
+                all.push(Raw { id, moments: std::mem::take(&mut part) });
+            }
+            part.push(moment);
+        }
+        all.push(Raw { id, moments: part });
+    }
+    let before = all.len();
+    all.retain(|raw| raw.moments.len() > 1);
+    if let Some(line) = first {
+        notes.push(format!("{gaps} gaps in time, the first before line {line}: trajectories are cut there"));
+    }
+    if all.len() < before {
+        notes.push(format!("{} pieces of a single row are left out", before - all.len()));
+    }
+    all
+}
+
+/// Velocities that were not measured, as central differences.
+fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
+    let robot = &system.robot;
+    let missing: Vec<usize> = (0..robot.nv()).filter(|&k| moments.iter().any(|m| m.qd[k].is_nan())).collect();
+    if missing.is_empty() {
+        return false;
+    }
+    let all: Vec<(f64, Vec<f64>)> = moments.iter().map(|m| (m.time, m.q.clone())).collect();
+    for (k, moment) in moments.iter_mut().enumerate() {
+        let (a, b) = (&all[k.saturating_sub(1)], &all[(k + 1).min(all.len() - 1)]);
+        let rate = rate(robot.floating(), &a.1, &b.1, b.0 - a.0);
+        missing.iter().for_each(|&i| moment.qd[i] = rate[i]);
+    }
+    true
+}
+
+/// Velocities that lead from one pose to another: angular and linear of the root in world axes, then joints.
+pub fn rate(floating: bool, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
+    let mut out = Vec::new();
+    if floating {
+        let turn = quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse();
+        out.extend((turn.scaled_axis() / seconds).iter().chain(((vector(b) - vector(a)) / seconds).iter()));
+    }
+    let first = if floating { 7 } else { 0 };
+    out.extend(a[first..].iter().zip(&b[first..]).map(|(a, b)| (b - a) / seconds));
+    out
+}
+
+/// At `time` between two moments: positions and velocities linearly, turns on the shortest arc, torques held.
+fn between(floating: bool, a: &Moment, b: &Moment, time: f64) -> Moment {
+    let s = (time - a.time) / (b.time - a.time);
+    let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect::<Vec<_>>();
+    let mut q = mix(&a.q, &b.q);
+    if floating {
+        let (from, to) = (quaternion(&a.q[3..7]), quaternion(&b.q[3..7]));
+        let arc = (to * from.inverse()).scaled_axis() * s;
+        write_quaternion(&mut q[3..], &(nalgebra::UnitQuaternion::from_scaled_axis(arc) * from));
+    }
+    Moment { line: a.line, time, q, qd: mix(&a.qd, &b.qd), torques: a.torques.clone() }
+}
+
+/// One state a frame.
+pub fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Trajectory> {
+    let (robot, frame) = (&system.robot, system.frame_time);
+    let (mut differences, mut resampled, total) = (0, 0, raw.len());
+    let all = raw.into_iter().map(|Raw { id, mut moments }| {
+        differences += usize::from(differentiate(system, &mut moments));
+        let start = moments[0].time;
+        let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= JITTER * frame * (k as f64 + 1.0);
+        if !moments.iter().enumerate().all(on_time) {
+            resampled += 1;
+            let frames = ((moments[moments.len() - 1].time - start) / frame + JITTER) as usize;
+            let mut at = 0;
+            let even = (0..=frames).map(|k| {
+                let time = start + k as f64 * frame;
+                while at + 2 < moments.len() && moments[at + 1].time < time {
+                    at += 1;
+                }
+                between(robot.floating(), &moments[at], &moments[at + 1], time)
+            });
+            moments = even.collect();
+        }
+        let line = moments[0].line;
+        let states = moments.iter().map(|m| {
+            let mut qd = m.qd.clone();
+            to_world(robot, &m.q, &mut qd);
+            [&m.q[..], &qd[..]].concat()
+        });
+        Trajectory { id, line, states: states.collect(), torques: moments.iter().map(|m| m.torques.clone()).collect() }
+    });
+    let all: Vec<Trajectory> = all.collect();
+    if differences > 0 {
+        notes.push(format!("velocities that no column holds are central differences of the poses, in {differences} trajectories"));
+    }
+    if resampled > 0 {
+        notes.push(format!("{resampled} of {total} trajectories have another rate than {:.1} Hz, and are resampled", 1.0 / frame));
+    }
+    all
+}

@@ -1,0 +1,97 @@
+//! Calibration finds what made the measurements, and says what they do not determine.
+
+mod tossed;
+
+use std::sync::Arc;
+
+use nerd_sim::calibrate::*;
+use nerd_sim::log::Log;
+use nerd_sim::prelude::*;
+use tossed::{cube, header, text, tosses, write};
+
+/// A cube as described, on its table.
+fn subject(system: &Arc<System>) -> Subject {
+    let implicit = ArticulatedConfig::implicit(4, Friction::Coulomb);
+    Subject::new(system, "ground", Engine::Articulated(implicit)).expect("a table")
+}
+
+fn parameters(system: &System, names: &[&str]) -> Vec<Parameter> {
+    names.iter().map(|name| Parameter::named(system, name).expect("a parameter")).collect()
+}
+
+/// Tosses of a cube with these values, read as a log of the cube as described.
+fn log(names: &[&str], values: &[f64]) -> Log {
+    let described = subject(&cube());
+    let truth = described.with(&parameters(&cube(), names), values).expect("values");
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), &text(&tosses(&truth.system, 12, 60)), header());
+    Log::read(&folder.path().join("cube.log.toml"), None).expect("a log")
+}
+
+#[test]
+fn a_shifted_mass_and_a_smooth_table_are_found() {
+    let (names, truth) = (["com.z", "friction"], [0.008, 0.3]);
+    let log = log(&names, &truth);
+    let subject = self::subject(&log.system);
+    let trials = log.trials(40, 20);
+    let chosen = parameters(&log.system, &names);
+    let config = FitConfig { evaluations: 200, trials: 24, seed: 1 };
+    let mut told = 0;
+    let fit = subject.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
+    println!("{:?}, objective {}", fit.values, fit.objective);
+    let off = [(fit.values[0] - truth[0]).abs(), (fit.values[1] - truth[1]).abs()];
+    assert!(off[0] < 5e-4 && off[1] < 0.01, "{off:?} from what made the measurements (m, 1)");
+    assert!(fit.after.position < 0.2 * fit.before.position, "{:?} of {:?}", fit.after, fit.before);
+    assert!(told >= 190, "progress ended at {told}");
+    // Along a parameter the objective is least where the fit stands.
+    let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
+    for (profile, value) in profiles.iter().zip(&fit.values) {
+        let least = profile.iter().min_by(|a, b| a[1].total_cmp(&b[1])).expect("places");
+        assert!(profile.len() == 6 && least[0] == *value, "{profile:?} is least at {}, not {value}", least[0]);
+    }
+}
+
+#[test]
+fn what_nothing_depends_on_has_a_flat_profile() {
+    let log = log(&[], &[]);
+    let subject = self::subject(&log.system);
+    // Before anything is touched, friction cannot matter.
+    let trials = log.trials(8, 1000);
+    let chosen = parameters(&log.system, &["friction", "gravity"]);
+    let before = mean(&subject.gaps(&trials));
+    let fit = Fit { values: vec![0.18, 9.81], objective: 1.0, before: Gap { position: 1e-3, ..before }, after: before };
+    let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
+    let rise = |p: &Vec<[f64; 2]>| p.iter().map(|x| x[1]).fold(0.0, f64::max) - p.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
+    assert!(rise(&profiles[0]) < 1e-9 && rise(&profiles[1]) > 0.1, "friction {}, gravity {}", rise(&profiles[0]), rise(&profiles[1]));
+}
+
+/// Rounded corners touch the planes that sharp ones touched; nominal values change nothing.
+#[test]
+fn values_mean_what_they_say() {
+    let system = cube();
+    let subject = self::subject(&system);
+    let all = Parameter::usual(&system, false).expect("parameters");
+    let nominal: Vec<f64> = all.iter().map(|p| p.nominal).collect();
+    let same = subject.with(&all, &nominal).expect("values");
+    assert_eq!(format!("{:?}", same.system.robot), format!("{:?}", system.robot), "nominal values change the robot");
+    for p in &all {
+        assert!(p.low <= p.nominal && p.nominal <= p.high, "{p:?}");
+        for x in [0.0, 0.3, 1.0] {
+            assert!((p.place(p.at(x)) - x).abs() < 1e-12, "{}: {x} becomes {}", p.name, p.place(p.at(x)));
+        }
+    }
+    let rounded = subject.with(&parameters(&system, &["rounding"]), &[0.004]).expect("values");
+    for (sharp, round) in system.robot.contact_points.iter().zip(&rounded.system.robot.contact_points) {
+        for axis in 0..3 {
+            let [sharp, round] = [sharp, round].map(|p| p.local[axis].abs() + p.radius);
+            assert!((round - sharp).abs() < 1e-12, "a corner reaches {round} m, a sharp one {sharp} m");
+        }
+    }
+    for (name, what) in [("colour", "known are friction"), ("com.x:wheel", "LINK of cube"), ("joint-damping:knee", "no parameter")] {
+        let said = Parameter::named(&system, name).expect_err("an error").to_string();
+        assert!(said.contains(what) && !said.contains('\n'), "{said}");
+    }
+    let restitution = parameters(&system, &["restitution"]);
+    assert!(subject.with(&restitution, &[0.1]).is_err_and(|e| e.to_string().contains("restitution")));
+    assert!(subject.fit(&all, &[], FitConfig::default(), &mut |_, _| ()).is_err_and(|e| e.to_string().contains("no trials")));
+}
