@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::trial::{Gap, Trial, mean, some};
 use super::{CalibrateError, Parameter, Subject};
 
-/// How to fit. The search goes from coarse to fine: its first half sees a quarter of the trials.
+/// How to fit. The search goes from coarse to fine: its first half, two searches, sees a quarter of the trials.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
     /// Evaluations of the objective.
@@ -68,7 +68,7 @@ impl Search<'_> {
         Ok((if worth.is_finite() { worth } else { f64::MAX }, gap))
     }
 
-    /// The best values that a search from some of them finds.
+    /// The best values that a search from some of them finds, behind the objective there.
     fn run(
         &self,
         from: &[f64],
@@ -76,11 +76,11 @@ impl Search<'_> {
         budget: usize,
         seed: u64,
         progress: &mut dyn FnMut(usize, f64),
-    ) -> Result<Vec<f64>, CalibrateError> {
+    ) -> Result<(f64, Vec<f64>), CalibrateError> {
         let n = self.parameters.len();
         let mut best = (self.worth(from)?.0, from.to_vec());
         if n == 0 {
-            return Ok(best.1);
+            return Ok(best);
         }
         let start: Vec<f64> = self.parameters.iter().zip(from).map(|(p, v)| p.place(*v)).collect();
         let popsize = 4 + (3.0 * (n as f64).ln()) as i32;
@@ -101,7 +101,7 @@ impl Search<'_> {
             search.tell(&worths);
             progress(done, best.0);
         }
-        Ok(best.1)
+        Ok(best)
     }
 }
 
@@ -119,17 +119,24 @@ impl Subject {
     ) -> Result<Fit, CalibrateError> {
         some(trials, "no trials to fit to")?;
         let fine = thinned(trials, config.trials);
-        let mut done = 0;
-        let mut from: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
-        for (trials, step) in [thinned(&fine, config.trials.div_ceil(4)), fine.clone()].iter().zip(STEPS) {
-            let search = Search { subject: self, parameters, trials, unit: mean(&self.gaps(trials)) };
-            let budget = config.evaluations / 2;
-            from = search.run(&from, step, budget, config.seed, &mut |own, best| progress(done + own, best))?;
-            done += budget;
+        let few = thinned(&fine, config.trials.div_ceil(4));
+        let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
+        let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
+        // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
+        let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.gaps(&few)) };
+        let mut best = (f64::INFINITY, nominal.clone());
+        for run in 0..2 {
+            let found = coarse.run(&nominal, STEPS[0], quarter, 2 * config.seed + run, &mut |own, worth| progress(done + own, worth))?;
+            done += quarter;
+            if found.0 < best.0 {
+                best = found;
+            }
         }
         let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.gaps(&fine)) };
-        let (objective, after) = search.worth(&from)?;
-        Ok(Fit { values: from, objective, before: search.unit, after })
+        let rest = config.evaluations.saturating_sub(done);
+        let (_, values) = search.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
+        let (objective, after) = search.worth(&values)?;
+        Ok(Fit { values, objective, before: search.unit, after })
     }
 
     /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.

@@ -83,7 +83,7 @@ pub struct CalibratedAll {
     /// Predicting that nothing moves, on the judged part of every split.
     pub still: Vec<Scored>,
     /// By solver.
-    pub solvers: Vec<Calibrated>,
+    pub fitted: Vec<Calibrated>,
 }
 
 /// Places of a profile, and rollouts behind each.
@@ -169,9 +169,9 @@ impl Experiment for Calibration {
         let parts: Vec<split::Parts> =
             (0..self.splits).map(|k| split::Parts::new(&log, &trials, self.train, self.seed + k as u64)).collect::<Result<_>>()?;
         let still = parts.iter().enumerate().map(|(k, part)| part.still(&log, self.seed + k as u64)).collect();
-        let solvers = self.solvers.iter().map(|solver| self.calibrated(&log, solver, &parts)).collect::<Result<_>>()?;
+        let fitted = self.solvers.iter().map(|solver| self.calibrated(&log, solver, &parts)).collect::<Result<_>>()?;
         let sizes = [log.trajectories.len(), trials.len()];
-        Ok(CalibratedAll { settings: self.clone(), robot: log.system.name.clone(), notes: log.notes, sizes, still, solvers })
+        Ok(CalibratedAll { settings: self.clone(), robot: log.system.name.clone(), notes: log.notes, sizes, still, fitted })
     }
 
     fn tables(&self, data: &CalibratedAll) -> Result<Vec<Table>> {
@@ -179,7 +179,7 @@ impl Experiment for Calibration {
     }
 
     fn pictures(&self, data: &CalibratedAll, stem: &Path) -> Result<()> {
-        match data.solvers.first() {
+        match data.fitted.first() {
             Some(solver) if !solver.profiles.is_empty() => panels::draw(solver, stem),
             _ => Ok(()),
         }

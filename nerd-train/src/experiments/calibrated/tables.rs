@@ -14,7 +14,7 @@ impl CalibratedAll {
     pub(super) fn errors(&self) -> Table {
         let joints = self.still.iter().any(|s| s.mean.joints > 0.0);
         let mut rows = vec![line("no motion", joints, &self.still.iter().collect::<Vec<_>>(), None)];
-        for solver in &self.solvers {
+        for solver in &self.fitted {
             let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
             rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
             rows.push(line(&format!("{}, calibrated", solver.solver), joints, &of(|s| &s.after), Some(&of(|s| &s.whole_after))));
@@ -37,7 +37,7 @@ impl CalibratedAll {
 
     /// What was found, by solver.
     pub(super) fn parameters(&self) -> Table {
-        let rows = self.solvers.iter().flat_map(|solver| {
+        let rows = self.fitted.iter().flat_map(|solver| {
             solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
                 let [value, spread] = over_splits(solver, k);
                 let rise = rise(solver, k);
