@@ -11,7 +11,8 @@ use tossed::{cube, header, text, tosses, write};
 
 /// A cube as described, on its table.
 fn subject(system: &Arc<System>) -> Subject {
-    let implicit = ArticulatedConfig::implicit(4, Friction::Coulomb);
+    // As the tosses were made: another number of substeps is another friction by some percent.
+    let implicit = ArticulatedConfig::implicit(16, Friction::Coulomb);
     Subject::new(system, "ground", Engine::Articulated(implicit)).expect("a table")
 }
 
@@ -35,19 +36,19 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
     let subject = self::subject(&log.system);
     let trials = log.trials(40, 20);
     let chosen = parameters(&log.system, &names);
-    let config = FitConfig { evaluations: 200, trials: 24, seed: 1 };
+    let config = FitConfig { evaluations: 400, trials: 24, seed: 1 };
     let mut told = 0;
     let fit = subject.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
     println!("{:?}, objective {}", fit.values, fit.objective);
     let off = [(fit.values[0] - truth[0]).abs(), (fit.values[1] - truth[1]).abs()];
     assert!(off[0] < 5e-4 && off[1] < 0.01, "{off:?} from what made the measurements (m, 1)");
     assert!(fit.after.position < 0.2 * fit.before.position, "{:?} of {:?}", fit.after, fit.before);
-    assert!(told >= 190, "progress ended at {told}");
+    assert!(told >= 300, "progress ended at {told}");
     // Along a parameter the objective is least where the fit stands.
     let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
     for (profile, value) in profiles.iter().zip(&fit.values) {
         let least = profile.iter().min_by(|a, b| a[1].total_cmp(&b[1])).expect("places");
-        assert!(profile.len() == 6 && least[0] == *value, "{profile:?} is least at {}, not {value}", least[0]);
+        assert!(profile.len() == 6 && (least[0] - value).abs() < 1e-9, "{profile:?} is least at {}, not {value}", least[0]);
     }
 }
 
@@ -58,7 +59,7 @@ fn what_nothing_depends_on_has_a_flat_profile() {
     // Before anything is touched, friction cannot matter.
     let trials = log.trials(8, 1000);
     let chosen = parameters(&log.system, &["friction", "gravity"]);
-    let before = mean(&subject.gaps(&trials));
+    let before = mean(&subject.gaps(&trials).expect("rollouts"));
     let fit = Fit { values: vec![0.18, 9.81], objective: 1.0, before: Gap { position: 1e-3, ..before }, after: before };
     let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
     let rise = |p: &Vec<[f64; 2]>| p.iter().map(|x| x[1]).fold(0.0, f64::max) - p.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
@@ -91,7 +92,28 @@ fn values_mean_what_they_say() {
         let said = Parameter::named(&system, name).expect_err("an error").to_string();
         assert!(said.contains(what) && !said.contains('\n'), "{said}");
     }
+    // A raised table is shifted from where it stands.
+    let raised = subject.with(&parameters(&system, &["height", "tilt.x"]), &[0.01, 0.02]).expect("values");
+    let spec = &raised.system.spec.scenes[0].plane;
+    assert_eq!((spec.height, spec.angles[0]), (0.01, 0.02));
+    let twice = raised.with(&parameters(&system, &["height"]), &[0.01]).expect("values");
+    assert_eq!(twice.system.spec.scenes[0].plane.height, 0.02);
+    assert!(subject.with(&parameters(&system, &["friction"]), &[0.3]).is_ok_and(|s| s.system.spec.material.friction == 0.3));
+    assert!(Parameter::named(&system, "friction:moon").is_err());
     let restitution = parameters(&system, &["restitution"]);
     assert!(subject.with(&restitution, &[0.1]).is_err_and(|e| e.to_string().contains("restitution")));
     assert!(subject.fit(&all, &[], FitConfig::default(), &mut |_, _| ()).is_err_and(|e| e.to_string().contains("no trials")));
+}
+
+/// An arm that rapier refuses, since its joint has dry friction, is no arm that stands still.
+#[test]
+fn what_a_solver_refuses_is_an_error() {
+    let urdf = include_str!("../assets/logs/elbow.urdf").replace("friction=\"0\"", "friction=\"0.001\"");
+    let system = Arc::new(System::from_text("elbow", &urdf, Some(include_str!("../assets/logs/elbow.toml"))).expect("an elbow"));
+    let state = system.default_state();
+    let trial = Trial { id: 0, measured: vec![state[..8].to_vec(); 3], torques: vec![vec![0.0]; 2], start: state };
+    let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
+    let said = subject.gaps(&[trial]).expect_err("an error").to_string();
+    assert!(said.contains("friction"), "{said}");
+    assert!(Parameter::usual(&system, true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
 }

@@ -13,6 +13,11 @@ fn read(folder: &Path) -> Log {
     Log::read(&folder.join("cube.log.toml"), None).expect("a log")
 }
 
+/// A TOML that names no velocities.
+fn bare() -> String {
+    header().replace("velocity = [\"vx\", \"vy\", \"vz\"]\n", "").replace("angular = [\"wx\", \"wy\", \"wz\"]\n", "")
+}
+
 fn refusal(folder: &Path) -> String {
     let error = Log::read(&folder.join("cube.log.toml"), None).map(|_| ()).expect_err("an error").to_string();
     assert!(!error.contains('\n'), "one line: {error}");
@@ -44,8 +49,7 @@ fn states_come_back_as_a_solver_had_them() {
 #[test]
 fn what_is_missing_is_made_and_said() {
     let all = tosses(&cube(), 2, 60);
-    let bare = header().replace("velocity = [\"vx\", \"vy\", \"vz\"]\n", "").replace("angular = [\"wx\", \"wy\", \"wz\"]\n", "");
-    let log = read(folder(&text(&all), &bare).path());
+    let log = read(folder(&text(&all), &bare()).path());
     assert!(log.notes.iter().any(|n| n.contains("central differences")), "{:?}", log.notes);
     let speed = |s: &[f64]| (s[7].powi(2) + s[8].powi(2) + s[9].powi(2)).sqrt();
     let (told, made) = (speed(&all[0].states[4]), speed(&log.trajectories[0].states[4]));
@@ -75,7 +79,8 @@ fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
     let log = read(folder(&text(&held), header()).path());
     assert!(log.notes.iter().any(|n| n.starts_with("2 trajectories do not fall freely")), "{:?}", log.notes);
     let left = log.trajectories[0].states.len();
-    assert!((58..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
+    // Where falling begins is known to half of the 12 frames that tell a fall.
+    assert!((54..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
 }
 
 /// Lines that say what and where, and what would be right.
@@ -94,7 +99,7 @@ fn what_cannot_be_right_is_refused() {
         out
     };
     let rates = |k: f64| changed(&|x| x[12..15].iter_mut().for_each(|w| *w *= k));
-    let cases: [(&str, String, String, &[&str]); 11] = [
+    let cases: [(&str, String, String, &[&str]); 15] = [
         ("a column", good.replace("vz", "up"), header().into(), &["cube.csv", "column `vz`"]),
         ("the order", good.clone(), header().replace("wxyz", "xyzw"), &["qw, qx, qy, qz", "order = \"wxyz\""]),
         ("the axes", good.clone(), header().replace("\"body\"", "\"world\""), &["wx, wy, wz", "axes = \"body\""]),
@@ -105,12 +110,59 @@ fn what_cannot_be_right_is_refused() {
         ("time", good.replacen(&stamp(0, 7), &stamp(0, 1), 1), header().into(), &["line 9", "time must go on"]),
         ("a cut file", good[..good.len() - 40].into(), header().into(), &["cube.csv"]),
         ("no number", good.replacen(&stamp(0, 3), "0,nan", 1), header().into(), &["line 5", "column `t`"]),
+        ("s told as ns", good.clone(), header().replace("[root]", "units = { time = \"ns\" }\n[root]"), &["columns vx, vy, vz"]),
+        ("us told as s", changed(&|x| x[1] *= 1e6), bare(), &["line 2", "units.time"]),
+        ("a column twice", good.clone(), header().replace("\"py\"", "\"px\""), &["`px`", "two things"]),
+        ("a huge number", changed(&|x| x[2] = 1e300), header().into(), &["line 2", "at most"]),
         ("a key", good.clone(), header().replace("time =", "clock ="), &["cube.log.toml", "clock"]),
     ];
     for (what, rows, toml, words) in cases {
         let said = refusal(folder(&rows, &toml).path());
         assert!(words.iter().all(|word| said.contains(word)), "{what}: `{said}` does not say {words:?}");
     }
+}
+
+/// A slider in millimetres, and a hinge that passes pi: written with all its turns and without rates.
+#[test]
+fn joints_have_units_of_their_own_and_no_seams() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let toml = "file = \"c.csv\"\nrobot = \"cartpole\"\nscene = \"free\"\ntime = \"t\"\nunits = { length = \"mm\", angle = \"deg\" }\n\
+                [[joint]]\nname = \"NAME0\"\nposition = \"x\"\n[[joint]]\nname = \"NAME1\"\nposition = \"a\"\n";
+    let system = System::named("cartpole").expect("a robot");
+    let names: Vec<&str> = system.robot.joints().map(|j| j.name.as_str()).collect();
+    let toml = toml.replace("NAME0", names[0]).replace("NAME1", names[1]);
+    let mut rows = String::from("t,x,a\n");
+    let (dt, speed, spin) = (system.frame_time, 0.5, 9.0);
+    for k in 0..80 {
+        let t = f64::from(k) * dt;
+        // Kept in [-180, 180), as some encoders do.
+        let angle = ((spin * t).to_degrees() + 180.0).rem_euclid(360.0) - 180.0;
+        rows += &format!("{t:.9},{:.9},{angle:.9}\n", 1000.0 * speed * t);
+    }
+    std::fs::write(folder.path().join("c.csv"), rows).expect("written");
+    std::fs::write(folder.path().join("c.log.toml"), toml).expect("written");
+    let log = Log::read(&folder.path().join("c.log.toml"), None).expect("a log");
+    for state in &log.trajectories[0].states {
+        let off = [(state[2] - speed).abs(), (state[3] - spin).abs()];
+        assert!(off[0] < 1e-6 && off[1] < 1e-6, "rates {} m/s and {} rad/s, {speed} and {spin} in truth", state[2], state[3]);
+    }
+}
+
+/// Long rests, whose rates are noise, say nothing of those of the motion.
+#[test]
+fn rest_refuses_nothing() {
+    let mut all = tosses(&cube(), 3, 60);
+    for toss in &mut all {
+        let mut last = toss.states[59].clone();
+        last[7..].fill(0.0);
+        for k in 0..150 {
+            let mut state = last.clone();
+            state[0] += if k % 2 == 0 { 1e-4 } else { -1e-4 };
+            toss.states.push(state);
+        }
+    }
+    let log = read(folder(&text(&all), header()).path());
+    assert_eq!(log.trajectories[0].states.len(), 210);
 }
 
 /// A scale of length that is 2 % short is worth a line, no more.

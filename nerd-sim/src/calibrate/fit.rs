@@ -63,7 +63,7 @@ struct Search<'a> {
 impl Search<'_> {
     /// The objective of these values, and the distances behind it.
     fn worth(&self, values: &[f64]) -> Result<(f64, Gap), CalibrateError> {
-        let gap = mean(&self.subject.with(self.parameters, values)?.gaps(self.trials));
+        let gap = mean(&self.subject.with(self.parameters, values)?.gaps(self.trials)?);
         let worth = objective(&gap, &self.unit);
         Ok((if worth.is_finite() { worth } else { f64::MAX }, gap))
     }
@@ -123,7 +123,7 @@ impl Subject {
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
         // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
-        let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.gaps(&few)) };
+        let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.gaps(&few)?) };
         let mut best = (f64::INFINITY, nominal.clone());
         for run in 0..2 {
             let found = coarse.run(&nominal, STEPS[0], quarter, 2 * config.seed + run, &mut |own, worth| progress(done + own, worth))?;
@@ -132,7 +132,7 @@ impl Subject {
                 best = found;
             }
         }
-        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.gaps(&fine)) };
+        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.gaps(&fine)?) };
         let rest = config.evaluations.saturating_sub(done);
         let (_, values) = search.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
         let (objective, after) = search.worth(&values)?;
@@ -157,7 +157,7 @@ impl Subject {
             let worth = |x: &f64| {
                 let mut values = fit.values.clone();
                 values[k] = parameters[k].at(*x);
-                let gap = mean(&self.with(parameters, &values)?.gaps(trials));
+                let gap = mean(&self.with(parameters, &values)?.gaps(trials)?);
                 Ok([values[k], objective(&gap, &fit.before)])
             };
             at.iter().map(worth).collect()

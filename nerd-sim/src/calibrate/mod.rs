@@ -25,6 +25,7 @@ pub use parameter::Parameter;
 pub use subject::{Engine, Subject};
 pub use trial::{Gap, Trial, gap, mean, some};
 
+use crate::solver::StepError;
 use crate::system::SystemError;
 
 /// Why nothing can be fitted; one line.
@@ -40,6 +41,12 @@ pub enum CalibrateError {
     /// A scene that there is not.
     #[error(transparent)]
     System(#[from] SystemError),
+    /// A step of the solver.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A parameter without anything to change.
+    #[error("parameter `{0}` has nothing to act on: no gravity, no mass, or no plane of the scene's own; leave it out")]
+    Nothing(String),
     /// Nothing to fit to.
     #[error("{0}")]
     Empty(String),

@@ -16,7 +16,7 @@ use crate::system::System;
 /// | `rounding` | radius of corners: contact points move in and become balls that touch the same planes | m |
 /// | `restitution` | of rapier's contacts | 1 |
 /// | `gravity` | its size | m/s^2 |
-/// | `height`, `tilt.x`, `tilt.y` | of the scene's plane | m, rad |
+/// | `height`, `tilt.x`, `tilt.y` | shift and turns of the scene's plane from where it is described | m, rad |
 /// | `lag` | frames by which measured velocities are older than their poses, in free fall | 1 |
 /// | `joint-damping:JOINT`, `joint-friction:JOINT` | of a joint | N m s/rad, N m |
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +67,7 @@ impl Parameter {
     /// If there is none of this name.
     pub fn named(system: &System, name: &str) -> Result<Self, CalibrateError> {
         let (head, of) = name.split_once(':').map_or((name, None), |(head, of)| (head, Some(of)));
+        let plain = PLAIN.iter().any(|names| names.split(", ").any(|known| known == head));
         let robot = &system.robot;
         let unknown = || {
             let links: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
@@ -88,6 +89,9 @@ impl Parameter {
         let m = system.spec.material;
         let g = system.gravity().norm();
         let (what, nominal, low, high, logarithmic, unit) = match head {
+            _ if plain && of.is_some() => return Err(unknown()),
+            "gravity" | "lag" if g == 0.0 => return Err(CalibrateError::Nothing(name.into())),
+            "mass" if robot.links[link()?].inertia.mass <= 0.0 => return Err(CalibrateError::Nothing(name.into())),
             "mass" => ratio(What::Mass(link()?), robot.links[link()?].inertia.mass, 3.0, "kg"),
             "com.x" | "com.y" | "com.z" => {
                 let axis = ["com.x", "com.y", "com.z"].iter().position(|n| *n == head).unwrap_or_default();
@@ -106,9 +110,17 @@ impl Parameter {
             "tilt.x" => (What::Tilt(0), 0.0, -0.05, 0.05, false, "rad"),
             "tilt.y" => (What::Tilt(1), 0.0, -0.05, 0.05, false, "rad"),
             "lag" => (What::Lag, 0.0, -1.0, 1.0, false, "1"),
-            // A joint that loses all its speed within a second of the lightest link's inertia is at the upper bound.
-            "joint-damping" => (What::JointDamping(joint()?), 0.0, 0.0, 0.1 * size * size * robot.mass() * 50.0, false, "N m s/rad"),
-            "joint-friction" => (What::JointFriction(joint()?), 0.0, 0.0, 0.1 * size * robot.mass() * g, false, "N m"),
+            // Up to what stops the robot's own mass, held at a tenth of its size, within a fiftieth of a second.
+            "joint-damping" => {
+                let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.damping);
+                let high = (5.0 * size * size * robot.mass()).max(10.0 * own);
+                (What::JointDamping(joint()?), own, 0.0, high, false, "N m s/rad")
+            }
+            // Up to what holds a tenth of the robot's weight at its size.
+            "joint-friction" => {
+                let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.friction);
+                (What::JointFriction(joint()?), own, 0.0, (size * robot.mass()).max(10.0 * own), false, "N m")
+            }
             _ => return Err(unknown()),
         };
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, what })
@@ -122,14 +134,17 @@ impl Parameter {
     pub fn usual(system: &System, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
         let mut names: Vec<String> = Vec::new();
         for (k, link) in system.robot.links.iter().enumerate() {
-            let own = ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass"));
+            let heavy = link.inertia.mass > 0.0;
+            let own = ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass")).filter(|_| heavy);
             names.extend(own.map(|head| if system.robot.links.len() == 1 { head.into() } else { format!("{head}:{}", link.name) }));
         }
         let contact: &[&str] =
             if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
-        names.extend(contact.iter().chain(&["gravity", "lag"]).map(|name| name.to_string()));
+        let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
+        names.extend(contact.iter().chain(falls).map(|name| name.to_string()));
         let joints = system.robot.joints().map(|j| j.name.clone());
-        names.extend(joints.flat_map(|j| [format!("joint-damping:{j}"), format!("joint-friction:{j}")]));
+        // rapier knows no dry friction of joints.
+        names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());
         names.iter().map(|name| Self::named(system, name)).collect()
     }
 
@@ -141,6 +156,9 @@ impl Parameter {
 
     /// Where a value stands between the bounds.
     pub fn place(&self, value: f64) -> f64 {
+        if self.low == self.high {
+            return 0.0;
+        }
         let x = if self.logarithmic {
             (value / self.low).ln() / (self.high / self.low).ln()
         } else {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::CalibrateError;
 use super::parameter::{Parameter, What, round};
 use crate::prelude::*;
+use crate::spec::PlaneSpec;
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug)]
@@ -54,10 +55,21 @@ impl Subject {
     /// # Errors
     /// A parameter that the engine does not have.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
-        let (mut system, mut engine, mut lag, mut tilted) = ((*self.system).clone(), self.engine, self.lag, false);
+        let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
         for (p, &value) in parameters.iter().zip(values) {
-            let material = &mut system.spec.material;
+            // The robot's material, and the scene's own if it has one: a pair acts with their mean.
+            let own = system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
+            for material in own.chain([&mut system.spec.material]) {
+                match p.what {
+                    What::Friction => material.friction = value,
+                    What::Stiffness => material.stiffness = value,
+                    What::Damping => material.damping = value,
+                    What::FrictionDamping => material.friction_damping = value,
+                    _ => {}
+                }
+            }
             match p.what {
+                What::Friction | What::Stiffness | What::Damping | What::FrictionDamping => {}
                 What::Mass(link) => {
                     let inertia = &mut system.robot.links[link].inertia;
                     inertia.inertia *= value / inertia.mass;
@@ -65,16 +77,12 @@ impl Subject {
                 }
                 What::Com(link, axis) => system.robot.links[link].inertia.com[axis] = value,
                 What::Inertia(link) => system.robot.links[link].inertia.inertia *= value,
-                What::Friction => material.friction = value,
-                What::Stiffness => material.stiffness = value,
-                What::Damping => material.damping = value,
-                What::FrictionDamping => material.friction_damping = value,
                 What::Rounding => round(&mut system, value),
                 What::Gravity => {
                     let g = system.gravity();
                     system.spec.gravity = (g * (value / g.norm())).into();
                 }
-                What::Height | What::Tilt(_) => tilted = true,
+                What::Height | What::Tilt(_) => {}
                 What::Lag => lag = value,
                 What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
                 What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
@@ -87,16 +95,23 @@ impl Subject {
                 What::Restitution => return Err(CalibrateError::Engine(p.name.clone())),
             }
             #[cfg(feature = "rapier")]
-            if matches!((engine, p.what), (Engine::Rapier(_), What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping)) {
+            if matches!(
+                (engine, p.what),
+                (Engine::Rapier(_), What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping | What::JointFriction(_))
+            ) {
                 return Err(CalibrateError::Engine(p.name.clone()));
             }
         }
-        if tilted {
-            let of = |what: What| parameters.iter().zip(values).find(|(p, _)| p.what == what).map(|v| *v.1);
-            let planes = system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name);
-            for plane in planes.map(|s| &mut s.plane) {
-                plane.height = of(What::Height).unwrap_or(plane.height);
-                (0..2).for_each(|axis| plane.angles[axis] = of(What::Tilt(axis)).unwrap_or(plane.angles[axis]));
+        for (p, &value) in parameters.iter().zip(values) {
+            let change: fn(&mut PlaneSpec, f64) = match p.what {
+                What::Height => |plane, x| plane.height += x,
+                What::Tilt(0) => |plane, x| plane.angles[0] += x,
+                What::Tilt(_) => |plane, x| plane.angles[1] += x,
+                _ => continue,
+            };
+            match system.spec.scenes.iter_mut().find(|s| s.name == self.scene.name) {
+                Some(scene) => change(&mut scene.plane, value),
+                None => return Err(CalibrateError::Nothing(p.name.clone())),
             }
         }
         let system = Arc::new(system);

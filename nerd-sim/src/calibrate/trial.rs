@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{CalibrateError, Subject};
 use crate::batch::contacts;
-use crate::log::{Log, Trajectory};
+use crate::log::{Log, Trajectory, turned};
 use crate::prelude::*;
 
 /// A start, and the poses that were measured from there on.
@@ -56,21 +56,31 @@ impl Log {
 impl Subject {
     /// Rolls every trial out, in as many threads as there are: coordinates of every frame. A rollout that the solver cannot finish
     /// stands still from there on.
-    pub fn roll(&self, trials: &[Trial]) -> Vec<Vec<Vec<f64>>> {
+    ///
+    /// # Errors
+    /// What the solver says if it cannot step any of them once.
+    pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
         let nq = self.system.robot.nq();
         let begin = || (self.engine.solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
         let rolled = trials.par_iter().map_init(begin, |(solver, batch, data), trial| {
             batch.reset(0, &self.start(trial, data));
             solver.reset(0);
-            let mut lost = false;
+            let (mut lost, mut first) = (false, None);
             let mut motion = vec![batch.state(0)[..nq].to_vec()];
             for torques in &trial.torques {
-                lost = lost || solver.step(batch, torques).is_err();
+                if let Some(error) = if lost { None } else { solver.step(batch, torques).err() } {
+                    lost = true;
+                    first = first.or(Some(error).filter(|_| motion.len() == 1));
+                }
                 motion.push(batch.state(0)[..nq].to_vec());
             }
-            motion
+            (motion, first)
         });
-        rolled.collect()
+        let (motions, errors): (Vec<_>, Vec<_>) = rolled.unzip();
+        match errors.into_iter().collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().next()) {
+            Some(error) => Err(error.into()),
+            None => Ok(motions),
+        }
     }
 
     /// The start of a rollout: out of the ground, which would throw out what begins in it, and, in free fall, with a velocity of its
@@ -97,8 +107,11 @@ impl Subject {
     }
 
     /// Distance of every trial from its rollout.
-    pub fn gaps(&self, trials: &[Trial]) -> Vec<Gap> {
-        self.roll(trials).iter().zip(trials).map(|(motion, trial)| gap(&self.system, motion, &trial.measured)).collect()
+    ///
+    /// # Errors
+    /// As [`Self::roll`].
+    pub fn gaps(&self, trials: &[Trial]) -> Result<Vec<Gap>, CalibrateError> {
+        Ok(self.roll(trials)?.iter().zip(trials).map(|(motion, trial)| gap(&self.system, motion, &trial.measured)).collect())
     }
 }
 
@@ -114,7 +127,7 @@ pub fn gap(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Gap {
             sum.position += (vector(a) - vector(b)).norm() / n;
             sum.rotation += quaternion(&a[3..7]).angle_to(&quaternion(&b[3..7])) / n;
         }
-        let joints = a[first..].iter().zip(&b[first..]).map(|(a, b)| (a - b).abs()).sum::<f64>();
+        let joints = turned(&system.robot, a, b).iter().map(|d| d.abs()).sum::<f64>();
         sum.joints += joints / ((a.len() - first).max(1) as f64 * n);
     }
     if let (true, Some(a), Some(b)) = (floating, a.last(), b.last()) {

@@ -19,10 +19,11 @@ use crate::system::System;
 const OFF: f64 = 0.5;
 /// A share by which rates or free fall are off that is worth a line.
 const ODD: f64 = 0.01;
-/// Frames of a flight that free fall is read from, at least, and how far (m) off every surface.
-const FLIGHT: usize = 8;
+/// Flights that free fall is read from take so long (s), and so many frames, at least.
+const FLIGHT: (f64, usize) = (0.08, 8);
 /// A fall that differs from gravity by this share is none.
 const HELD: f64 = 0.5;
+/// They stand so far (m) off every surface.
 const CLEAR: f64 = 0.005;
 /// Factors from what was told to what is, by the unit that is wrong.
 const UNITS: [(f64, &str); 6] = [
@@ -39,15 +40,19 @@ fn unit(factor: f64) -> Option<&'static str> {
     UNITS.iter().find(|(f, _)| (factor / f).ln().abs() < 0.2).map(|u| u.1)
 }
 
-/// Pairs of rows that lie a usual step apart.
+/// Rows that follow each other.
 fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
     raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])))
 }
 
-/// How far measured rates are from those of the poses: the share of their size, and the factor that fits best.
+/// How far measured rates are from those of the poses: the share of their size, and the factor that fits best. The fastest quarter
+/// of the rows is asked, since what rests has rates of noise alone.
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
-    for (found, told) in rates.filter(|(found, told)| (found + told).iter().all(|x| x.is_finite())) {
+    let mut all: Vec<_> = rates.filter(|(found, told)| (found + told).iter().all(|x| x.is_finite())).collect();
+    all.sort_by(|a, b| (b.0.norm() * b.1.norm()).total_cmp(&(a.0.norm() * a.1.norm())));
+    all.truncate(all.len().div_ceil(4));
+    for (found, told) in all {
         off.push((found - told).norm());
         size.push(found.norm());
         (product, square) = (product + found.dot(&told), square + told.norm_squared());
@@ -68,7 +73,7 @@ pub fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result
     if let Some(root) = &spec.root {
         let seconds = |a: &Moment, b: &Moment| b.time - a.time;
         let linear = pairs(raw).map(|(a, b)| {
-            let v = rate(true, &a.q, &b.q, seconds(a, b));
+            let v = rate(&system.robot, &a.q, &b.q, seconds(a, b));
             (Vector3::new(v[3], v[4], v[5]), Vector3::new(b.qd[3], b.qd[4], b.qd[5]))
         });
         if let (Some(names), Some([off, factor])) = (&root.velocity, misfit(linear)) {
@@ -99,9 +104,9 @@ pub fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result
     let first = system.robot.joint_count();
     for (k, joint) in system.robot.joints().enumerate() {
         let column = spec.joints.iter().find(|j| j.name == joint.name).and_then(|j| j.velocity.as_ref());
-        let (q, v) = (system.robot.nq() - first + k, system.robot.nv() - first + k);
+        let v = system.robot.nv() - first + k;
         let along = |x: f64| Vector3::new(x, 0.0, 0.0);
-        let found = misfit(pairs(raw).map(|(a, b)| (along((b.q[q] - a.q[q]) / (b.time - a.time)), along(b.qd[v]))));
+        let found = misfit(pairs(raw).map(|(a, b)| (along(rate(&system.robot, &a.q, &b.q, b.time - a.time)[v]), along(b.qd[v]))));
         if let (Some(column), Some([off, factor])) = (column, found) {
             refuse(csv, column, off, factor, None)?;
         }
@@ -144,6 +149,7 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
     }
     let (system, mut data, mut events) = (log.system.clone(), Data::new(&log.system.robot), Vec::new());
     let (mut falls, mut held) = (Vec::new(), 0);
+    let least = FLIGHT.1.max((FLIGHT.0 / system.frame_time).ceil() as usize);
     for trajectory in &mut log.trajectories {
         let height = |state: &Vec<f64>| {
             contacts(&system, scene, state, &mut data, &mut events);
@@ -152,13 +158,13 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
         };
         let heights: Vec<f64> = trajectory.states.iter().map_while(height).collect();
         let fall = |from: usize, to: usize| -acceleration(&heights[from..to], system.frame_time);
-        let Some(last) = heights.len().checked_sub(FLIGHT) else { continue };
-        let free = (0..=last).rev().find(|&k| (fall(k, k + FLIGHT) / g - 1.0).abs() > HELD).map_or(0, |k| k + FLIGHT / 2);
-        if heights.len() >= free + FLIGHT {
+        let Some(last) = heights.len().checked_sub(least) else { continue };
+        let free = (0..=last).rev().find(|&k| (fall(k, k + least) / g - 1.0).abs() > HELD).map_or(0, |k| k + least / 2);
+        if heights.len() >= free + least {
             falls.push((fall(free, heights.len()), heights.len() - free));
         }
-        falls.push((fall(0, FLIGHT), 0));
-        if free > 0 && heights.len() >= free + FLIGHT {
+        falls.push((fall(0, least), 0));
+        if free > 0 && heights.len() >= free + least {
             held += 1;
             trajectory.states.drain(..free);
             trajectory.torques.drain(..free);

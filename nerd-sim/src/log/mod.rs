@@ -22,6 +22,9 @@ mod tidy;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+#[cfg(feature = "calibrate")]
+pub(crate) use tidy::turned;
+
 pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, RootColumns, Time, Units};
 
 use crate::system::{System, SystemError};
@@ -77,6 +80,9 @@ fn bad(path: &Path, reason: String) -> LogError {
     LogError::Content { path: path.into(), reason }
 }
 
+/// Between two rows lie at most so many frames.
+const FEW: f64 = 100.0;
+
 /// The table that a TOML names.
 ///
 /// # Errors
@@ -98,6 +104,11 @@ impl Log {
         check::rates(&csv, &spec, &system, &raw)?;
         tidy::copies(&system, &mut raw, &mut notes);
         let cut = tidy::cut(raw, &mut notes);
+        let frame = system.frame_time;
+        if let Some((line, step)) = cut.iter().map(|r| (r.moments[0].line, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame) {
+            let text = format!("line {line}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?");
+            return Err(bad(&csv, text));
+        }
         let trajectories = tidy::states(&system, cut, &mut notes);
         let mut log = Self { scene: spec.scene.clone(), system, trajectories, notes };
         check::falls(&csv, &mut log, &scene)?;

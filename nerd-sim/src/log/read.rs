@@ -1,16 +1,20 @@
 //! Rows of a table, in SI units and our own order of coordinates.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nerd_core::robot::JointKind;
 use nerd_core::state::write_quaternion;
 
 use super::spec::{Axes, LogSpec, Order, RootColumns};
 use super::{LogError, bad};
 use crate::system::System;
 use crate::table::{Row, Table};
+
+/// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
+const MOST: f64 = 1e11;
 
 /// What one row says.
 #[derive(Clone, Debug)]
@@ -42,7 +46,8 @@ struct Columns {
     trajectory: Option<usize>,
     time: usize,
     root: Option<Root>,
-    joints: Vec<[Option<usize>; 3]>,
+    /// Position, velocity and torque; whether it slides.
+    joints: Vec<([Option<usize>; 3], bool)>,
 }
 
 struct Root {
@@ -71,11 +76,30 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     if let Some(name) = named.iter().find(|name| system.robot.joints().all(|j| j.name != **name)) {
         return Err(bad(path, format!("[[joint]] `{name}`: robot `{}` has no such joint", system.name)));
     }
+    if let Some(twice) = twice(spec.joints.iter().map(|j| &j.name)).or_else(|| twice(columns(&spec).into_iter())) {
+        return Err(bad(path, format!("`{twice}` stands for two things")));
+    }
     match (&spec.root, system.robot.floating()) {
         (None, true) => Err(bad(path, format!("robot `{}` floats: [root] must say where it stands", system.name))),
         (Some(_), false) => Err(bad(path, format!("robot `{}` is fixed: [root] means nothing", system.name))),
         _ => Ok((spec, system)),
     }
+}
+
+/// All columns that a file names.
+fn columns(spec: &LogSpec) -> Vec<&String> {
+    let root = spec.root.iter().flat_map(|r| {
+        let rates = r.velocity.iter().chain(&r.angular).flatten();
+        r.position.iter().chain(&r.quaternion).chain(rates)
+    });
+    let joints = spec.joints.iter().flat_map(|j| [Some(&j.position), j.velocity.as_ref(), j.torque.as_ref()].into_iter().flatten());
+    spec.trajectory.iter().chain([&spec.time]).chain(root).chain(joints).collect()
+}
+
+/// The first name that comes twice.
+fn twice<'a>(names: impl Iterator<Item = &'a String>) -> Option<&'a String> {
+    let mut seen = HashSet::new();
+    names.into_iter().find(|name| !seen.insert(*name))
 }
 
 impl Columns {
@@ -93,10 +117,11 @@ impl Columns {
                 axes: r.axes,
             })
         };
-        let joints = system.robot.joints().filter_map(|joint| spec.joints.iter().find(|j| j.name == joint.name));
-        let joints = joints.map(|j| {
+        let joints = system.robot.joints().filter_map(|joint| Some((joint, spec.joints.iter().find(|j| j.name == joint.name)?)));
+        let joints = joints.map(|(joint, j)| {
             let velocity = j.velocity.as_ref().map(one).transpose()?;
-            Ok([Some(one(&j.position)?), velocity, j.torque.as_ref().map(one).transpose()?])
+            let columns = [Some(one(&j.position)?), velocity, j.torque.as_ref().map(one).transpose()?];
+            Ok((columns, joint.kind == JointKind::Prismatic))
         });
         Ok(Self {
             trajectory: spec.trajectory.as_ref().map(one).transpose()?,
@@ -128,10 +153,11 @@ impl Columns {
             let angular = if root.axes == Axes::Body { turn * angular } else { angular };
             qd.extend(angular.iter().chain(three(&root.velocity, length)?.iter()));
         }
-        for joint in &self.joints {
+        for (joint, slides) in &self.joints {
+            let unit = if *slides { length } else { angle };
             let number = |c: Option<usize>, absent: f64| c.map_or(Ok(absent), |c| row.numbers(&[c]).map(|x| x[0]));
-            q.push(number(joint[0], 0.0)? * angle);
-            qd.push(number(joint[1], f64::NAN)? * angle);
+            q.push(number(joint[0], 0.0)? * unit);
+            qd.push(number(joint[1], f64::NAN)? * unit);
             torques.push(number(joint[2], 0.0)?);
         }
         Ok(Moment { line: row.line, time: row.numbers(&[self.time])?[0] * time, q, qd, torques })
@@ -161,6 +187,10 @@ pub fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, Log
                 return Ok(());
             }
         };
+        // Squares of what is larger leave the range of numbers, and nothing that moves is.
+        if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
+            return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));
+        }
         let raw = all.entry(id).or_insert_with(|| Raw { id, moments: Vec::new() });
         if let Some(last) = raw.moments.last().filter(|last| moment.time <= last.time) {
             let (now, then, at) = (moment.time, last.time, last.line);

@@ -8,11 +8,12 @@ use crate::dataset::Recording;
 use crate::system::SystemError;
 
 impl Log {
-    /// All pieces of `frames` frames, one after the other, with the contacts that their poses have in the log's scene.
+    /// All pieces of `frames` frames (at least 1), one after the other, with the contacts that their poses have in the log's scene.
     ///
     /// # Errors
     /// If the robot has no such scene.
     pub fn recording(&self, frames: usize) -> Result<Recording, SystemError> {
+        let frames = frames.max(1);
         let (system, scene) = (&self.system, self.system.scene(&self.scene)?);
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
         let mut all = Recording { frames, ..Default::default() };

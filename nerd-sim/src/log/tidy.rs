@@ -1,7 +1,8 @@
 //! From rows to frames: copies left out, cut at gaps, missing velocities from differences, other rates resampled.
 
 use nerd_core::dynamics::to_world;
-use nerd_core::state::{quaternion, vector, write_quaternion};
+use nerd_core::robot::Robot;
+use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 
 use super::Trajectory;
 use super::read::{Moment, Raw};
@@ -9,7 +10,7 @@ use crate::system::System;
 
 /// A step that is this many times the usual one is a gap.
 const GAP: f64 = 1.5;
-/// Share of a frame by which a step may differ from it and count as one.
+/// Share of a frame by which a row may be early or late.
 const JITTER: f64 = 0.01;
 /// Numbers of two copies differ by no more: digits are cut in files.
 const SAME: f64 = 1e-4;
@@ -24,18 +25,17 @@ pub fn step(moments: &[Moment]) -> f64 {
 /// Leaves out what is another trajectory turned about the vertical and shifted on the ground: it would count twice, and sit on
 /// both sides of a split.
 pub fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
+    if !system.robot.floating() {
+        return;
+    }
     let joints = system.robot.root_coords();
     // What such a turn leaves alone: heights, the vertical in body axes, and joints.
     let print = |raw: &Raw| -> Vec<f64> {
         let of = |m: &Moment| {
-            let mut all = m.q[joints..].to_vec();
-            if system.robot.floating() {
-                let up = quaternion(&m.q[3..7]).inverse() * nalgebra::Vector3::z();
-                all.extend([m.q[2], up.x, up.y]);
-            }
-            all
+            let up = quaternion(&m.q[3..7]).inverse() * nalgebra::Vector3::z();
+            [&m.q[joints..], &[m.q[2], up.x, up.y]].concat()
         };
-        raw.moments.iter().take(50).flat_map(of).collect()
+        raw.moments.iter().flat_map(of).collect()
     };
     let mut prints: Vec<Vec<f64>> = Vec::new();
     let before = raw.len();
@@ -90,30 +90,38 @@ fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
     let all: Vec<(f64, Vec<f64>)> = moments.iter().map(|m| (m.time, m.q.clone())).collect();
     for (k, moment) in moments.iter_mut().enumerate() {
         let (a, b) = (&all[k.saturating_sub(1)], &all[(k + 1).min(all.len() - 1)]);
-        let rate = rate(robot.floating(), &a.1, &b.1, b.0 - a.0);
+        let rate = rate(robot, &a.1, &b.1, b.0 - a.0);
         missing.iter().for_each(|&i| moment.qd[i] = rate[i]);
     }
     true
 }
 
+/// From one position of every joint to another; endless joints take the short way.
+pub fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
+    let first = robot.root_coords();
+    let each = robot.joints().zip(a[first..].iter().zip(&b[first..]));
+    each.map(|(joint, (a, b))| if joint.wraps() { wrap(b - a) } else { b - a }).collect()
+}
+
 /// Velocities that lead from one pose to another: angular and linear of the root in world axes, then joints.
-pub fn rate(floating: bool, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
+pub fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
     let mut out = Vec::new();
-    if floating {
+    if robot.floating() {
         let turn = quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse();
         out.extend((turn.scaled_axis() / seconds).iter().chain(((vector(b) - vector(a)) / seconds).iter()));
     }
-    let first = if floating { 7 } else { 0 };
-    out.extend(a[first..].iter().zip(&b[first..]).map(|(a, b)| (b - a) / seconds));
+    out.extend(turned(robot, a, b).iter().map(|d| d / seconds));
     out
 }
 
 /// At `time` between two moments: positions and velocities linearly, turns on the shortest arc, torques held.
-fn between(floating: bool, a: &Moment, b: &Moment, time: f64) -> Moment {
+fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
     let s = (time - a.time) / (b.time - a.time);
     let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect::<Vec<_>>();
     let mut q = mix(&a.q, &b.q);
-    if floating {
+    let joints = q[robot.root_coords()..].iter_mut().zip(&a.q[robot.root_coords()..]);
+    joints.zip(turned(robot, &a.q, &b.q)).for_each(|((q, a), d)| *q = a + s * d);
+    if robot.floating() {
         let (from, to) = (quaternion(&a.q[3..7]), quaternion(&b.q[3..7]));
         let arc = (to * from.inverse()).scaled_axis() * s;
         write_quaternion(&mut q[3..], &(nalgebra::UnitQuaternion::from_scaled_axis(arc) * from));
@@ -128,7 +136,7 @@ pub fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Tr
     let all = raw.into_iter().map(|Raw { id, mut moments }| {
         differences += usize::from(differentiate(system, &mut moments));
         let start = moments[0].time;
-        let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= JITTER * frame * (k as f64 + 1.0);
+        let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= JITTER * frame;
         if !moments.iter().enumerate().all(on_time) {
             resampled += 1;
             let frames = ((moments[moments.len() - 1].time - start) / frame + JITTER) as usize;
@@ -138,7 +146,7 @@ pub fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Tr
                 while at + 2 < moments.len() && moments[at + 1].time < time {
                     at += 1;
                 }
-                between(robot.floating(), &moments[at], &moments[at + 1], time)
+                between(robot, &moments[at], &moments[at + 1], time)
             });
             moments = even.collect();
         }

@@ -30,7 +30,7 @@ settings! {
         log: PathBuf = "nerd-sim/assets/logs/cube.log.toml".into(), Text;
         /// Their table [default: the one that the TOML names]
         data: Option<PathBuf> = None, Text;
-        /// Name of the result [default: calibrate-ROBOT]
+        /// Name of the result [default: calibrate- and the TOML's first word]
         name: String = String::new(), Text;
         /// Solvers, comma-separated: articulated, rapier
         solvers: Vec<String> = vec!["articulated".into(), "rapier".into()], Texts;
@@ -40,14 +40,14 @@ settings! {
         parameters: Vec<String> = Vec::new(), Texts;
         /// Random splits by trajectory: fitted to one part, judged on another
         splits: usize = 5, Whole(1..=100);
-        /// Share of the trajectories that are fitted to (%); as many of the rest as the paper's 85 of 537 are judged on
+        /// Share of the trajectories that are fitted to (%); half of the rest is judged on (the paper: 400 and 85 of 570)
         train: usize = 68, Whole(1..=95);
         /// Frames of a rollout
-        frames: usize = 80, Whole(FRAMES);
+        frames: usize = 80, Whole(2..=*FRAMES.end());
         /// A rollout begins at every so many frames
         every: usize = 4, Whole(FRAMES);
         /// Evaluations of the objective, for each split and solver
-        evaluations: usize = 1000, Whole(2..=1_000_000);
+        evaluations: usize = 1000, Whole(40..=1_000_000);
         /// Rollouts in an evaluation
         trials: usize = 500, Whole(STARTS);
         /// Seed of splits and search
@@ -103,12 +103,24 @@ impl Calibration {
         }
     }
 
-    fn calibrated(&self, log: &Log, solver: &str, parts: &[split::Parts]) -> Result<Calibrated> {
+    /// A solver's parameters, and what they are of.
+    fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
         let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
+        let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
+        if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
+            refuse!("`{name}` is named twice");
+        }
         let parameters: Vec<Parameter> = match &self.parameters[..] {
             [] => Parameter::usual(&log.system, solver == "rapier")?,
             names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
         };
+        // What a solver does not have is said before anything is searched.
+        subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect::<Vec<_>>())?;
+        Ok((subject, parameters))
+    }
+
+    fn calibrated(&self, log: &Log, solver: &str, parts: &[split::Parts]) -> Result<Calibrated> {
+        let (subject, parameters) = self.subject(log, solver)?;
         let bar = bar(solver, (parts.len() * self.evaluations) as u64);
         let mut splits = Vec::new();
         let mut profiles = Vec::new();
@@ -118,12 +130,15 @@ impl Calibration {
             let fitted = subject.with(&parameters, &fit.values)?;
             if k == 0 {
                 let some: Vec<Trial> = thinned(&part.train, BEHIND);
-                let own = Fit { before: nerd_sim::calibrate::mean(&subject.gaps(&some)), ..fit.clone() };
+                let own = Fit { before: nerd_sim::calibrate::mean(&subject.gaps(&some)?), ..fit.clone() };
                 profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
             }
-            splits.push(part.judged(&subject, &fitted, fit, self.seed + k as u64));
+            splits.push(part.judged(&subject, &fitted, fit, self.seed + k as u64)?);
         }
         bar.finish();
+        if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
+            refuse!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
+        }
         let name = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
         let parameters = parameters.into_iter().map(|p| (p.name, [p.low, p.nominal, p.high], p.unit.into()));
         Ok(Calibrated { solver: name, parameters: parameters.collect(), splits, profiles })
@@ -165,6 +180,7 @@ impl Experiment for Calibration {
     fn measure(&self) -> Result<CalibratedAll> {
         let log = self.log()?;
         log.notes.iter().for_each(|note| eprintln!("{note}"));
+        self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
         let trials = log.trials(self.frames, self.every);
         let parts: Vec<split::Parts> =
             (0..self.splits).map(|k| split::Parts::new(&log, &trials, self.train, self.seed + k as u64)).collect::<Result<_>>()?;

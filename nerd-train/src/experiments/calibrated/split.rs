@@ -79,22 +79,31 @@ impl Parts {
         let parts =
             Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
         if parts.train.is_empty() || parts.judged.is_empty() {
-            refuse!("{} trajectories are too few, or too short, to fit to some and judge on others", ids.len());
+            let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
+            refuse!(
+                "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; take fewer --frames, or another --train",
+                ids.len(),
+                parts.train.len(),
+                parts.judged.len()
+            );
         }
         Ok(parts)
     }
 
     /// A subject before and after its fit.
-    pub fn judged(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Split {
-        let of = |subject: &Subject, trials: &[Trial]| Scored::new(trials, &subject.gaps(trials), seed);
-        Split {
+    ///
+    /// # Errors
+    /// If neither can step.
+    pub fn judged(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
+        let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.gaps(trials)?, seed)) };
+        Ok(Split {
             judged: self.ids.clone(),
             fit: FitOf { values: fit.values, objective: fit.objective },
-            before: of(before, &self.judged),
-            after: of(after, &self.judged),
-            whole_before: of(before, &self.whole),
-            whole_after: of(after, &self.whole),
-        }
+            before: of(before, &self.judged)?,
+            after: of(after, &self.judged)?,
+            whole_before: of(before, &self.whole)?,
+            whole_after: of(after, &self.whole)?,
+        })
     }
 
     /// Predicting that nothing moves.

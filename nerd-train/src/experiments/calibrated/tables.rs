@@ -40,10 +40,10 @@ impl CalibratedAll {
         let rows = self.fitted.iter().flat_map(|solver| {
             solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
                 let [value, spread] = over_splits(solver, k);
-                let rise = rise(solver, k);
-                let word = match rise {
-                    Some(rise) if rise < FLAT => "not determined".into(),
-                    Some(rise) => format!("{:+.0} %", 100.0 * rise),
+                let word = match rise(solver, k) {
+                    Some((rise, _)) if rise < FLAT => "not determined".into(),
+                    Some((rise, true)) => format!("{:+.0} %, from a bound", 100.0 * rise),
+                    Some((rise, false)) => format!("{:+.0} %", 100.0 * rise),
                     None => "-".into(),
                 };
                 let unit = if unit == "1" { String::new() } else { format!(" ({unit})") };
@@ -58,10 +58,11 @@ impl CalibratedAll {
                 ]
             })
         });
-        let header = ["solver", "parameter", "described", "calibrated", "bounds", "objective at its worse bound"];
+        let header = ["solver", "parameter", "described", "calibrated", "bounds", "objective at a bound"];
         Table::new("parameters", &header).with(rows).noted(
             "Calibrated: mean and standard deviation over splits. Last column: how much the objective of the first split rises when this \
-             parameter alone is moved to that of its bounds where it rises less; below 1 % the data do not determine it.",
+             parameter alone is moved to that of its bounds where it rises less; where the fit stands at one, to the other. Below 1 % the data \
+             do not determine it.",
         )
     }
 }
@@ -73,11 +74,19 @@ fn over_splits(solver: &Calibrated, k: usize) -> [f64; 2] {
     [mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (x.len().max(2) - 1) as f64).sqrt()]
 }
 
-/// How much the objective rises to the nearer of a parameter's bounds, as a share of itself.
-fn rise(solver: &Calibrated, k: usize) -> Option<f64> {
-    let profile = solver.profiles.get(k)?;
+/// How much the objective rises to that of a parameter's bounds where it rises less, as a share of itself, and whether the fit stands at
+/// the other.
+fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
+    let (profile, fitted) = (solver.profiles.get(k)?, solver.splits.first()?.fit.values[k]);
     let best = profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-    Some(profile.first()?[1].min(profile.last()?[1]) / best - 1.0)
+    let (low, high) = (profile.first()?, profile.last()?);
+    let near = |end: &[f64; 2]| (end[0] - fitted).abs() < 1e-3 * (high[0] - low[0]).abs();
+    let rise = match (near(low), near(high)) {
+        (true, false) => high[1],
+        (false, true) => low[1],
+        _ => low[1].min(high[1]),
+    };
+    Some((rise / best - 1.0, near(low) || near(high)))
 }
 
 fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>) -> Vec<String> {
@@ -89,6 +98,10 @@ fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>)
     let mut row = vec![name.to_string(), text(of(splits, |g| g.position)), text(of(splits, |g| g.rotation))];
     row.extend(joints.then(|| text(of(splits, |g| g.joints))));
     row.push(text(of(splits, |g| 100.0 * g.other_side)));
-    row.push(whole.map_or("-".into(), |w| format!("{} / {}", digits(of(w, |g| g.position)[0]), digits(of(w, |g| g.rotation)[0]))));
+    let some = |w: &[&Scored]| {
+        let all = [of(w, |g| g.position)[0], of(w, |g| g.rotation)[0], of(w, |g| g.joints)[0]];
+        all[..if joints { 3 } else { 2 }].iter().map(|x| digits(*x)).collect::<Vec<_>>().join(" / ")
+    };
+    row.push(whole.map_or("-".into(), some));
     row
 }
