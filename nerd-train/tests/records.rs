@@ -67,7 +67,7 @@ fn settings_that_name_nothing_are_refused_before_anything_is_trained() {
     let ablations =
         |keys| Ablations::default().with(&given(keys)).expect("settings").measure().err().map(|e| e.to_string()).unwrap_or_default();
     for (said, word) in [
-        (sweep(json!({"set": "colours"})), "--set colours: known are switches, sizes, forms, sameness"),
+        (sweep(json!({"set": "colours"})), "--set colours: known are switches, sizes, smallest, forms, sameness"),
         (sweep(json!({"only": ["e3"], "set": "sizes"})), "--only e3: known are e32-l2"),
         (ablations(json!({"robot": ["cube"]})), "--robot cube"),
         (ablations(json!({"seed": [1, 1]})), "each once"),
