@@ -59,8 +59,8 @@ fn what_nothing_depends_on_has_a_flat_profile() {
     // Before anything is touched, friction cannot matter.
     let trials = log.trials(8, 1000);
     let chosen = parameters(&log.system, &["friction", "gravity"]);
-    let before = mean(&subject.gaps(&trials).expect("rollouts"));
-    let fit = Fit { values: vec![0.18, 9.81], objective: 1.0, before: Gap { position: 1e-3, ..before }, after: before };
+    let before = mean(&subject.distances(&trials).expect("rollouts"));
+    let fit = Fit { values: vec![0.18, 9.81], objective: 1.0, before: Distance { position: 1e-3, ..before }, after: before };
     let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
     let rise = |p: &Vec<[f64; 2]>| p.iter().map(|x| x[1]).fold(0.0, f64::max) - p.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
     assert!(rise(&profiles[0]) < 1e-9 && rise(&profiles[1]) > 0.1, "friction {}, gravity {}", rise(&profiles[0]), rise(&profiles[1]));
@@ -113,7 +113,7 @@ fn what_a_solver_refuses_is_an_error() {
     let state = system.default_state();
     let trial = Trial { id: 0, measured: vec![state[..8].to_vec(); 3], torques: vec![vec![0.0]; 2], start: state };
     let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
-    let said = subject.gaps(&[trial]).expect_err("an error").to_string();
+    let said = subject.distances(&[trial]).expect_err("an error").to_string();
     assert!(said.contains("friction"), "{said}");
     assert!(Parameter::usual(&system, true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
 }

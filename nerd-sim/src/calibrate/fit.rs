@@ -4,7 +4,7 @@
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
-use super::trial::{Gap, Trial, mean, some};
+use super::trial::{Distance, Trial, mean};
 use super::{CalibrateError, Parameter, Subject};
 
 /// How to fit. The search goes from coarse to fine: its first half, two searches, sees a quarter of the trials.
@@ -35,14 +35,14 @@ pub struct Fit {
     /// The objective there: the sum of the mean distances, each in units of that without a fit, over their number.
     pub objective: f64,
     /// Mean distances without a fit.
-    pub before: Gap,
+    pub before: Distance,
     /// And with it.
-    pub after: Gap,
+    pub after: Distance,
 }
 
 /// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
-pub fn objective(gap: &Gap, unit: &Gap) -> f64 {
-    let parts = [(gap.position, unit.position), (gap.rotation, unit.rotation), (gap.joints, unit.joints)];
+pub fn objective(apart: &Distance, unit: &Distance) -> f64 {
+    let parts = [(apart.position, unit.position), (apart.rotation, unit.rotation), (apart.joints, unit.joints)];
     let (sum, n) = parts.iter().filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
     if n > 0.0 { sum / n } else { 0.0 }
 }
@@ -57,15 +57,15 @@ struct Search<'a> {
     subject: &'a Subject,
     parameters: &'a [Parameter],
     trials: &'a [Trial],
-    unit: Gap,
+    unit: Distance,
 }
 
 impl Search<'_> {
     /// The objective of these values, and the distances behind it.
-    fn worth(&self, values: &[f64]) -> Result<(f64, Gap), CalibrateError> {
-        let gap = mean(&self.subject.with(self.parameters, values)?.gaps(self.trials)?);
-        let worth = objective(&gap, &self.unit);
-        Ok((if worth.is_finite() { worth } else { f64::MAX }, gap))
+    fn worth(&self, values: &[f64]) -> Result<(f64, Distance), CalibrateError> {
+        let apart = mean(&self.subject.with(self.parameters, values)?.distances(self.trials)?);
+        let worth = objective(&apart, &self.unit);
+        Ok((if worth.is_finite() { worth } else { f64::MAX }, apart))
     }
 
     /// The best values that a search from some of them finds, behind the objective there.
@@ -117,13 +117,15 @@ impl Subject {
         config: FitConfig,
         progress: &mut dyn FnMut(usize, f64),
     ) -> Result<Fit, CalibrateError> {
-        some(trials, "no trials to fit to")?;
+        if trials.is_empty() {
+            return Err(CalibrateError::Empty);
+        }
         let fine = thinned(trials, config.trials);
-        let few = thinned(&fine, config.trials.div_ceil(4));
+        let few = thinned(&fine, fine.len().div_ceil(4));
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
         // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
-        let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.gaps(&few)?) };
+        let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.distances(&few)?) };
         let mut best = (f64::INFINITY, nominal.clone());
         for run in 0..2 {
             let found = coarse.run(&nominal, STEPS[0], quarter, 2 * config.seed + run, &mut |own, worth| progress(done + own, worth))?;
@@ -132,7 +134,7 @@ impl Subject {
                 best = found;
             }
         }
-        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.gaps(&fine)?) };
+        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
         let rest = config.evaluations.saturating_sub(done);
         let (_, values) = search.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
         let (objective, after) = search.worth(&values)?;
@@ -157,8 +159,8 @@ impl Subject {
             let worth = |x: &f64| {
                 let mut values = fit.values.clone();
                 values[k] = parameters[k].at(*x);
-                let gap = mean(&self.with(parameters, &values)?.gaps(trials)?);
-                Ok([values[k], objective(&gap, &fit.before)])
+                let apart = mean(&self.with(parameters, &values)?.distances(trials)?);
+                Ok([values[k], objective(&apart, &fit.before)])
             };
             at.iter().map(worth).collect()
         };

@@ -23,7 +23,7 @@ mod trial;
 pub use fit::{Fit, FitConfig, objective, thinned};
 pub use parameter::Parameter;
 pub use subject::{Engine, Subject};
-pub use trial::{Gap, Trial, gap, mean, some};
+pub use trial::{Distance, Trial, distance, mean};
 
 use crate::solver::StepError;
 use crate::system::SystemError;
@@ -48,6 +48,6 @@ pub enum CalibrateError {
     #[error("parameter `{0}` has nothing to act on: no gravity, no mass, or no plane of the scene's own; leave it out")]
     Nothing(String),
     /// Nothing to fit to.
-    #[error("{0}")]
-    Empty(String),
+    #[error("no trials to fit to")]
+    Empty,
 }

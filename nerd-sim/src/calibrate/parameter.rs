@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::CalibrateError;
+use crate::bodies::GRAVITY;
 use crate::system::System;
 
 /// One parameter: its name, where it stands without a fit, and its bounds.
@@ -110,16 +111,16 @@ impl Parameter {
             "tilt.x" => (What::Tilt(0), 0.0, -0.05, 0.05, false, "rad"),
             "tilt.y" => (What::Tilt(1), 0.0, -0.05, 0.05, false, "rad"),
             "lag" => (What::Lag, 0.0, -1.0, 1.0, false, "1"),
-            // Up to what stops the robot's own mass, held at a tenth of its size, within a fiftieth of a second.
+            // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
             "joint-damping" => {
                 let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.damping);
                 let high = (5.0 * size * size * robot.mass()).max(10.0 * own);
                 (What::JointDamping(joint()?), own, 0.0, high, false, "N m s/rad")
             }
-            // Up to what holds a tenth of the robot's weight at its size.
+            // Up to what holds a tenth of the robot's weight on Earth at its size.
             "joint-friction" => {
                 let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.friction);
-                (What::JointFriction(joint()?), own, 0.0, (size * robot.mass()).max(10.0 * own), false, "N m")
+                (What::JointFriction(joint()?), own, 0.0, (0.1 * size * robot.mass() * GRAVITY).max(10.0 * own), false, "N m")
             }
             _ => return Err(unknown()),
         };

@@ -2,13 +2,16 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::CalibrateError;
 use super::parameter::{Parameter, What, round};
 use crate::prelude::*;
 use crate::spec::PlaneSpec;
 
 /// A solver and its settings.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Engine {
     /// `articulated`.
     Articulated(ArticulatedConfig),

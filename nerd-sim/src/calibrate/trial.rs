@@ -24,7 +24,7 @@ pub struct Trial {
 
 /// How far a rollout is from its measurement: means over its frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Gap {
+pub struct Distance {
     /// Distance of the roots (m).
     pub position: f64,
     /// Angle between the roots (rad).
@@ -91,8 +91,8 @@ impl Subject {
             return state;
         }
         contacts(&self.system, &self.scene, &state, data, &mut events);
-        let gap = |(e, p): (&nerd_core::contact::ContactEvent, &nerd_core::contact::ContactPoint)| (e.distance - p.radius, e.normal);
-        let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(gap).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let nearness = |(e, p): (&nerd_core::contact::ContactEvent, &nerd_core::contact::ContactPoint)| (e.distance - p.radius, e.normal);
+        let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return state;
         };
         let (q, qd) = state.split_at_mut(robot.nq());
@@ -110,8 +110,8 @@ impl Subject {
     ///
     /// # Errors
     /// As [`Self::roll`].
-    pub fn gaps(&self, trials: &[Trial]) -> Result<Vec<Gap>, CalibrateError> {
-        Ok(self.roll(trials)?.iter().zip(trials).map(|(motion, trial)| gap(&self.system, motion, &trial.measured)).collect())
+    pub fn distances(&self, trials: &[Trial]) -> Result<Vec<Distance>, CalibrateError> {
+        Ok(self.roll(trials)?.iter().zip(trials).map(|(motion, trial)| distance(&self.system, motion, &trial.measured)).collect())
     }
 }
 
@@ -119,9 +119,9 @@ impl Subject {
 const FREE: f64 = 0.002;
 
 /// The distance of two motions.
-pub fn gap(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Gap {
+pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {
     let (floating, first, n) = (system.robot.floating(), system.robot.root_coords(), a.len().min(b.len()) as f64);
-    let mut sum = Gap::default();
+    let mut sum = Distance::default();
     for (a, b) in a.iter().zip(b) {
         if floating {
             sum.position += (vector(a) - vector(b)).norm() / n;
@@ -143,20 +143,12 @@ fn up(q: &[f64]) -> (usize, bool) {
 }
 
 /// Means over trials.
-pub fn mean(gaps: &[Gap]) -> Gap {
-    let n = gaps.len().max(1) as f64;
-    gaps.iter().fold(Gap::default(), |a, b| Gap {
+pub fn mean(distances: &[Distance]) -> Distance {
+    let n = distances.len().max(1) as f64;
+    distances.iter().fold(Distance::default(), |a, b| Distance {
         position: a.position + b.position / n,
         rotation: a.rotation + b.rotation / n,
         joints: a.joints + b.joints / n,
         other_side: a.other_side + b.other_side / n,
     })
-}
-
-/// Refuses to go on without trials.
-///
-/// # Errors
-/// If there are none.
-pub fn some(trials: &[Trial], what: &str) -> Result<(), CalibrateError> {
-    if trials.is_empty() { Err(CalibrateError::Empty(what.into())) } else { Ok(()) }
 }

@@ -21,10 +21,10 @@ const OFF: f64 = 0.5;
 const ODD: f64 = 0.01;
 /// Flights that free fall is read from take so long (s), and so many frames, at least.
 const FLIGHT: (f64, usize) = (0.08, 8);
-/// A fall that differs from gravity by this share is none.
-const HELD: f64 = 0.5;
 /// They stand so far (m) off every surface.
 const CLEAR: f64 = 0.005;
+/// A fall that differs from gravity by this share is none.
+const HELD: f64 = 0.5;
 /// Factors from what was told to what is, by the unit that is wrong.
 const UNITS: [(f64, &str); 6] = [
     (std::f64::consts::PI / 180.0, "degrees taken for radians"),
@@ -57,10 +57,6 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[
         size.push(found.norm());
         (product, square) = (product + found.dot(&told), square + told.norm_squared());
     }
-    let median = |x: &mut Vec<f64>| {
-        x.sort_by(f64::total_cmp);
-        x.get(x.len() / 2).copied()
-    };
     let size = median(&mut size).filter(|s| *s > 1e-6)?;
     Some([median(&mut off)? / size, product / square])
 }
@@ -148,7 +144,7 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
         return Ok(());
     }
     let (system, mut data, mut events) = (log.system.clone(), Data::new(&log.system.robot), Vec::new());
-    let (mut falls, mut held) = (Vec::new(), 0);
+    let (mut free_falls, mut first_falls, mut held) = (Vec::new(), Vec::new(), 0);
     let least = FLIGHT.1.max((FLIGHT.0 / system.frame_time).ceil() as usize);
     for trajectory in &mut log.trajectories {
         let height = |state: &Vec<f64>| {
@@ -160,17 +156,19 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
         let fall = |from: usize, to: usize| -acceleration(&heights[from..to], system.frame_time);
         let Some(last) = heights.len().checked_sub(least) else { continue };
         let free = (0..=last).rev().find(|&k| (fall(k, k + least) / g - 1.0).abs() > HELD).map_or(0, |k| k + least / 2);
-        if heights.len() >= free + least {
-            falls.push((fall(free, heights.len()), heights.len() - free));
+        first_falls.push(fall(0, least));
+        if heights.len() < free + least {
+            continue;
         }
-        falls.push((fall(0, least), 0));
-        if free > 0 && heights.len() >= free + least {
+        free_falls.push(fall(free, heights.len()));
+        if free > 0 {
             held += 1;
             trajectory.states.drain(..free);
             trajectory.torques.drain(..free);
         }
     }
-    let Some(found) = median(&falls, 1).or_else(|| median(&falls, 0)) else { return Ok(()) };
+    // Where nothing falls as it should, how it falls at first tells the unit.
+    let Some(found) = median(&mut free_falls).or_else(|| median(&mut first_falls)) else { return Ok(()) };
     let words = format!("free fall is {found:.3} m/s^2, gravity is {g:.3}");
     match unit(found / g) {
         Some(unit) => return Err(bad(csv, format!("{words}; {unit} would explain it"))),
@@ -186,11 +184,9 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
     Ok(())
 }
 
-/// The median of those falls whose flights are as long as `frames` at least.
-fn median(falls: &[(f64, usize)], frames: usize) -> Option<f64> {
-    let mut all: Vec<f64> = falls.iter().filter(|f| f.1 >= frames).map(|f| f.0).collect();
-    all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2).copied()
+fn median(x: &mut [f64]) -> Option<f64> {
+    x.sort_by(f64::total_cmp);
+    x.get(x.len() / 2).copied()
 }
 
 /// Acceleration of a parabola through even samples by least squares.

@@ -25,6 +25,7 @@ use std::sync::Arc;
 #[cfg(feature = "calibrate")]
 pub(crate) use tidy::turned;
 
+pub use read::specified;
 pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, RootColumns, Time, Units};
 
 use crate::system::{System, SystemError};
@@ -82,14 +83,6 @@ fn bad(path: &Path, reason: String) -> LogError {
 
 /// Between two rows lie at most so many frames.
 const FEW: f64 = 100.0;
-
-/// The table that a TOML names.
-///
-/// # Errors
-/// If the TOML cannot be read.
-pub fn table_of(path: &Path) -> Result<PathBuf, LogError> {
-    Ok(path.with_file_name(read::specified(path)?.0.file))
-}
 
 impl Log {
     /// From the TOML that describes a table; `csv` is the table, by default the one that the TOML names.

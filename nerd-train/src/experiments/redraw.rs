@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::Experiment;
 use super::ablations::Ablated;
+use super::calibrated::CalibratedAll;
 use super::sweep::Swept;
 use crate::error::{Error, Result, refuse};
 use crate::report::artifact::Head;
@@ -14,19 +15,20 @@ use crate::report::write;
 
 /// Whether [`redraw`] knows results of this name.
 pub fn drawn(name: &str) -> bool {
-    name == "ablations" || name.starts_with("sweep-")
+    name == "ablations" || ["sweep-", "calibrate-"].iter().any(|kind| name.starts_with(kind))
 }
 
 /// Writes `NAME.md`, the tables of `NAME.json` and its pictures anew; what was measured, and where it comes from, stays as it is.
-/// For sweeps and ablations, which cannot be measured again in a day.
+/// For sweeps and ablations, which cannot be measured again in a day, and for calibrations, whose logs are not everybody's.
 ///
 /// # Errors
 /// If there is no such record, or its files cannot be written.
 pub fn redraw(folder: &Path, name: &str) -> Result<()> {
     match name {
         "ablations" => again(folder, name, |data: &Ablated| data.settings.clone()),
+        _ if name.starts_with("calibrate-") => again(folder, name, |data: &CalibratedAll| data.settings.clone()),
         _ if drawn(name) => again(folder, name, |data: &Swept| data.settings.clone()),
-        _ => refuse!("{name}: only sweeps and ablations are drawn from their data; measure it again"),
+        _ => refuse!("{name}: only sweeps, ablations and calibrations are drawn from their data; measure it again"),
     }
 }
 

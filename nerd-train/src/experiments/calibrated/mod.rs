@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use nerd_model::pick;
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, thinned};
-use nerd_sim::log::Log;
+use nerd_sim::log::{Log, specified};
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -130,7 +130,7 @@ impl Calibration {
             let fitted = subject.with(&parameters, &fit.values)?;
             if k == 0 {
                 let some: Vec<Trial> = thinned(&part.train, BEHIND);
-                let own = Fit { before: nerd_sim::calibrate::mean(&subject.gaps(&some)?), ..fit.clone() };
+                let own = Fit { before: nerd_sim::calibrate::mean(&subject.distances(&some)?), ..fit.clone() };
                 profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
             }
             splits.push(part.judged(&subject, &fitted, fit, self.seed + k as u64)?);
@@ -162,13 +162,13 @@ impl Experiment for Calibration {
     }
 
     fn inputs(&self) -> Result<Inputs> {
-        let log = self.log()?;
+        let (spec, system) = specified(&self.log)?;
+        let table = self.data.clone().unwrap_or_else(|| self.log.with_file_name(spec.file));
         let mut all = Sha256::new();
-        let table = self.data.clone().map_or_else(|| nerd_sim::log::table_of(&self.log), Ok)?;
         for path in [&self.log, &table] {
             all.update(std::fs::read(path).map_err(Error::file(path))?);
         }
-        all.update(log.system.sha256());
+        all.update(system.sha256());
         let mut inputs = Inputs(vec![Input::Data { name: self.name(), sha256: hex(&all.finalize()) }]);
         for solver in &self.solvers {
             let setting = if solver == "rapier" { pick::Setting::RapierSteps(1) } else { pick::Setting::Implicit(self.substeps) };

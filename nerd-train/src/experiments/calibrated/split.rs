@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nerd_sim::calibrate::{Fit, Gap, Subject, Trial, gap, mean};
+use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
 use nerd_sim::log::Log;
 use nerd_sim::sampling::stream;
 use rand::RngExt;
@@ -24,11 +24,11 @@ pub struct Parts {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scored {
     /// Mean over trials.
-    pub mean: Gap,
+    pub mean: Distance,
     /// Lower end.
-    pub low: Gap,
+    pub low: Distance,
     /// Upper end.
-    pub high: Gap,
+    pub high: Distance,
 }
 
 /// One split.
@@ -95,7 +95,7 @@ impl Parts {
     /// # Errors
     /// If neither can step.
     pub fn judged(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
-        let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.gaps(trials)?, seed)) };
+        let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
         Ok(Split {
             judged: self.ids.clone(),
             fit: FitOf { values: fit.values, objective: fit.objective },
@@ -108,28 +108,33 @@ impl Parts {
 
     /// Predicting that nothing moves.
     pub fn still(&self, log: &Log, seed: u64) -> Scored {
-        let none = |t: &Trial| gap(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
+        let none = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
         Scored::new(&self.judged, &self.judged.iter().map(none).collect::<Vec<_>>(), seed)
     }
 }
 
 impl Scored {
     /// Of trials' distances; whole trajectories are drawn with replacement.
-    pub fn new(trials: &[Trial], gaps: &[Gap], seed: u64) -> Self {
-        let mut by_id: BTreeMap<u64, Vec<Gap>> = BTreeMap::new();
-        trials.iter().zip(gaps).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
-        let groups: Vec<Vec<Gap>> = by_id.into_values().collect();
+    pub fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
+        let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
+        trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
+        let groups: Vec<Vec<Distance>> = by_id.into_values().collect();
         let mut rng = stream(seed, 1);
         let drawn = |_| mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect::<Vec<_>>());
-        let sets: Vec<Gap> = (0..SETS).map(drawn).collect();
+        let sets: Vec<Distance> = (0..SETS).map(drawn).collect();
         let end = |share: f64| {
-            let of = |field: fn(&Gap) -> f64| {
+            let of = |field: fn(&Distance) -> f64| {
                 let mut x: Vec<f64> = sets.iter().map(field).collect();
                 x.sort_by(f64::total_cmp);
                 x[((x.len() - 1) as f64 * share).round() as usize]
             };
-            Gap { position: of(|g| g.position), rotation: of(|g| g.rotation), joints: of(|g| g.joints), other_side: of(|g| g.other_side) }
+            Distance {
+                position: of(|g| g.position),
+                rotation: of(|g| g.rotation),
+                joints: of(|g| g.joints),
+                other_side: of(|g| g.other_side),
+            }
         };
-        Self { mean: mean(gaps), low: end(0.025), high: end(0.975) }
+        Self { mean: mean(distances), low: end(0.025), high: end(0.975) }
     }
 }

@@ -1,6 +1,6 @@
 //! Errors before and after, and what was found.
 
-use nerd_sim::calibrate::Gap;
+use nerd_sim::calibrate::Distance;
 
 use super::{Calibrated, CalibratedAll, Scored, Split};
 use crate::report::Table;
@@ -90,8 +90,8 @@ fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
 }
 
 fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>) -> Vec<String> {
-    let of = |splits: &[&Scored], field: fn(&Gap) -> f64| {
-        let mean = |end: fn(&Scored) -> &Gap| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
+    let of = |splits: &[&Scored], field: fn(&Distance) -> f64| {
+        let mean = |end: fn(&Scored) -> &Distance| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
         [mean(|s| &s.mean), mean(|s| &s.low), mean(|s| &s.high)]
     };
     let text = |[mean, low, high]: [f64; 3]| format!("{} [{}, {}]", digits(mean), digits(low), digits(high));

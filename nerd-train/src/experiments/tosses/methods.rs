@@ -4,33 +4,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nerd_sim::articulated::Refresh;
+use nerd_sim::calibrate::Engine;
 use nerd_sim::measured::{Cube, Motion, RESTITUTION, Trial, roll};
 use nerd_sim::prelude::*;
 use nerd_sim::rapier::FrictionModel;
-use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::experiments::cost::{Repeat, each, on_one_core};
-
-/// A solver and its settings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Setting {
-    /// `articulated`.
-    Articulated(ArticulatedConfig),
-    /// rapier.
-    Rapier(RapierConfig),
-}
-
-impl Setting {
-    /// The solver.
-    pub fn solver(&self) -> Box<dyn Solver> {
-        match *self {
-            Self::Articulated(config) => Box::new(Articulated::new(config)),
-            Self::Rapier(config) => Box::new(Rapier::new(config)),
-        }
-    }
-}
 
 /// A solver of one body.
 #[derive(Clone)]
@@ -40,12 +20,12 @@ pub struct Method {
     /// The body.
     pub system: Arc<System>,
     /// The solver.
-    pub setting: Setting,
+    pub setting: Engine,
 }
 
 impl Method {
     /// For the published cube.
-    pub fn new(name: &str, cube: &Cube, setting: Setting) -> Result<Self> {
+    pub fn new(name: &str, cube: &Cube, setting: Engine) -> Result<Self> {
         Ok(Self { name: name.into(), system: cube.system()?, setting })
     }
 
@@ -68,13 +48,13 @@ impl Method {
 }
 
 /// Implicit contact.
-pub fn implicit(substeps: usize) -> Setting {
-    Setting::Articulated(ArticulatedConfig::implicit(substeps, Friction::Coulomb))
+pub fn implicit(substeps: usize) -> Engine {
+    Engine::Articulated(ArticulatedConfig::implicit(substeps, Friction::Coulomb))
 }
 
 /// Explicit contact.
-pub fn explicit(substeps: usize) -> Setting {
-    Setting::Articulated(ArticulatedConfig::explicit(substeps, Friction::Coulomb))
+pub fn explicit(substeps: usize) -> Engine {
+    Engine::Articulated(ArticulatedConfig::explicit(substeps, Friction::Coulomb))
 }
 
 /// rapier with the published restitution, `steps` outer steps of `iterations`.
@@ -92,8 +72,8 @@ pub fn pair(cube: &Cube, finer: usize, other: bool) -> Result<[Method; 2]> {
     let friction = if other { FrictionModel::Simplified } else { FrictionModel::Coulomb };
     let rapier = RapierConfig { restitution: cube.restitution, friction, ..rapier(4, finer) };
     let law = if other { Friction::Huber } else { Friction::Coulomb };
-    let implicit = Setting::Articulated(ArticulatedConfig::implicit(16 * finer, law));
-    Ok([Method::new("rapier 4 x 1", cube, Setting::Rapier(rapier))?, Method::new("articulated implicit x16", cube, implicit)?])
+    let implicit = Engine::Articulated(ArticulatedConfig::implicit(16 * finer, law));
+    Ok([Method::new("rapier 4 x 1", cube, Engine::Rapier(rapier))?, Method::new("articulated implicit x16", cube, implicit)?])
 }
 
 /// All of the first table.
@@ -103,23 +83,23 @@ pub fn all() -> Result<Vec<Method>> {
     let [best, ours] = pair(&cube, 1, false)?;
     let reference = System::named("cube-paper")?;
     let paper = ArticulatedConfig::paper(&reference, Friction::Coulomb);
-    let new = |name: &str, setting: Setting| Method::new(name, &cube, setting);
+    let new = |name: &str, setting: Engine| Method::new(name, &cube, setting);
     Ok(vec![
         best,
-        new("rapier 4 x 1, no restitution", Setting::Rapier(RapierConfig { restitution: 0.0, ..rapier(4, 1) }))?,
-        new("rapier 4 x 4", Setting::Rapier(rapier(4, 4)))?,
-        new("rapier 4 x 4, no restitution", Setting::Rapier(RapierConfig::default()))?,
-        new("rapier out of the box", Setting::Rapier(untouched()))?,
+        new("rapier 4 x 1, no restitution", Engine::Rapier(RapierConfig { restitution: 0.0, ..rapier(4, 1) }))?,
+        new("rapier 4 x 4", Engine::Rapier(rapier(4, 4)))?,
+        new("rapier 4 x 4, no restitution", Engine::Rapier(RapierConfig::default()))?,
+        new("rapier out of the box", Engine::Rapier(untouched()))?,
         new("articulated implicit x1", implicit(1))?,
         new("articulated implicit x4", implicit(4))?,
         new("articulated implicit x8", implicit(8))?,
         ours,
         Method::new("articulated implicit x4, 1e5 N/m", &stiff, implicit(4))?,
         Method::new("articulated implicit x16, 1e5 N/m", &stiff, implicit(16))?,
-        new("articulated explicit x20", Setting::Articulated(ArticulatedConfig { refresh: Refresh::Substep, ..paper }))?,
+        new("articulated explicit x20", Engine::Articulated(ArticulatedConfig { refresh: Refresh::Substep, ..paper }))?,
         new("articulated explicit x64", explicit(64))?,
         new("articulated explicit x256", explicit(256))?,
         new("articulated converged (implicit x128)", implicit(128))?,
-        Method { name: "articulated paper, its own cube".into(), system: reference, setting: Setting::Articulated(paper) },
+        Method { name: "articulated paper, its own cube".into(), system: reference, setting: Engine::Articulated(paper) },
     ])
 }

@@ -26,7 +26,6 @@ use crate::report::inputs::hex;
 use crate::report::{Input, Inputs, Table};
 
 pub use changes::{Effect, Line};
-pub use methods::Setting;
 pub use rows::Row;
 
 use methods::{Method, all, pair};

@@ -1,9 +1,10 @@
 //! The first table: every method on every set of starts.
 
+use nerd_sim::calibrate::Engine;
 use nerd_sim::measured::*;
 use serde::{Deserialize, Serialize};
 
-use super::methods::{Method, Setting};
+use super::methods::Method;
 use crate::error::Result;
 
 /// What is predicted.
@@ -23,7 +24,7 @@ pub struct Row {
     /// Name.
     pub method: String,
     /// The solver, if it is one.
-    pub setting: Option<Setting>,
+    pub setting: Option<Engine>,
     /// A frame of one cube on one core.
     pub microseconds: Option<f64>,
     /// Windows as measured; left out, as other sets, where a frame is too dear.
