@@ -23,6 +23,8 @@ pub struct Bar {
     /// Units and time the estimate of the time left starts from.
     origin: (u64, Instant),
     printed: Mutex<Instant>,
+    /// A part of parallel work: only the bar around it is shown.
+    inner: bool,
     said: Mutex<String>,
 }
 
@@ -33,7 +35,8 @@ pub fn bar(what: &str, total: u64) -> Bar {
 
 /// Starts a bar over `total` units of `what`, of which `done` were done before.
 pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
-    let bar = std::io::stderr().is_terminal().then(|| {
+    let inner = rayon::current_thread_index().is_some();
+    let bar = (std::io::stderr().is_terminal() && !inner).then(|| {
         let bar = ProgressBar::new(total);
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {human_pos}/{human_len}, {per_sec}, {eta} left") {
             bar.set_style(style);
@@ -43,7 +46,7 @@ pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
         bar.with_message(what.to_string())
     });
     let now = Instant::now();
-    Bar { bar, what: what.into(), total, origin: (done, now), printed: Mutex::new(now), said: Mutex::default() }
+    Bar { bar, what: what.into(), total, origin: (done, now), printed: Mutex::new(now), inner, said: Mutex::default() }
 }
 
 impl Bar {
@@ -53,7 +56,7 @@ impl Bar {
             return bar.set_position(done);
         }
         let Ok(mut printed) = self.printed.lock() else { return };
-        if printed.elapsed() > EVERY {
+        if printed.elapsed() > EVERY && !self.inner {
             let rate = done.saturating_sub(self.origin.0) as f64 / self.origin.1.elapsed().as_secs_f64();
             let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
             let said = self.said.lock().map(|said| said.clone()).unwrap_or_default();

@@ -2,10 +2,12 @@
 //! from the same starts in each, beside the paper's figures.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
@@ -15,6 +17,7 @@ use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::paper::policy_reward;
 use crate::ppo::{Arena, folder};
+use crate::progress::bar;
 use crate::report::{Input, Inputs, Table};
 use crate::settings::settings;
 use crate::shipped::{self, from_root};
@@ -179,7 +182,15 @@ impl Experiment for Policies {
 
     fn measure(&self) -> Result<Played> {
         let folders = if self.fresh.is_empty() { self.folders()? } else { self.train()? };
-        Ok(Played { rows: folders.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
+        let (bar, done) = (bar("policies played", folders.len() as u64), AtomicU64::new(0));
+        let row = |path: &PathBuf| {
+            let row = self.row(path);
+            bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
+            row
+        };
+        let rows = folders.par_iter().map(row).collect::<Result<_>>()?;
+        bar.finish();
+        Ok(Played { rows })
     }
 
     fn tables(&self, data: &Played) -> Result<Vec<Table>> {
