@@ -35,6 +35,8 @@ pub mod shipped;
 pub mod stats;
 pub mod supply;
 pub mod trainer;
+#[cfg(feature = "report")]
+pub mod unroll;
 pub mod windows;
 
 pub use error::{Error, Result};

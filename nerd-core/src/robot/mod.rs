@@ -3,6 +3,7 @@
 mod joint;
 mod lump;
 mod model;
+mod scale;
 mod shape;
 mod urdf;
 mod words;

@@ -13,6 +13,8 @@ use crate::system::System;
 /// | `mass:LINK` | mass | kg |
 /// | `com.x:LINK` (y, z) | centre of mass in the link's frame | m |
 /// | `inertia:LINK` | factor on the inertia about the centre of mass | 1 |
+/// | `spread.x:LINK` (y, z) | factor on the second moment of mass along an axis of the link | 1 |
+/// | `size` | factor on all lengths of the robot: its own metre against the log's | 1 |
 /// | `friction`, `stiffness`, `damping`, `friction-damping` | contact, robot and scene alike | 1, N/m, N s/m, N s/m |
 /// | `rounding` | radius of corners: contact points move in and become balls that touch the same planes | m |
 /// | `restitution` | of rapier's contacts | 1 |
@@ -43,6 +45,8 @@ pub(super) enum What {
     Mass(usize),
     Com(usize, usize),
     Inertia(usize),
+    Spread(usize, usize),
+    Size,
     Friction,
     Stiffness,
     Damping,
@@ -58,8 +62,8 @@ pub(super) enum What {
 }
 
 /// Names without a link or joint.
-const PLAIN: [&str; 10] =
-    ["friction", "stiffness", "damping", "friction-damping", "rounding", "restitution", "gravity", "height", "lag", "tilt.x, tilt.y"];
+const PLAIN: [&str; 11] =
+    ["size", "friction", "stiffness", "damping", "friction-damping", "rounding", "restitution", "gravity", "height", "lag", "tilt.x, tilt.y"];
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's own values and size.
@@ -77,7 +81,7 @@ impl Parameter {
                 if joints.is_empty() { String::new() } else { format!("; joint-damping, joint-friction:JOINT of {}", joints.join(", ")) };
             CalibrateError::Parameter(
                 name.into(),
-                format!("{}; mass, com.x, com.y, com.z, inertia:LINK of {}{joints}", PLAIN.join(", "), links.join(", ")),
+                format!("{}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {}{joints}", PLAIN.join(", "), links.join(", ")),
             )
         };
         let link = || match of {
@@ -99,6 +103,11 @@ impl Parameter {
                 let at = robot.links[link()?].inertia.com[axis];
                 (What::Com(link()?, axis), at, at - 0.2 * size, at + 0.2 * size, false, "m")
             }
+            "spread.x" | "spread.y" | "spread.z" => {
+                let axis = ["spread.x", "spread.y", "spread.z"].iter().position(|n| *n == head).unwrap_or_default();
+                ratio(What::Spread(link()?, axis), 1.0, 3.0, "1")
+            }
+            "size" => (What::Size, 1.0, 0.9, 1.1, false, "1"),
             "inertia" => ratio(What::Inertia(link()?), 1.0, 2.0, "1"),
             "friction" => ratio(What::Friction, m.friction.max(1e-3), 4.0, "1"),
             "stiffness" => ratio(What::Stiffness, m.stiffness.max(1.0), 10.0, "N/m"),

@@ -59,6 +59,10 @@ impl Subject {
     /// A parameter that the engine does not have.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
+        // Before everything that is told in metres.
+        for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
+            system.robot.scale(value);
+        }
         for (p, &value) in parameters.iter().zip(values) {
             // The robot's material, and the scene's own if it has one: a pair acts with their mean.
             let own = system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
@@ -72,7 +76,7 @@ impl Subject {
                 }
             }
             match p.what {
-                What::Friction | What::Stiffness | What::Damping | What::FrictionDamping => {}
+                What::Size | What::Friction | What::Stiffness | What::Damping | What::FrictionDamping => {}
                 What::Mass(link) => {
                     let inertia = &mut system.robot.links[link].inertia;
                     inertia.inertia *= value / inertia.mass;
@@ -80,6 +84,7 @@ impl Subject {
                 }
                 What::Com(link, axis) => system.robot.links[link].inertia.com[axis] = value,
                 What::Inertia(link) => system.robot.links[link].inertia.inertia *= value,
+                What::Spread(link, axis) => system.robot.links[link].inertia.spread(axis, value),
                 What::Rounding => round(&mut system, value),
                 What::Gravity => {
                     let g = system.gravity();

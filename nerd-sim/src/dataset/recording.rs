@@ -1,8 +1,13 @@
 //! Trajectories of equal length in memory, trajectory-major, in f64: a robot 100 km from the world's origin is seen from
 //! where it stands as exactly as one at it, which world positions in f32 would round by 8 mm.
 
+use nerd_core::dynamics::Data;
 use nerd_core::robot::Robot;
 use sha2::{Digest, Sha256};
+
+use crate::batch::contacts;
+use crate::scene::Scene;
+use crate::system::System;
 
 /// Everything recorded of some trajectories: F frames each, states before and after.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,6 +31,29 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// No trajectories yet, of so many frames each.
+    pub fn empty(frames: usize) -> Self {
+        Self { frames, ..Default::default() }
+    }
+
+    /// Takes up a trajectory: the states before and after each of its frames and the torques held over them, with the contacts that
+    /// its poses have in `scene`.
+    pub fn push(&mut self, system: &System, scene: &Scene, states: &[Vec<f64>], torques: &[Vec<f64>], data: &mut Data) {
+        let mut events = Vec::new();
+        self.trajectories += 1;
+        states.iter().for_each(|s| self.states.extend(s));
+        torques.iter().for_each(|t| self.torques.extend(t));
+        self.gravity.extend(scene.gravity.iter());
+        for state in &states[..self.frames] {
+            contacts(system, scene, state, data, &mut events);
+            for event in &events {
+                self.normals.extend(event.normal.iter());
+                self.points.extend(event.p1.iter());
+                self.depths.push(event.distance);
+            }
+        }
+    }
+
     /// The arrays by name, with the shape of one trajectory.
     pub fn arrays(&self) -> [(&'static str, Vec<usize>, &Vec<f64>); 6] {
         let (n, f) = (self.trajectories, self.frames);

@@ -3,7 +3,6 @@
 use nerd_core::dynamics::Data;
 
 use super::Log;
-use crate::batch::contacts;
 use crate::dataset::Recording;
 use crate::system::SystemError;
 
@@ -15,22 +14,10 @@ impl Log {
     pub fn recording(&self, frames: usize) -> Result<Recording, SystemError> {
         let frames = frames.max(1);
         let (system, scene) = (&self.system, self.system.scene(&self.scene)?);
-        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-        let mut all = Recording { frames, ..Default::default() };
+        let (mut data, mut all) = (Data::new(&system.robot), Recording::empty(frames));
         for trajectory in &self.trajectories {
             for (states, torques) in trajectory.states.windows(frames + 1).zip(trajectory.torques.windows(frames)).step_by(frames) {
-                all.trajectories += 1;
-                states.iter().for_each(|s| all.states.extend(s));
-                torques.iter().for_each(|t| all.torques.extend(t));
-                all.gravity.extend(scene.gravity.iter());
-                for state in &states[..frames] {
-                    contacts(system, &scene, state, &mut data, &mut events);
-                    for event in &events {
-                        all.normals.extend(event.normal.iter());
-                        all.points.extend(event.p1.iter());
-                        all.depths.push(event.distance);
-                    }
-                }
+                all.push(system, &scene, states, torques, &mut data);
             }
         }
         Ok(all)

@@ -1,5 +1,6 @@
 //! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory ([`nerd_sim::calibrate`]).
 
+mod learn;
 mod panels;
 mod split;
 mod tables;
@@ -21,6 +22,7 @@ use crate::report::inputs::hex;
 use crate::report::{Input, Inputs, Table};
 use crate::settings::settings;
 
+pub use learn::Learned;
 pub use split::{Scored, Split};
 
 settings! {
@@ -50,6 +52,21 @@ settings! {
         evaluations: usize = 1000, Whole(40..=1_000_000);
         /// Rollouts in an evaluation
         trials: usize = 500, Whole(STARTS);
+        /// Result of a calibration with the same splits (its JSON) whose fits are taken: nothing is fitted anew
+        fits: Option<PathBuf> = None, Text;
+        /// What is learned beyond the calibration of articulated, comma-separated: residual, residual-single, pretrained, paper,
+        /// fine-tuned, real-only [default: nothing]
+        learn: Vec<String> = Vec::new(), Texts;
+        /// With --learn: width of the network
+        embedding: usize = 64, Whole(16..=1024);
+        /// With --learn: its layers
+        layers: usize = 2, Whole(1..=16);
+        /// With --learn: frames of a rollout in training
+        sequence: usize = 32, Whole(2..=1000);
+        /// With --learn: updates over many frames
+        updates: u64 = 400, Whole(1..=1_000_000);
+        /// With --learn: updates on single frames
+        singles: u64 = 3000, Whole(1..=10_000_000);
         /// Seed of splits and search
         seed: u64 = 0, Whole(SEEDS);
     }
@@ -84,6 +101,9 @@ pub struct CalibratedAll {
     pub still: Vec<Scored>,
     /// By solver.
     pub fitted: Vec<Calibrated>,
+    /// By way of learning, on the first solver.
+    #[serde(default)]
+    pub learned: Vec<Learned>,
 }
 
 /// Places of a profile, and rollouts behind each.
@@ -145,6 +165,49 @@ impl Calibration {
     }
 }
 
+impl Calibration {
+    /// The solvers, calibrated now or before.
+    fn fitted(&self, log: &Log, parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
+        let Some(path) = &self.fits else {
+            return self.solvers.iter().map(|solver| self.calibrated(log, solver, parts)).collect();
+        };
+        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        let mut found: CalibratedAll = serde_json::from_str(&text).map_err(|e| Error::Refused(format!("--fits {}: {e}", path.display())))?;
+        let same = |fitted: &Calibrated| {
+            fitted.splits.len() >= parts.len() && fitted.splits.iter().zip(parts).all(|(split, part)| split.judged == part.ids())
+        };
+        let alike = |of: &Self| (of.solvers.clone(), of.parameters.clone(), of.substeps);
+        if alike(&found.settings) != alike(self) || !found.fitted.iter().all(same) {
+            refuse!("--fits {}: made with other solvers, substeps, parameters or splits", path.display());
+        }
+        found.fitted.iter_mut().for_each(|fitted| fitted.splits.truncate(parts.len()));
+        Ok(found.fitted)
+    }
+
+    /// What is learned beyond the first solver's calibration.
+    fn learned(&self, log: &Log, fitted: &[Calibrated], parts: &[split::Parts]) -> Result<Vec<Learned>> {
+        let new = |way: &String| Learned { way: way.clone(), after: Vec::new(), whole: Vec::new(), simulated: Vec::new() };
+        let mut all: Vec<Learned> = self.learn.iter().map(new).collect();
+        let (Some(first), Some(solver)) = (fitted.first().filter(|_| !all.is_empty()), self.solvers.first()) else { return Ok(all) };
+        let (subject, parameters) = self.subject(log, solver)?;
+        for (k, (split, parts)) in first.splits.iter().zip(parts).enumerate() {
+            let seed = self.seed + k as u64;
+            let Self { embedding, layers, sequence, updates, singles, .. } = *self;
+            let effort = learn::Effort { embedding, layers, sequence, updates, singles, seed };
+            let calibrated = subject.with(&parameters, &split.fit.values)?;
+            let pupil = learn::Pupil { log, subject: &calibrated, parameters: &parameters, values: &split.fit.values, parts, effort };
+            for (row, model) in all.iter_mut().zip(pupil.learn(&self.learn)?) {
+                let (after, whole, simulated) = pupil.judged(&model, seed)?;
+                eprintln!("split {k}, {}: {:.5} m, {:.4} rad", row.way, after.mean.position, after.mean.rotation);
+                row.after.push(after);
+                row.whole.push(whole);
+                row.simulated.push(simulated);
+            }
+        }
+        Ok(all)
+    }
+}
+
 impl Experiment for Calibration {
     type Data = CalibratedAll;
 
@@ -185,9 +248,10 @@ impl Experiment for Calibration {
         let parts: Vec<split::Parts> =
             (0..self.splits).map(|k| split::Parts::new(&log, &trials, self.train, self.seed + k as u64)).collect::<Result<_>>()?;
         let still = parts.iter().enumerate().map(|(k, part)| part.still(&log, self.seed + k as u64)).collect();
-        let fitted = self.solvers.iter().map(|solver| self.calibrated(&log, solver, &parts)).collect::<Result<_>>()?;
+        let fitted = self.fitted(&log, &parts)?;
+        let learned = self.learned(&log, &fitted, &parts)?;
         let sizes = [log.trajectories.len(), trials.len()];
-        Ok(CalibratedAll { settings: self.clone(), robot: log.system.name.clone(), notes: log.notes, sizes, still, fitted })
+        Ok(CalibratedAll { settings: self.clone(), robot: log.system.name.clone(), notes: log.notes, sizes, still, fitted, learned })
     }
 
     fn tables(&self, data: &CalibratedAll) -> Result<Vec<Table>> {

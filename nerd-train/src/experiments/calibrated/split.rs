@@ -11,12 +11,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};
 
-/// Trials that are fitted to, and trials that are judged on; no trajectory is in both.
+/// Trials that are fitted to, those that models are chosen by, and those that are judged on; no trajectory is in two of them.
 pub struct Parts {
     pub train: Vec<Trial>,
+    /// What models are chosen by.
+    pub validation: Vec<Trial>,
     pub judged: Vec<Trial>,
     /// Whole trajectories of the judged part.
     pub whole: Vec<Trial>,
+    /// Trajectories that are fitted to.
+    pub trained: Vec<u64>,
     ids: Vec<u64>,
 }
 
@@ -76,8 +80,14 @@ impl Parts {
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
         let mut judged = ids[first..last].to_vec();
         judged.sort_unstable();
-        let parts =
-            Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
+        let parts = Self {
+            train: of(&ids[..first], trials),
+            validation: of(&ids[last..], trials),
+            judged: of(&judged, trials),
+            whole: of(&judged, &log.trials(0, 1)),
+            trained: ids[..first].to_vec(),
+            ids: judged,
+        };
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             refuse!(
@@ -88,6 +98,11 @@ impl Parts {
             );
         }
         Ok(parts)
+    }
+
+    /// Trajectories that are judged on.
+    pub fn ids(&self) -> &[u64] {
+        &self.ids
     }
 
     /// A subject before and after its fit.

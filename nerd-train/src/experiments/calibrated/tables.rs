@@ -2,7 +2,7 @@
 
 use nerd_sim::calibrate::Distance;
 
-use super::{Calibrated, CalibratedAll, Scored, Split};
+use super::{Calibrated, CalibratedAll, Scored, Split, learn};
 use crate::report::Table;
 use crate::report::table::digits;
 
@@ -18,6 +18,12 @@ impl CalibratedAll {
             let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
             rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
             rows.push(line(&format!("{}, calibrated", solver.solver), joints, &of(|s| &s.after), Some(&of(|s| &s.whole_after))));
+        }
+        for row in &self.learned {
+            let name = learn::WAYS.iter().find(|w| w.0 == row.way).map_or(row.way.as_str(), |w| w.1);
+            let of = |scored: &[Scored]| scored.to_vec();
+            let (after, whole) = (of(&row.after), of(&row.whole));
+            rows.push(line(name, joints, &after.iter().collect::<Vec<_>>(), Some(&whole.iter().collect::<Vec<_>>())));
         }
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));

@@ -1,0 +1,81 @@
+//! The same robot, larger or smaller.
+
+use nalgebra::{Isometry3, Translation3, Vector3};
+
+use super::{Base, Robot, Shape, ShapeKind};
+use crate::contact::ContactPoint;
+use crate::spatial::BodyInertia;
+
+impl Robot {
+    /// All lengths times `factor` at the same masses: shapes, contact points, joint frames, centres of mass; inertias times its square.
+    pub fn scale(&mut self, factor: f64) {
+        let own = self.contact_points == self.default_contact_points();
+        if let Base::Fixed(pose) = &mut self.base {
+            *pose = scaled(pose, factor);
+        }
+        for link in &mut self.links {
+            link.inertia.com *= factor;
+            link.inertia.inertia *= factor * factor;
+            link.shapes.iter_mut().for_each(|shape| shape.scale(factor));
+            if let Some(joint) = &mut link.joint {
+                joint.set_origin(scaled(joint.origin(), factor));
+            }
+        }
+        if own {
+            self.contact_points = self.default_contact_points();
+        } else {
+            let scaled = |p: &mut ContactPoint| {
+                p.local *= factor;
+                p.radius *= factor;
+                p.thickness *= factor;
+            };
+            self.contact_points.iter_mut().for_each(scaled);
+        }
+    }
+}
+
+impl Shape {
+    fn scale(&mut self, factor: f64) {
+        self.pose = scaled(&self.pose, factor);
+        match &mut self.kind {
+            ShapeKind::Sphere { radius } => *radius *= factor,
+            ShapeKind::Box { half } => *half *= factor,
+            ShapeKind::Cylinder { radius, half_length } | ShapeKind::Capsule { radius, half_length } => {
+                *radius *= factor;
+                *half_length *= factor;
+            }
+        }
+    }
+}
+
+impl BodyInertia {
+    /// Spreads mass along axis `axis` of the link: its second moment there times `factor`, those across as they are. So the inertia stays
+    /// one that a body can have.
+    pub fn spread(&mut self, axis: usize, factor: f64) {
+        let mut moments = nalgebra::Matrix3::identity() * (0.5 * self.inertia.trace()) - self.inertia;
+        moments.row_mut(axis).scale_mut(factor.sqrt());
+        moments.column_mut(axis).scale_mut(factor.sqrt());
+        self.inertia = nalgebra::Matrix3::identity() * moments.trace() - moments;
+    }
+}
+
+fn scaled(pose: &Isometry3<f64>, factor: f64) -> Isometry3<f64> {
+    let t: Vector3<f64> = pose.translation.vector * factor;
+    Isometry3::from_parts(Translation3::from(t), pose.rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn spreading_a_rod_along_itself_makes_it_longer() {
+        // A box of 1 kg, edges a, b, c: second moments a^2 / 12, ...; twice as long along x: four times the first.
+        let of = |a: f64, b: f64, c: f64| Matrix3::from_diagonal(&(Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 12.0));
+        let mut body = BodyInertia { mass: 1.0, com: Vector3::zeros(), inertia: of(0.3, 0.2, 0.1) };
+        body.spread(0, 4.0);
+        let apart = (body.inertia - of(0.6, 0.2, 0.1)).norm();
+        assert!(apart < 1e-15, "inertias are {apart:e} kg m^2 apart");
+    }
+}

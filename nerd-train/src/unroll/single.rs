@@ -1,0 +1,117 @@
+//! A model of a subject before it has learned anything, and training on single frames: the paper's way with measured motion.
+
+use std::sync::Arc;
+
+use nerd_model::base::Base;
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::neural::Neural;
+use nerd_model::transformer::{Positions, TransformerConfig, Weights};
+use nerd_sim::calibrate::Subject;
+use nerd_sim::dataset::Recording;
+use nerd_sim::prelude::*;
+
+use super::UnrollConfig;
+use crate::error::Result;
+use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
+use crate::prepare::{moments, normalize, tokens};
+use crate::schedule::Schedule;
+
+/// What a small network looks like.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Shape {
+    /// What predictions are added to.
+    pub base: Base,
+    /// Width.
+    pub embedding: usize,
+    /// Layers.
+    pub layers: usize,
+    /// Tokens that a token sees.
+    pub history: usize,
+    /// Frames of a rollout in training.
+    pub sequence: usize,
+}
+
+impl Shape {
+    /// A model that says nothing yet: its motion is its base's. Its normaliser is of `recording`.
+    ///
+    /// # Errors
+    /// If the base cannot be stepped.
+    pub fn silent(&self, subject: &Subject, truth: &str, recording: &Recording, seed: u64) -> Result<Model> {
+        let windows = tokens(&subject.system, recording, self.sequence, self.base)?;
+        let mut normalizer = moments(&windows);
+        normalizer.outputs.epsilon = 1e-12;
+        // Nothing said is no change.
+        normalizer.outputs.mean.fill(0.0);
+        if subject.system.robot.floating() {
+            normalizer.outputs.mean[6] = 1.0;
+        }
+        let network = TransformerConfig {
+            layers: self.layers,
+            heads: (self.embedding / 16).max(1),
+            block: self.sequence,
+            history: self.history,
+            positions: Positions::Rotary,
+            ..TransformerConfig::paper(windows.inputs, windows.outputs, self.embedding)
+        };
+        let mut weights = Weights::init(network, seed);
+        let last = network.outputs * (network.head + 1);
+        let n = weights.flat.len();
+        weights.flat[n - last..].fill(0.0);
+        let config = ModelConfig {
+            robot: subject.system.name.clone(),
+            robot_sha256: subject.system.robot_sha256(),
+            truth: truth.into(),
+            base: self.base,
+            view: Default::default(),
+            network,
+            model_sha256: String::new(),
+            data_sha256: String::new(),
+            transitions: recording.trajectories * recording.frames,
+            updates: 0,
+            batch: 0,
+            provenance: Default::default(),
+        };
+        Ok(Model { config, normalizer, weights })
+    }
+}
+
+/// Trains a model on the single frames of a recording; its best weights by `worth`, those at the start among them.
+///
+/// # Errors
+/// What learner and `worth` say.
+pub fn single(
+    model: &Model,
+    subject: &Subject,
+    recording: &Recording,
+    config: UnrollConfig,
+    worth: &dyn Fn(&Model) -> Result<f64>,
+    progress: &mut dyn FnMut(u64, f64),
+) -> Result<(Model, f64)> {
+    let network = model.config.network;
+    let mut windows = tokens(&subject.system, recording, network.sequence(), model.config.form())?;
+    normalize(&mut windows, &model.normalizer);
+    let windows = Arc::new(windows);
+    let settings =
+        LearnerConfig { batch: config.batch, clip: 1.0, average: 0.99, seed: config.seed, huber: Some(1.0), optimizer: Optimizer::Muon };
+    let schedule = Schedule { start: config.rate, end: 0.0, ..Schedule::default() };
+    let mut learner = CpuLearner::new(settings, LearnerState::new(model.weights.clone()), windows.clone(), windows)?;
+    let mut best = (model.clone(), worth(model)?);
+    for step in 0..config.updates {
+        learner.update(schedule.rate(step, config.updates) as f32)?;
+        if (step + 1) % config.validate_every == 0 || step + 1 == config.updates {
+            let smooth = Model { weights: Weights { config: network, flat: learner.state()?.average }, ..model.clone() };
+            let found = worth(&smooth)?;
+            if found < best.1 {
+                best = (smooth, found);
+            }
+        }
+        progress(step + 1, best.1);
+    }
+    Ok(best)
+}
+
+/// A model as a maker of solvers.
+pub fn solver(model: &Model, system: &Arc<System>) -> impl Fn() -> Box<dyn Solver> + Sync + use<> {
+    let (model, system) = (model.clone(), system.clone());
+    move || Box::new(Neural::on_cpu(model.clone(), &system))
+}

@@ -1,0 +1,108 @@
+//! Learning from many predicted frames: slopes against differences, and a disturbance that one frame hides and many show.
+
+#![cfg(feature = "report")]
+
+use std::path::Path;
+
+use nerd_sim::calibrate::{Distance, Engine, Parameter, Subject, Trial, mean};
+use nerd_sim::log::Log;
+use nerd_sim::prelude::*;
+use nerd_train::nerd_model::base::Base;
+use nerd_train::nerd_model::folder::Model;
+use nerd_train::unroll::{Shape, Unroll, UnrollConfig, distances, slope};
+
+const UNIT: Distance = Distance { position: 0.01, rotation: 0.1, joints: 0.0, other_side: 0.0 };
+
+fn sample() -> Log {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/cube.log.toml");
+    Log::read(&path, None).expect("the sample of tosses")
+}
+
+fn subject(log: &Log) -> Subject {
+    let engine = Engine::Articulated(ArticulatedConfig::implicit(4, Friction::Coulomb));
+    Subject::new(&log.system, &log.scene, engine).expect("a subject")
+}
+
+fn silent(log: &Log, sequence: usize) -> Model {
+    let shape = Shape { base: Base::Draft(4), embedding: 16, layers: 1, history: 1, sequence };
+    let recording = log.recording(sequence).expect("its frames");
+    shape.silent(&subject(log), "measured", &recording, 7).expect("a model")
+}
+
+/// Adds to what the network says, number by number, always the same.
+fn said(model: &Model, k: usize, by: f32) -> Model {
+    let mut model = model.clone();
+    let (n, outputs) = (model.weights.flat.len(), model.config.network.outputs);
+    model.weights.flat[n - outputs + k] += by;
+    model
+}
+
+#[test]
+fn a_silent_model_moves_as_its_base() {
+    let log = sample();
+    let (subject, trials) = (subject(&log), log.trials(60, 30));
+    let own = mean(&subject.distances(&trials).expect("rollouts"));
+    let model = mean(&distances(&silent(&log, 8), &subject, &trials).expect("rollouts"));
+    // A draft holds contact planes over a frame where the solver looks for them anew: on a plane that is the same.
+    let off = (own.position - model.position).abs();
+    assert!(off < 0.02 * own.position, "{} m alone, {} m in the model", own.position, model.position);
+}
+
+#[test]
+fn slopes_are_those_of_differences() {
+    let log = sample();
+    let (subject, sequence) = (subject(&log), 12);
+    let model = said(&silent(&log, sequence), 8, 0.05);
+    // From flight into the first touch, and contact.
+    let trials: Vec<Trial> = log.trials(sequence + 1, 9).into_iter().take(24).collect();
+    let of = |model: &Model| slope(model, &subject, &trials, &UNIT).expect("a slope");
+    let found = of(&model);
+    for k in [0, 2, 7, 8, 10, 12] {
+        let told: f64 = found.slopes.iter().skip(k).step_by(model.config.network.outputs).sum::<f64>() / trials.len() as f64;
+        let h = 1e-3;
+        let measured = (of(&said(&model, k, h)).error - of(&said(&model, k, -h)).error) / (2.0 * f64::from(h));
+        let off = (told - measured).abs() / measured.abs().max(0.02);
+        assert!(off < 0.1, "number {k}: slope {told:.4}, by differences {measured:.4}");
+    }
+}
+
+#[test]
+fn what_a_calibration_left_out_is_learned() {
+    // The truth has a centre of mass 6 mm off, the model's base has not.
+    let log = sample();
+    let wrong = subject(&log);
+    let off = Parameter::named(&log.system, "com.z").expect("a parameter");
+    let right = wrong.with(&[off], &[0.006]).expect("a subject");
+    let moved = |trials: Vec<Trial>| -> Vec<Trial> {
+        let motions = right.roll(&trials).expect("rollouts");
+        trials.into_iter().zip(motions).map(|(t, measured)| Trial { measured, ..t }).collect()
+    };
+    let sequence = 16;
+    let (train, validation) = (moved(log.trials(sequence + 1, 3)), moved(log.trials(40, 8)));
+    let model = silent(&log, sequence);
+    let unit = mean(&wrong.distances(&validation).expect("rollouts"));
+    let unroll = Unroll { subject: &wrong, train: &train, validation: &validation, unit };
+    let config = UnrollConfig { updates: 150, batch: 32, rate: 1e-3, validate_every: 15, seed: 0 };
+    let (_, worth) = unroll.train(&model, config, &mut |k, e, b| println!("{k} {e:.4} {b:.4}")).expect("training");
+    assert!(worth < 0.8, "objective {worth:.3} of that without learning");
+}
+
+#[test]
+fn debugging() {
+    let log = sample();
+    let (subject, sequence) = (subject(&log), 12);
+    let model = said(&silent(&log, sequence), 8, 0.05);
+    let trials: Vec<Trial> = log.trials(sequence + 1, 9).into_iter().take(24).collect();
+    for (i, t) in trials.iter().enumerate() {
+        let one = [t.clone()];
+        let of = |model: &Model| slope(model, &subject, &one, &UNIT).expect("a slope");
+        let found = of(&model);
+        let mut line = format!("{i} z {:.3} err {:.3}:", t.start[2], found.error);
+        for k in [0, 2, 3, 8, 10, 12] {
+            let told: f64 = found.slopes.iter().skip(k).step_by(13).sum::<f64>();
+            let m = |h: f32| (of(&said(&model, k, h)).error - of(&said(&model, k, -h)).error) / (2.0 * f64::from(h));
+            line += &format!("  {k}: {told:.4} {:.4} {:.4}", m(1e-3), m(1e-2));
+        }
+        println!("{line}");
+    }
+}
