@@ -53,6 +53,35 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
 }
 
 #[test]
+fn another_metre_is_found() {
+    // As if the log's camera took every length for 2 % less than it is: the robot is smaller, and so is gravity.
+    let (names, truth) = (["size", "gravity"], [0.98, 0.98 * 9.81]);
+    let log = log(&names, &truth);
+    let subject = self::subject(&log.system);
+    let config = FitConfig { evaluations: 400, trials: 24, seed: 1 };
+    let fit = subject.fit(&parameters(&log.system, &names), &log.trials(40, 20), config, &mut |_, _| ()).expect("a fit");
+    let off = [(fit.values[0] - truth[0]).abs(), (fit.values[1] - truth[1]).abs()];
+    assert!(off[0] < 2e-3 && off[1] < 0.05, "{off:?} from what made the measurements (1, m/s^2)");
+}
+
+#[test]
+fn twice_the_size_under_twice_the_gravity_moves_alike() {
+    let mut system = (*System::named("pendulum").expect("a robot")).clone();
+    system.robot.joints_mut().for_each(|j| (j.damping, j.armature) = (0.0, 0.0));
+    let system = Arc::new(system);
+    let own = Subject::new(&system, "free", Engine::Articulated(ArticulatedConfig::converged(Friction::Coulomb))).expect("a scene");
+    let g = system.gravity().norm();
+    let large = own.with(&parameters(&system, &["size", "gravity"]), &[2.0, 2.0 * g]).expect("values");
+    let start = vec![0.3, -0.7, 0.5, 1.0];
+    let torques = vec![vec![0.0; 2]; 60];
+    let trial = Trial { id: 0, measured: vec![start[..2].to_vec(); 61], start, torques };
+    let last = |s: &Subject| s.roll(std::slice::from_ref(&trial)).expect("a rollout")[0][60].clone();
+    let (a, b) = (last(&own), last(&large));
+    let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-9 && (a[0] - 0.3).abs() > 0.1, "{off:e} rad apart after a second: {a:?}, {b:?}");
+}
+
+#[test]
 fn what_nothing_depends_on_has_a_flat_profile() {
     let log = log(&[], &[]);
     let subject = self::subject(&log.system);

@@ -37,6 +37,55 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
 }
 
 #[test]
+fn what_is_learned_is_judged_beside_the_solvers() {
+    let settings = settings(|c| {
+        c.parameters = vec!["com.z".into(), "damping".into()];
+        (c.splits, c.evaluations, c.trials, c.frames, c.sequence) = (1, 40, 12, 30, 20);
+        (c.embedding, c.layers, c.updates, c.singles, c.curve) = (16, 1, 4, 6, vec![3]);
+        c.learn = ["residual", "residual-single", "pretrained", "paper", "fine-tuned", "real-only"].map(String::from).into();
+    });
+    let found = settings.measure().expect("a calibration");
+    let calibrated = found.fitted[0].splits[0].after.mean;
+    for row in &found.learned {
+        let after = row.after[0].mean;
+        assert!(after.position.is_finite() && row.simulated[0].rotation.is_finite(), "{}: {after:?}", row.way);
+        // The best weights by the validation part are those at the start, or better: on the calibrated solver little can be lost.
+        let near = after.position < 1.5 * calibrated.position;
+        assert!(near || !row.way.starts_with("residual"), "{}: {} m, calibrated {} m", row.way, after.position, calibrated.position);
+    }
+    let text = settings.tables(&found).expect("tables").iter().map(|t| t.markdown()).collect::<String>();
+    let words =
+        ["falling through the ground", "network on the calibrated solver, many frames", "the same rollout begun a frame later", "| 3 "];
+    assert!(words.iter().all(|word| text.contains(word)), "{text}");
+    let noise = found.noise[0].mean.position;
+    assert!(noise > 0.0 && noise < calibrated.position, "noise of starts {noise} m, error {} m", calibrated.position);
+}
+
+#[test]
+fn fits_are_taken_from_a_result_of_the_same_splits_alone() {
+    let settings = settings(|c| c.parameters = vec!["com.z".into()]);
+    let found = settings.measure().expect("a calibration");
+    let folder = std::env::temp_dir().join(format!("nerd-fits-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let path = folder.join("fits.json");
+    std::fs::write(&path, serde_json::to_vec(&found).expect("JSON")).expect("a file");
+    let mut again = settings.clone();
+    (again.fits, again.splits) = (Some(path.clone()), 2);
+    let taken = again.measure().expect("taken fits").fitted;
+    assert_eq!(taken[0].splits.len(), 2);
+    for (a, b) in taken[0].splits.iter().zip(&found.fitted[0].splits) {
+        // A file may round the last digit.
+        let off = (a.fit.values[0] - b.fit.values[0]).abs();
+        assert!(a.judged == b.judged && off < 1e-12, "{off:e} m beside the fit that was made");
+    }
+    let mut other = settings;
+    (other.fits, other.seed) = (Some(path), 9);
+    let said = other.measure().err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said.contains("other solvers, substeps, parameters or splits"), "{said}");
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
+#[test]
 fn what_cannot_be_calibrated_is_said() {
     let refused = |settings: Calibration, what: &str| {
         let said = settings.measure().err().map(|e| e.to_string()).unwrap_or_default();
@@ -51,6 +100,14 @@ fn what_cannot_be_calibrated_is_said() {
             c.parameters = vec!["stiffness".into()];
         }),
         "means nothing to this solver",
+    );
+    refused(settings(|c| c.learn = vec!["everything".into()]), "--learn everything");
+    refused(
+        settings(|c| {
+            c.solvers = vec!["rapier".into()];
+            c.learn = vec!["residual".into()];
+        }),
+        "--learn learns beyond",
     );
     refused(settings(|c| c.frames = 1000), "--frames");
     refused(settings(|c| c.log = "absent.log.toml".into()), "absent.log.toml");

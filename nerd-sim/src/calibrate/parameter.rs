@@ -62,8 +62,19 @@ pub(super) enum What {
 }
 
 /// Names without a link or joint.
-const PLAIN: [&str; 11] =
-    ["size", "friction", "stiffness", "damping", "friction-damping", "rounding", "restitution", "gravity", "height", "lag", "tilt.x, tilt.y"];
+const PLAIN: [&str; 11] = [
+    "friction",
+    "stiffness",
+    "damping",
+    "friction-damping",
+    "rounding",
+    "size",
+    "restitution",
+    "gravity",
+    "height",
+    "lag",
+    "tilt.x, tilt.y",
+];
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's own values and size.
@@ -81,7 +92,11 @@ impl Parameter {
                 if joints.is_empty() { String::new() } else { format!("; joint-damping, joint-friction:JOINT of {}", joints.join(", ")) };
             CalibrateError::Parameter(
                 name.into(),
-                format!("{}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {}{joints}", PLAIN.join(", "), links.join(", ")),
+                format!(
+                    "{}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {}{joints}",
+                    PLAIN.join(", "),
+                    links.join(", ")
+                ),
             )
         };
         let link = || match of {
@@ -137,7 +152,7 @@ impl Parameter {
     }
 
     /// What data of free motion may determine, for one of the two engines: every link's centre of mass and inertia, masses of links
-    /// against that of the root, contact, gravity's size (in the log's own metres), the lag, and what brakes joints.
+    /// against that of the root, contact, gravity's size and the robot's (in the log's own metres), the lag, the ground's tilt, and what brakes joints.
     ///
     /// # Errors
     /// None: every name is one of the robot's own.
@@ -151,7 +166,8 @@ impl Parameter {
         let contact: &[&str] =
             if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
         let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
-        names.extend(contact.iter().chain(falls).map(|name| name.to_string()));
+        let lies: &[&str] = if system.robot.floating() { &["size", "tilt.x", "tilt.y"] } else { &[] };
+        names.extend(contact.iter().chain(falls).chain(lies).map(|name| name.to_string()));
         let joints = system.robot.joints().map(|j| j.name.clone());
         // rapier knows no dry friction of joints.
         names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());

@@ -77,11 +77,7 @@ impl Subject {
     ///
     /// # Errors
     /// As [`Self::roll`].
-    pub fn states_in(
-        &self,
-        trials: &[Trial],
-        solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
-    ) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
+    pub fn states_in(&self, trials: &[Trial], solver: &(dyn Fn() -> Box<dyn Solver> + Sync)) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
         let begin = || (solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
         let rolled = trials.par_iter().map_init(begin, |(solver, batch, data), trial| {
             batch.reset(0, &self.start(trial, data));
@@ -139,12 +135,13 @@ impl Subject {
     ///
     /// # Errors
     /// As [`Self::roll`].
-    pub fn distances_in(
-        &self,
-        trials: &[Trial],
-        solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
-    ) -> Result<Vec<Distance>, CalibrateError> {
-        Ok(self.roll_in(trials, solver)?.iter().zip(trials).map(|(motion, trial)| distance(&self.system, motion, &trial.measured)).collect())
+    pub fn distances_in(&self, trials: &[Trial], solver: &(dyn Fn() -> Box<dyn Solver> + Sync)) -> Result<Vec<Distance>, CalibrateError> {
+        Ok(self
+            .roll_in(trials, solver)?
+            .iter()
+            .zip(trials)
+            .map(|(motion, trial)| distance(&self.system, motion, &trial.measured))
+            .collect())
     }
 }
 

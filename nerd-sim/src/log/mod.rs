@@ -26,7 +26,7 @@ use std::sync::Arc;
 pub(crate) use tidy::turned;
 
 pub use read::specified;
-pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, RootColumns, Time, Units};
+pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, Published, RootColumns, Time, Units};
 
 use crate::system::{System, SystemError};
 use crate::table::TableError;
@@ -42,6 +42,8 @@ pub struct Log {
     pub trajectories: Vec<Trajectory>,
     /// What was done to it, and what looks odd, a line each.
     pub notes: Vec<String>,
+    /// What others published of it.
+    pub published: Vec<Published>,
 }
 
 /// One trajectory.
@@ -103,7 +105,7 @@ impl Log {
             return Err(bad(&csv, text));
         }
         let trajectories = tidy::states(&system, cut, &mut notes);
-        let mut log = Self { scene: spec.scene.clone(), system, trajectories, notes };
+        let mut log = Self { scene: spec.scene.clone(), system, trajectories, notes, published: spec.published.clone() };
         check::falls(&csv, &mut log, &scene)?;
         Ok(log)
     }

@@ -1,6 +1,6 @@
 //! The TOML beside a table of measurements: which column is what, in which unit and frame.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// One file of measurements.
 ///
@@ -22,6 +22,10 @@ use serde::Deserialize;
 /// position = "theta"
 /// velocity = "thetadot"             # without it from differences
 /// torque = "tau"                    # without it 0
+/// [[published]]                     # what others say of these measurements, to stand beside
+/// method = "ContactNets"
+/// position = 0.017                  # mean distance (m)
+/// rotation = 0.242                  # mean angle (rad)
 /// ```
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -47,6 +51,21 @@ pub struct LogSpec {
     /// Columns of joints.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointColumns>,
+    /// What others published.
+    #[serde(default)]
+    pub published: Vec<Published>,
+}
+
+/// A figure that others published of the same measurements.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Published {
+    /// Whose.
+    pub method: String,
+    /// Mean distance of the root (m).
+    pub position: f64,
+    /// Mean angle of the root (rad).
+    pub rotation: f64,
 }
 
 fn ground() -> String {

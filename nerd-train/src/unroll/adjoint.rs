@@ -26,7 +26,7 @@ const STEP: f64 = 1e-5;
 /// How far (s) a change of a rate carries, for its unit.
 const AHEAD: f64 = 0.1;
 /// An adjoint longer than this, in the error's units, is shortened to it: contact makes some of them explode.
-const LONGEST: f64 = 3.0;
+const LONGEST: f64 = 1.0;
 /// A distance within this share of its unit counts by its square, which has a slope at zero.
 const ROUND: f64 = 0.02;
 

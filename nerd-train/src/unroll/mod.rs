@@ -76,14 +76,8 @@ impl Unroll<'_> {
         let mut rng = stream(config.seed, 0);
         let mut best = (model.clone(), self.worth(model)?);
         let mut now = model.clone();
-        let settings = LearnerConfig {
-            batch: config.batch,
-            clip: 1.0,
-            average: 0.98,
-            seed: config.seed,
-            huber: None,
-            optimizer: Optimizer::Adam,
-        };
+        let settings =
+            LearnerConfig { batch: config.batch, clip: 1.0, average: 0.98, seed: config.seed, huber: None, optimizer: Optimizer::Adam };
         let schedule = Schedule { start: config.rate, end: 0.0, ..Schedule::default() };
         let mut learner: Option<CpuLearner> = None;
         for step in 0..config.updates {

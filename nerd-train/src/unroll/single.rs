@@ -29,6 +29,8 @@ pub struct Shape {
     pub history: usize,
     /// Frames of a rollout in training.
     pub sequence: usize,
+    /// What a prediction of 1 means, as a share of a single frame's deviation from the base: most of that may be noise.
+    pub scale: f64,
 }
 
 impl Shape {
@@ -40,6 +42,7 @@ impl Shape {
         let windows = tokens(&subject.system, recording, self.sequence, self.base)?;
         let mut normalizer = moments(&windows);
         normalizer.outputs.epsilon = 1e-12;
+        normalizer.outputs.variance.iter_mut().for_each(|v| *v *= self.scale * self.scale);
         // Nothing said is no change.
         normalizer.outputs.mean.fill(0.0);
         if subject.system.robot.floating() {

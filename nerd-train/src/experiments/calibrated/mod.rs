@@ -1,27 +1,29 @@
 //! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory ([`nerd_sim::calibrate`]).
 
+mod curve;
+mod fit;
+mod floors;
 mod learn;
 mod panels;
+mod pupil;
 mod split;
 mod tables;
 
 use std::path::{Path, PathBuf};
 
 use nerd_model::pick;
-use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, thinned};
-use nerd_sim::log::{Log, specified};
-use nerd_sim::prelude::*;
+use nerd_sim::log::{Published, specified};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::Experiment;
 use crate::bounds::{FRAMES, SEEDS, STARTS};
-use crate::error::{Error, Result, refuse};
-use crate::progress::bar;
+use crate::error::{Error, Result};
 use crate::report::inputs::hex;
 use crate::report::{Input, Inputs, Table};
 use crate::settings::settings;
 
+pub use curve::Few;
 pub use learn::Learned;
 pub use split::{Scored, Split};
 
@@ -57,14 +59,16 @@ settings! {
         /// What is learned beyond the calibration of articulated, comma-separated: residual, residual-single, pretrained, paper,
         /// fine-tuned, real-only [default: nothing]
         learn: Vec<String> = Vec::new(), Texts;
+        /// Numbers of trajectories, comma-separated: all is done again with so few of the first split [default: none]
+        curve: Vec<u64> = Vec::new(), Wholes(1..=1_000_000);
         /// With --learn: width of the network
         embedding: usize = 64, Whole(16..=1024);
         /// With --learn: its layers
         layers: usize = 2, Whole(1..=16);
         /// With --learn: frames of a rollout in training
-        sequence: usize = 32, Whole(2..=1000);
+        sequence: usize = 79, Whole(2..=1000);
         /// With --learn: updates over many frames
-        updates: u64 = 400, Whole(1..=1_000_000);
+        updates: u64 = 700, Whole(1..=1_000_000);
         /// With --learn: updates on single frames
         singles: u64 = 3000, Whole(1..=10_000_000);
         /// Seed of splits and search
@@ -99,113 +103,23 @@ pub struct CalibratedAll {
     pub sizes: [usize; 2],
     /// Predicting that nothing moves, on the judged part of every split.
     pub still: Vec<Scored>,
+    /// Falling through the ground.
+    #[serde(default)]
+    pub falling: Vec<Scored>,
+    /// How far the first solver's rollouts are from those that begin a frame later: what the noise of starts alone makes.
+    #[serde(default)]
+    pub noise: Vec<Scored>,
+    /// What others published.
+    #[serde(default)]
+    pub published: Vec<Published>,
     /// By solver.
     pub fitted: Vec<Calibrated>,
     /// By way of learning, on the first solver.
     #[serde(default)]
     pub learned: Vec<Learned>,
-}
-
-/// Places of a profile, and rollouts behind each.
-const PLACES: usize = 9;
-const BEHIND: usize = 200;
-
-impl Calibration {
-    fn log(&self) -> Result<Log> {
-        Ok(Log::read(&self.log, self.data.as_deref())?)
-    }
-
-    fn engine(&self, solver: &str) -> Result<Engine> {
-        match solver {
-            "articulated" => Ok(Engine::Articulated(ArticulatedConfig::implicit(self.substeps, Friction::Coulomb))),
-            "rapier" => Ok(Engine::Rapier(RapierConfig { steps: 1, ..Default::default() })),
-            other => refuse!("--solvers {other}: known are articulated, rapier"),
-        }
-    }
-
-    /// A solver's parameters, and what they are of.
-    fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
-        let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
-        let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
-        if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
-            refuse!("`{name}` is named twice");
-        }
-        let parameters: Vec<Parameter> = match &self.parameters[..] {
-            [] => Parameter::usual(&log.system, solver == "rapier")?,
-            names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
-        };
-        // What a solver does not have is said before anything is searched.
-        subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect::<Vec<_>>())?;
-        Ok((subject, parameters))
-    }
-
-    fn calibrated(&self, log: &Log, solver: &str, parts: &[split::Parts]) -> Result<Calibrated> {
-        let (subject, parameters) = self.subject(log, solver)?;
-        let bar = bar(solver, (parts.len() * self.evaluations) as u64);
-        let mut splits = Vec::new();
-        let mut profiles = Vec::new();
-        for (k, part) in parts.iter().enumerate() {
-            let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed + k as u64 };
-            let fit = subject.fit(&parameters, &part.train, config, &mut |done, _| bar.set((k * self.evaluations + done) as u64))?;
-            let fitted = subject.with(&parameters, &fit.values)?;
-            if k == 0 {
-                let some: Vec<Trial> = thinned(&part.train, BEHIND);
-                let own = Fit { before: nerd_sim::calibrate::mean(&subject.distances(&some)?), ..fit.clone() };
-                profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
-            }
-            splits.push(part.judged(&subject, &fitted, fit, self.seed + k as u64)?);
-        }
-        bar.finish();
-        if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
-            refuse!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
-        }
-        let name = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
-        let parameters = parameters.into_iter().map(|p| (p.name, [p.low, p.nominal, p.high], p.unit.into()));
-        Ok(Calibrated { solver: name, parameters: parameters.collect(), splits, profiles })
-    }
-}
-
-impl Calibration {
-    /// The solvers, calibrated now or before.
-    fn fitted(&self, log: &Log, parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
-        let Some(path) = &self.fits else {
-            return self.solvers.iter().map(|solver| self.calibrated(log, solver, parts)).collect();
-        };
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-        let mut found: CalibratedAll = serde_json::from_str(&text).map_err(|e| Error::Refused(format!("--fits {}: {e}", path.display())))?;
-        let same = |fitted: &Calibrated| {
-            fitted.splits.len() >= parts.len() && fitted.splits.iter().zip(parts).all(|(split, part)| split.judged == part.ids())
-        };
-        let alike = |of: &Self| (of.solvers.clone(), of.parameters.clone(), of.substeps);
-        if alike(&found.settings) != alike(self) || !found.fitted.iter().all(same) {
-            refuse!("--fits {}: made with other solvers, substeps, parameters or splits", path.display());
-        }
-        found.fitted.iter_mut().for_each(|fitted| fitted.splits.truncate(parts.len()));
-        Ok(found.fitted)
-    }
-
-    /// What is learned beyond the first solver's calibration.
-    fn learned(&self, log: &Log, fitted: &[Calibrated], parts: &[split::Parts]) -> Result<Vec<Learned>> {
-        let new = |way: &String| Learned { way: way.clone(), after: Vec::new(), whole: Vec::new(), simulated: Vec::new() };
-        let mut all: Vec<Learned> = self.learn.iter().map(new).collect();
-        let (Some(first), Some(solver)) = (fitted.first().filter(|_| !all.is_empty()), self.solvers.first()) else { return Ok(all) };
-        let (subject, parameters) = self.subject(log, solver)?;
-        for (k, (split, parts)) in first.splits.iter().zip(parts).enumerate() {
-            let seed = self.seed + k as u64;
-            let Self { embedding, layers, sequence, updates, singles, .. } = *self;
-            let effort = learn::Effort { embedding, layers, sequence, updates, singles, seed };
-            let calibrated = subject.with(&parameters, &split.fit.values)?;
-            let pupil = learn::Pupil { log, subject: &calibrated, parameters: &parameters, values: &split.fit.values, parts, effort };
-            for (row, model) in all.iter_mut().zip(pupil.learn(&self.learn)?) {
-                let (after, whole, simulated) = pupil.judged(&model, seed)?;
-                eprintln!("split {k}, {}: {:.5} m, {:.4} rad", row.way, after.mean.position, after.mean.rotation);
-                row.after.push(after);
-                row.whole.push(whole);
-                row.simulated.push(simulated);
-            }
-        }
-        Ok(all)
-    }
+    /// By number of trajectories.
+    #[serde(default, rename = "few")]
+    pub curve: Vec<Few>,
 }
 
 impl Experiment for Calibration {
@@ -244,18 +158,26 @@ impl Experiment for Calibration {
         let log = self.log()?;
         log.notes.iter().for_each(|note| eprintln!("{note}"));
         self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
+        self.learnable()?;
         let trials = log.trials(self.frames, self.every);
         let parts: Vec<split::Parts> =
             (0..self.splits).map(|k| split::Parts::new(&log, &trials, self.train, self.seed + k as u64)).collect::<Result<_>>()?;
         let still = parts.iter().enumerate().map(|(k, part)| part.still(&log, self.seed + k as u64)).collect();
+        let falling = self.falling(&log, &parts)?;
         let fitted = self.fitted(&log, &parts)?;
+        let noise = self.noise(&log, &fitted, &parts)?;
         let learned = self.learned(&log, &fitted, &parts)?;
+        let curve = self.curve(&log, &parts)?;
         let sizes = [log.trajectories.len(), trials.len()];
-        Ok(CalibratedAll { settings: self.clone(), robot: log.system.name.clone(), notes: log.notes, sizes, still, fitted, learned })
+        let (settings, robot) = (self.clone(), log.system.name.clone());
+        let (notes, published) = (log.notes, log.published);
+        Ok(CalibratedAll { settings, robot, notes, sizes, still, falling, noise, published, fitted, learned, curve })
     }
 
     fn tables(&self, data: &CalibratedAll) -> Result<Vec<Table>> {
-        Ok(vec![data.errors(), data.parameters()])
+        let learned = (!data.learned.is_empty()).then(|| data.simulated());
+        let curve = (!data.curve.is_empty()).then(|| data.few());
+        Ok([data.errors()].into_iter().chain(learned).chain(curve).chain([data.parameters()]).collect())
     }
 
     fn pictures(&self, data: &CalibratedAll, stem: &Path) -> Result<()> {

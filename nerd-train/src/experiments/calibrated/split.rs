@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Result, refuse};
 
 /// Trials that are fitted to, those that models are chosen by, and those that are judged on; no trajectory is in two of them.
+#[derive(Clone)]
 pub struct Parts {
     pub train: Vec<Trial>,
     /// What models are chosen by.
@@ -98,6 +99,13 @@ impl Parts {
             );
         }
         Ok(parts)
+    }
+
+    /// The same with so few trajectories to fit to.
+    pub fn first(&self, n: usize) -> Self {
+        let trained = self.trained[..n.min(self.trained.len())].to_vec();
+        let train = self.train.iter().filter(|t| trained.contains(&t.id)).cloned().collect();
+        Self { train, trained, ..self.clone() }
     }
 
     /// Trajectories that are judged on.

@@ -13,7 +13,14 @@ impl CalibratedAll {
     /// Errors on what nothing was fitted to.
     pub(super) fn errors(&self) -> Table {
         let joints = self.still.iter().any(|s| s.mean.joints > 0.0);
-        let mut rows = vec![line("no motion", joints, &self.still.iter().collect::<Vec<_>>(), None)];
+        let plain = |name: &str, of: &[Scored]| line(name, joints, &of.iter().collect::<Vec<_>>(), None);
+        let mut rows = vec![plain("no motion", &self.still)];
+        rows.extend((!self.falling.is_empty()).then(|| plain("falling through the ground", &self.falling)));
+        let none = usize::from(joints) + 2;
+        rows.extend(self.published.iter().map(|p| {
+            let figures = [format!("{}, as published", p.method), digits(p.position), digits(p.rotation)];
+            figures.into_iter().chain(std::iter::repeat_n("-".to_string(), none)).collect()
+        }));
         for solver in &self.fitted {
             let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
             rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
@@ -21,10 +28,9 @@ impl CalibratedAll {
         }
         for row in &self.learned {
             let name = learn::WAYS.iter().find(|w| w.0 == row.way).map_or(row.way.as_str(), |w| w.1);
-            let of = |scored: &[Scored]| scored.to_vec();
-            let (after, whole) = (of(&row.after), of(&row.whole));
-            rows.push(line(name, joints, &after.iter().collect::<Vec<_>>(), Some(&whole.iter().collect::<Vec<_>>())));
+            rows.push(line(name, joints, &row.after.iter().collect::<Vec<_>>(), Some(&row.whole.iter().collect::<Vec<_>>())));
         }
+        rows.extend((!self.noise.is_empty()).then(|| plain("the same rollout begun a frame later", &self.noise)));
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));
         header.extend(["other side up (%)", "whole trajectories"]);
@@ -39,6 +45,18 @@ impl CalibratedAll {
             self.settings.splits,
             self.settings.train
         ))
+    }
+
+    /// How far models are from the simulation that some of them learned first: what was forgotten shows.
+    pub(super) fn simulated(&self) -> Table {
+        let rows = self.learned.iter().map(|row| {
+            let n = row.simulated.len().max(1) as f64;
+            let of = |field: fn(&Distance) -> f64| digits(row.simulated.iter().map(field).sum::<f64>() / n);
+            vec![row.way.clone(), of(|d| d.position), of(|d| d.rotation)]
+        });
+        Table::new("simulated", &["learned", "position (m)", "rotation (rad)"])
+            .with(rows)
+            .noted("Distance from rollouts of the calibrated solver, from the starts that models are chosen by.")
     }
 
     /// What was found, by solver.
