@@ -55,10 +55,14 @@ impl Slope {
 /// The slope at a model's present weights. All trials have as many frames.
 ///
 /// # Errors
-/// What the solver says; rollouts that end in no number.
+/// What the solver says; trials of no or different lengths; rollouts that end in no number.
 pub fn slope(model: &Model, subject: &Subject, trials: &[Trial], unit: &Distance) -> Result<Slope> {
     let (system, robot) = (&subject.system, &subject.system.robot);
-    let (frames, n, m, d) = (trials[0].torques.len(), trials.len(), dim(robot), robot.state_dim());
+    let frames = trials.first().map_or(0, |t| t.torques.len());
+    if frames == 0 || trials.iter().any(|t| t.torques.len() != frames || t.measured.len() != frames + 1) {
+        refuse!("rollouts of no frames, or of different numbers of them");
+    }
+    let (n, m, d) = (trials.len(), dim(robot), robot.state_dim());
     let units = units(robot, unit);
     let Course { states, moves } = course(model, subject, trials, &units)?;
     let (mut data, mut recording) = (Data::new(robot), Recording::empty(frames));
