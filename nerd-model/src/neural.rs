@@ -61,6 +61,11 @@ impl Neural {
         &self.model
     }
 
+    /// Environments whose network was evaluated in the last frame; the motion of the others is their base's.
+    pub fn asked(&self) -> &[usize] {
+        &self.asked
+    }
+
     /// Makes room for a batch, and forgets what was before a gap.
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         let n = batch.len();

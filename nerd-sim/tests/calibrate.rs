@@ -100,7 +100,7 @@ fn what_nothing_depends_on_has_a_flat_profile() {
 fn values_mean_what_they_say() {
     let system = cube();
     let subject = self::subject(&system);
-    let all = Parameter::usual(&system, false).expect("parameters");
+    let all = Parameter::usual(&system, "ground", false).expect("parameters");
     let nominal: Vec<f64> = all.iter().map(|p| p.nominal).collect();
     let same = subject.with(&all, &nominal).expect("values");
     assert_eq!(format!("{:?}", same.system.robot), format!("{:?}", system.robot), "nominal values change the robot");
@@ -144,5 +144,5 @@ fn what_a_solver_refuses_is_an_error() {
     let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
     let said = subject.distances(&[trial]).expect_err("an error").to_string();
     assert!(said.contains("friction"), "{said}");
-    assert!(Parameter::usual(&system, true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
+    assert!(Parameter::usual(&system, "ground", true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
 }

@@ -9,7 +9,7 @@ use nerd_sim::log::Log;
 use nerd_sim::prelude::*;
 use nerd_train::nerd_model::base::Base;
 use nerd_train::nerd_model::folder::Model;
-use nerd_train::unroll::{Shape, Unroll, UnrollConfig, distances, slope};
+use nerd_train::unroll::{SmallModel, Unroll, UnrollConfig, distances, slope};
 
 const UNIT: Distance = Distance { position: 0.01, rotation: 0.1, joints: 0.0, other_side: 0.0 };
 
@@ -24,7 +24,7 @@ fn subject(log: &Log) -> Subject {
 }
 
 fn silent(log: &Log, sequence: usize) -> Model {
-    let shape = Shape { base: Base::Draft(4), embedding: 16, layers: 1, history: 1, sequence, scale: 1.0 };
+    let shape = SmallModel { base: Base::Draft(4), embedding: 16, layers: 1, history: 1, sequence, scale: 1.0 };
     let recording = log.recording(sequence).expect("its frames");
     shape.silent(&subject(log), "measured", &recording, 7).expect("a model")
 }
@@ -65,6 +65,46 @@ fn in_flight_slopes_are_those_of_differences() {
         let off = (told - measured).abs();
         assert!(off < 0.02 * measured.abs() + 1e-3, "number {k}: slope {told:.4}, by differences {measured:.4}");
     }
+}
+
+#[test]
+fn where_nothing_is_asked_there_is_no_slope() {
+    // On a base of flight the network is not asked in the air, so nothing it could say there changes the rollout.
+    let log = sample();
+    let (subject, sequence) = (subject(&log), 8);
+    let shape = SmallModel { base: Base::ExactFlight, embedding: 16, layers: 1, history: 1, sequence, scale: 1.0 };
+    let model = shape.silent(&subject, "measured", &log.recording(sequence).expect("its frames"), 7).expect("a model");
+    let trials = log.trials(sequence + 1, 3);
+    let lowest = |t: &Trial| t.measured.iter().map(|q| q[2]).fold(f64::INFINITY, f64::min);
+    // Half a diagonal is 0.091 m, and a centimetre more is looked at.
+    let (high, low): (Vec<Trial>, Vec<Trial>) = trials.into_iter().partition(|t| lowest(t) > 0.11);
+    let flown = slope(&model, &subject, &high, &UNIT).expect("a slope");
+    assert!(flown.asked == 0 && flown.slopes.iter().all(|s| *s == 0.0), "asked in {} frames of flight", flown.asked);
+    let before = flown.windows.y.clone();
+    assert_eq!(flown.targets().y, before, "targets where nothing is asked");
+    let touched = slope(&model, &subject, &low, &UNIT).expect("a slope");
+    let frames = low.len() * sequence;
+    assert!(touched.asked > 0 && touched.asked <= frames, "asked in {} of {frames} frames near the ground", touched.asked);
+    let steep = touched.slopes.chunks_exact(13).filter(|s| s.iter().any(|x| *x != 0.0)).count();
+    assert!(steep > 0 && steep <= touched.asked, "{steep} frames have a slope, {} were asked", touched.asked);
+}
+
+#[test]
+fn a_rollout_that_cannot_be_finished_teaches_nothing() {
+    let log = sample();
+    let (subject, sequence) = (subject(&log), 8);
+    let model = silent(&log, sequence);
+    let mut trials: Vec<Trial> = log.trials(sequence + 1, 30).into_iter().take(6).collect();
+    let alone = slope(&model, &subject, &trials[..1], &UNIT).expect("a slope").error;
+    // A start at 1e300 m/s ends in no number.
+    let speed = trials[0].start.len() - 1;
+    trials.iter_mut().skip(1).for_each(|t| t.start[speed] = 1e300);
+    let found = slope(&model, &subject, &trials, &UNIT).expect("a slope");
+    assert_eq!(found.windows.trajectories(), 6, "the one that can be finished stands in the place of the others");
+    assert!((found.error - alone).abs() < 1e-12 * alone, "{} with lost rollouts, {alone} alone", found.error);
+    trials[0].start[speed] = 1e300;
+    let said = slope(&model, &subject, &trials, &UNIT).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said.contains("none of 6 rollouts"), "{said}");
 }
 
 #[test]

@@ -17,11 +17,13 @@
 
 mod fit;
 mod parameter;
+mod saved;
 mod subject;
 mod trial;
 
 pub use fit::{Fit, FitConfig, objective, thinned};
 pub use parameter::Parameter;
+pub use saved::Saved;
 pub use subject::{Engine, Subject};
 pub use trial::{Distance, Trial, distance, mean};
 
@@ -47,6 +49,9 @@ pub enum CalibrateError {
     /// A parameter without anything to change.
     #[error("parameter `{0}` has nothing to act on: no gravity, no mass, or no plane of the scene's own; leave it out")]
     Nothing(String),
+    /// A file that does not say what is needed.
+    #[error("{}: {}", .0.display(), .1)]
+    File(std::path::PathBuf, String),
     /// Nothing to fit to.
     #[error("no trials to fit to")]
     Empty,

@@ -114,14 +114,11 @@ impl Parameter {
             "mass" if robot.links[link()?].inertia.mass <= 0.0 => return Err(CalibrateError::Nothing(name.into())),
             "mass" => ratio(What::Mass(link()?), robot.links[link()?].inertia.mass, 3.0, "kg"),
             "com.x" | "com.y" | "com.z" => {
-                let axis = ["com.x", "com.y", "com.z"].iter().position(|n| *n == head).unwrap_or_default();
+                let axis = axis(head);
                 let at = robot.links[link()?].inertia.com[axis];
                 (What::Com(link()?, axis), at, at - 0.2 * size, at + 0.2 * size, false, "m")
             }
-            "spread.x" | "spread.y" | "spread.z" => {
-                let axis = ["spread.x", "spread.y", "spread.z"].iter().position(|n| *n == head).unwrap_or_default();
-                ratio(What::Spread(link()?, axis), 1.0, 3.0, "1")
-            }
+            "spread.x" | "spread.y" | "spread.z" => ratio(What::Spread(link()?, axis(head)), 1.0, 3.0, "1"),
             "size" => (What::Size, 1.0, 0.9, 1.1, false, "1"),
             "inertia" => ratio(What::Inertia(link()?), 1.0, 2.0, "1"),
             "friction" => ratio(What::Friction, m.friction.max(1e-3), 4.0, "1"),
@@ -151,12 +148,12 @@ impl Parameter {
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, what })
     }
 
-    /// What data of free motion may determine, for one of the two engines: every link's centre of mass and inertia, masses of links
+    /// What data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia, masses of links
     /// against that of the root, contact, gravity's size and the robot's (in the log's own metres), the lag, the ground's tilt, and what brakes joints.
     ///
     /// # Errors
     /// None: every name is one of the robot's own.
-    pub fn usual(system: &System, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
+    pub fn usual(system: &System, scene: &str, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
         let mut names: Vec<String> = Vec::new();
         for (k, link) in system.robot.links.iter().enumerate() {
             let heavy = link.inertia.mass > 0.0;
@@ -166,8 +163,11 @@ impl Parameter {
         let contact: &[&str] =
             if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
         let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
-        let lies: &[&str] = if system.robot.floating() { &["size", "tilt.x", "tilt.y"] } else { &[] };
-        names.extend(contact.iter().chain(falls).chain(lies).map(|name| name.to_string()));
+        let metre: &[&str] = if system.robot.floating() { &["size"] } else { &[] };
+        // A built-in scene has no plane of the robot's own that could lie askew.
+        let own = system.robot.floating() && system.spec.scenes.iter().any(|s| s.name == scene);
+        let lies: &[&str] = if own { &["tilt.x", "tilt.y"] } else { &[] };
+        names.extend(contact.iter().chain(falls).chain(metre).chain(lies).map(|name| name.to_string()));
         let joints = system.robot.joints().map(|j| j.name.clone());
         // rapier knows no dry friction of joints.
         names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());
@@ -192,6 +192,11 @@ impl Parameter {
         };
         x.clamp(0.0, 1.0)
     }
+}
+
+/// The axis that a name ends with.
+fn axis(name: &str) -> usize {
+    ["x", "y", "z"].iter().position(|axis| name.ends_with(axis)).unwrap_or_default()
 }
 
 fn ratio(what: What, nominal: f64, factor: f64, unit: &'static str) -> (What, f64, f64, f64, bool, &'static str) {

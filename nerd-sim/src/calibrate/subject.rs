@@ -50,7 +50,10 @@ impl Subject {
     /// # Errors
     /// If it has no such scene.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
-        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0 })
+        // A draft stands on the material of the robot's data scene, which is the scene of the measurements.
+        let mut own = (**system).clone();
+        own.spec.data_scene = Some(scene.into());
+        Ok(Self { scene: system.scene(scene)?, system: own.into(), engine, lag: 0.0 })
     }
 
     /// The same with these values of the parameters.

@@ -54,6 +54,13 @@ impl Recording {
         }
     }
 
+    /// Takes up a longer motion as trajectories that follow one another; what is left at its end is left out.
+    pub fn cut(&mut self, system: &System, scene: &Scene, states: &[Vec<f64>], torques: &[Vec<f64>], data: &mut Data) {
+        let n = self.frames;
+        let pieces = states.windows(n + 1).zip(torques.windows(n)).step_by(n);
+        pieces.for_each(|(states, torques)| self.push(system, scene, states, torques, data));
+    }
+
     /// The arrays by name, with the shape of one trajectory.
     pub fn arrays(&self) -> [(&'static str, Vec<usize>, &Vec<f64>); 6] {
         let (n, f) = (self.trajectories, self.frames);

@@ -16,9 +16,7 @@ impl Log {
         let (system, scene) = (&self.system, self.system.scene(&self.scene)?);
         let (mut data, mut all) = (Data::new(&system.robot), Recording::empty(frames));
         for trajectory in &self.trajectories {
-            for (states, torques) in trajectory.states.windows(frames + 1).zip(trajectory.torques.windows(frames)).step_by(frames) {
-                all.push(system, &scene, states, torques, &mut data);
-            }
+            all.cut(system, &scene, &trajectory.states, &trajectory.torques, &mut data);
         }
         Ok(all)
     }

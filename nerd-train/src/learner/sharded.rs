@@ -108,6 +108,25 @@ impl<P: Pass> Sharded<P> {
         Ok((loss, total))
     }
 
+    /// One optimiser update with learning rate `lr` on these training windows and no others.
+    ///
+    /// # Errors
+    /// As [`Learner::update`].
+    pub fn update_on(&mut self, lr: f32, rows: &[u64]) -> Result<(), LearnError> {
+        let step = self.state.step;
+        let (loss, gradient) = self.gradient(rows)?;
+        if !loss.is_finite() {
+            return Err(LearnError::NotFinite { step, loss });
+        }
+        let norm = adam::norm(&gradient);
+        if !norm.is_finite() {
+            return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
+        }
+        adam::step(&mut self.state, &gradient, norm, lr, &self.config);
+        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
+        Ok(())
+    }
+
     /// Squared errors in a mean over `windows` windows.
     fn values(&self, set: &Windows, windows: usize) -> f64 {
         (windows * set.history * set.outputs) as f64
@@ -155,17 +174,7 @@ impl<P: Pass> Learner for Sharded<P> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let (step, windows) = (self.state.step, self.train.len() as u64);
         let rows: Vec<u64> = (0..self.config.batch as u64).map(|row| draw(self.config.seed, step, row, windows)).collect();
-        let (loss, gradient) = self.gradient(&rows)?;
-        if !loss.is_finite() {
-            return Err(LearnError::NotFinite { step, loss });
-        }
-        let norm = adam::norm(&gradient);
-        if !norm.is_finite() {
-            return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
-        }
-        adam::step(&mut self.state, &gradient, norm, lr, &self.config);
-        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
-        Ok(())
+        self.update_on(lr, &rows)
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {

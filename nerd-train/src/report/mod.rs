@@ -6,6 +6,8 @@ mod axis;
 #[cfg(feature = "report")]
 pub mod film;
 #[cfg(feature = "report")]
+pub mod frames;
+#[cfg(feature = "report")]
 pub mod heat;
 pub mod inputs;
 pub mod manifest;

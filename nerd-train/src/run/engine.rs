@@ -9,7 +9,6 @@ use super::RunConfig;
 use crate::device::Device;
 use crate::error::Result;
 use crate::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
-use crate::prepare::Prepared;
 use crate::windows::Windows;
 
 /// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
@@ -27,28 +26,27 @@ pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<Str
     }
 }
 
-/// What learns, at the state it goes on from.
+/// What learns, at the state it goes on from; on CUDA in tf32, or in f32 if `exact`.
+#[cfg_attr(not(feature = "cuda"), expect(unused_variables, reason = "only CUDA knows tf32"))]
 pub fn engine(
-    config: &RunConfig,
+    device: Device,
+    exact: bool,
     learner: LearnerConfig,
     state: LearnerState,
-    data: Prepared,
-    validation: Windows,
+    training: Arc<Windows>,
+    validation: Arc<Windows>,
 ) -> Result<Box<dyn Learner>> {
-    match config.device {
-        Device::Cpu => {
-            let (windows, validation) = (Arc::new(data.windows), Arc::new(validation));
-            Ok(match state.weights.config.architecture {
-                Architecture::Transformer => Box::new(CpuLearner::new(learner, state, windows, validation)?),
-                _ => Box::new(BurnLearner::new(learner, state, windows, validation, &BurnDevice::flex())?),
-            })
-        }
+    match device {
+        Device::Cpu => Ok(match state.weights.config.architecture {
+            Architecture::Transformer => Box::new(CpuLearner::new(learner, state, training, validation)?),
+            _ => Box::new(BurnLearner::new(learner, state, training, validation, &BurnDevice::flex())?),
+        }),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use crate::learner::cuda::{CudaLearner, Precision};
             crate::device::transformer_only(&state.weights.config)?;
-            let precision = if config.f32 { Precision::F32 } else { Precision::Tf32 };
-            Ok(Box::new(CudaLearner::new(learner, precision, state, &data.windows, &validation)?))
+            let precision = if exact { Precision::F32 } else { Precision::Tf32 };
+            Ok(Box::new(CudaLearner::new(learner, precision, state, &training, &validation)?))
         }
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => no_cuda(),

@@ -21,7 +21,7 @@
 
 mod card;
 mod criterion;
-mod engine;
+pub(crate) mod engine;
 mod memory;
 mod onward;
 mod plan;

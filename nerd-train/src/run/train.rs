@@ -121,7 +121,8 @@ impl Run {
 
         let (normalizer, fresh) = (data.normalizer.clone(), self.supply(&data.normalizer, state.step)?);
         let step = state.step;
-        let mut engine = engine(&self.config, self.learner, state, data.training, data.validation)?;
+        let mut engine =
+            engine(self.config.device, self.config.f32, self.learner, state, Arc::new(data.training.windows), Arc::new(data.validation))?;
         let outcome = self.learn(&identity, &normalizer, trainer.clone(), &mut *engine, fresh, (step, started))?;
         if !outcome.finished {
             self.say_stopped(&outcome, started);

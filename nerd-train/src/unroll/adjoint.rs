@@ -38,37 +38,43 @@ pub struct Slope {
     pub windows: Windows,
     /// Change of a trial's error with each number that was said, in the order of the windows' targets.
     pub slopes: Vec<f64>,
+    /// Frames in which the network was asked; in all others nothing it could say moves anything.
+    pub asked: usize,
 }
 
 impl Slope {
-    /// The windows with targets down the slope from what was said: by 1 in the mean square of a frame, since where contact makes
-    /// slopes large only their direction is worth anything.
+    /// The windows with targets down the slope from what was said: by 1 in the mean square of a frame in which the network was asked,
+    /// since where contact makes slopes large only their direction is worth anything. In all other frames the target is no change.
     pub fn targets(mut self) -> Windows {
-        let frames = self.windows.trajectories() * self.windows.frames;
         let square: f64 = self.slopes.iter().map(|s| s * s).sum();
-        let scale = (frames as f64 / square.max(1e-300)).sqrt();
+        let scale = (self.asked as f64 / square.max(1e-300)).sqrt();
         self.windows.y.iter_mut().zip(&self.slopes).for_each(|(y, s)| *y -= (s * scale) as f32);
         self.windows
     }
 }
 
-/// The slope at a model's present weights. All trials have as many frames.
+/// The slope at a model's present weights. All trials have as many frames. A rollout that the solver cannot finish teaches nothing:
+/// another one stands in its place.
 ///
 /// # Errors
-/// What the solver says; trials of no or different lengths; rollouts that end in no number.
+/// What the solver says; trials of no or different lengths; no rollout that could be finished.
 pub fn slope(model: &Model, subject: &Subject, trials: &[Trial], unit: &Distance) -> Result<Slope> {
     let (system, robot) = (&subject.system, &subject.system.robot);
     let frames = trials.first().map_or(0, |t| t.torques.len());
     if frames == 0 || trials.iter().any(|t| t.torques.len() != frames || t.measured.len() != frames + 1) {
         refuse!("rollouts of no frames, or of different numbers of them");
     }
-    let (n, m, d) = (trials.len(), dim(robot), robot.state_dim());
+    let (m, d) = (dim(robot), robot.state_dim());
     let units = units(robot, unit);
-    let Course { states, moves } = course(model, subject, trials, &units)?;
+    let Course { states, moves, asked, sound } = course(model, subject, trials, &units)?;
+    let taken: Vec<usize> = sound.iter().copied().cycle().take(trials.len()).collect();
+    if taken.is_empty() {
+        refuse!("none of {} rollouts of {frames} frames could be finished; take a smaller rate, or a calibrated robot", trials.len());
+    }
     let (mut data, mut recording) = (Data::new(robot), Recording::empty(frames));
-    for (i, trial) in trials.iter().enumerate() {
+    for &i in &taken {
         let own: Vec<Vec<f64>> = states.iter().map(|s| s[i * d..(i + 1) * d].to_vec()).collect();
-        recording.push(system, &subject.scene, &own, &trial.torques, &mut data);
+        recording.push(system, &subject.scene, &own, &trials[i].torques, &mut data);
     }
     let form = model.config.form();
     let mut windows = tokens(system, &recording, model.config.network.sequence(), form)?;
@@ -80,14 +86,14 @@ pub fn slope(model: &Model, subject: &Subject, trials: &[Trial], unit: &Distance
     if robot.floating() {
         nothing[6] = 1.0;
     }
-    let back = |features: &mut Features, i: usize| {
+    let back = |features: &mut Features, &i: &usize| {
         let of = |t: usize| &states[t][i * d..(i + 1) * d];
         let (mut slopes, mut error, mut next) = (vec![0.0; frames * outputs], 0.0, vec![0.0; d]);
         let (mut adjoint, mut way) = (vec![0.0; m], vec![0.0; m]);
         for t in (0..frames).rev() {
             error += add(robot, of(t + 1), &trials[i].measured[t + 1], &units, frames, &mut adjoint);
             shorten(&mut adjoint, &units);
-            for k in 0..outputs {
+            for k in (0..outputs).filter(|_| asked[t][i]) {
                 let mut change = nothing.clone();
                 change[k] += STEP;
                 features.apply(of(t), of(t + 1), &change, &mut next);
@@ -99,12 +105,13 @@ pub fn slope(model: &Model, subject: &Subject, trials: &[Trial], unit: &Distance
         }
         (slopes, error)
     };
-    let (slopes, errors): (Vec<Vec<f64>>, Vec<f64>) = (0..n).into_par_iter().map_init(|| Features::new(system, form), back).unzip();
+    let (slopes, errors): (Vec<Vec<f64>>, Vec<f64>) = taken.par_iter().map_init(|| Features::new(system, form), back).unzip();
     let slopes = slopes.concat();
     if slopes.iter().any(|s| !s.is_finite()) {
         refuse!("a rollout of {frames} frames ends in no number; take a smaller rate");
     }
-    Ok(Slope { error: errors.iter().sum::<f64>() / n as f64, windows, slopes })
+    let asked = taken.iter().map(|&i| asked.iter().filter(|frame| frame[i]).count()).sum();
+    Ok(Slope { error: errors.iter().sum::<f64>() / taken.len() as f64, windows, slopes, asked })
 }
 
 /// Rollouts, and by how much the outcome of each frame moves with each number of its start.
@@ -113,6 +120,10 @@ struct Course {
     states: Vec<Vec<f64>>,
     /// By frame: `[trial][number of the start][number of the outcome]`.
     moves: Vec<Vec<f64>>,
+    /// By frame and trial, whether the network was asked.
+    asked: Vec<Vec<bool>>,
+    /// Trials whose rollouts could be finished.
+    sound: Vec<usize>,
 }
 
 fn course(model: &Model, subject: &Subject, trials: &[Trial], units: &[f64]) -> Result<Course> {
@@ -122,7 +133,8 @@ fn course(model: &Model, subject: &Subject, trials: &[Trial], units: &[f64]) -> 
     let (mut neural, mut probes) = (Neural::on_cpu(model.clone(), system), Neural::on_cpu(model.clone(), system));
     let (mut batch, mut near) = (Batch::new(system, scene, n), Batch::new(system, scene, n * m));
     trials.iter().enumerate().for_each(|(i, trial)| batch.reset(i, &subject.start(trial, &mut data)));
-    let (mut states, mut moves) = (vec![batch.states.clone()], Vec::new());
+    let (mut states, mut moves, mut asked) = (vec![batch.states.clone()], Vec::new(), Vec::new());
+    let mut lost = vec![false; n];
     for t in 0..trials[0].torques.len() {
         let torques: Vec<f64> = trials.iter().flat_map(|trial| trial.torques[t].iter().copied()).collect();
         let probing: Vec<f64> = trials.iter().flat_map(|trial| trial.torques[t].repeat(m)).collect();
@@ -131,17 +143,29 @@ fn course(model: &Model, subject: &Subject, trials: &[Trial], units: &[f64]) -> 
             shift(robot, &mut state, env % m, PROBE * units[env % m]);
             near.reset(env, &state);
         }
-        probes.step(&mut near, &probing)?;
-        neural.step(&mut batch, &torques)?;
+        let astray = unable(probes.step(&mut near, &probing))?;
+        unable(neural.step(&mut batch, &torques))?.into_iter().for_each(|env| lost[env] = true);
         let mut moved = vec![0.0; n * m * m];
         moved.par_chunks_mut(m).enumerate().for_each(|(env, row)| {
+            // Where a probe leads nowhere, so does its slope.
+            if astray.contains(&env) {
+                return;
+            }
             apart(robot, batch.state(env / m), near.state(env), row);
             row.iter_mut().for_each(|x| *x /= PROBE * units[env % m]);
         });
+        let mut told = vec![false; n];
+        neural.asked().iter().for_each(|&env| told[env] = true);
+        asked.push(told);
         moves.push(moved);
         states.push(batch.states.clone());
     }
-    Ok(Course { states, moves })
+    Ok(Course { states, moves, asked, sound: (0..n).filter(|&i| !lost[i]).collect() })
+}
+
+/// Environments that a step could not move.
+fn unable(step: std::result::Result<(), StepError>) -> Result<Vec<usize>> {
+    Ok(step.err().map_or(Ok(Vec::new()), StepError::faults)?.into_iter().map(|fault| fault.env).collect())
 }
 
 /// Units of a change's numbers: what of each is worth an error of 1.

@@ -5,19 +5,22 @@
 //! `adjoint.rs`). The usual learner then takes a step towards these targets, whose squared error has that very gradient.
 
 mod adjoint;
+mod chosen;
 mod single;
 mod tangent;
 
 use std::sync::Arc;
 
 use nerd_model::folder::Model;
-use nerd_model::transformer::Weights;
 use nerd_sim::calibrate::{Distance, Subject, Trial, mean, objective};
 use nerd_sim::sampling::stream;
 use rand::RngExt;
 
 pub use adjoint::{Slope, slope};
-pub use single::{Shape, single, solver};
+pub use chosen::Worth;
+pub use single::{SmallModel, single, solver};
+
+use chosen::Chosen;
 
 use crate::error::{Result, refuse};
 use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
@@ -56,6 +59,16 @@ pub struct Unroll<'a> {
     pub unit: Distance,
 }
 
+impl UnrollConfig {
+    /// Refuses what nothing can be trained by.
+    fn check(&self) -> Result<()> {
+        if self.batch == 0 || self.validate_every == 0 {
+            refuse!("`batch` and `validate_every` must be at least 1; they are {} and {}", self.batch, self.validate_every);
+        }
+        Ok(())
+    }
+}
+
 impl Unroll<'_> {
     /// Trains a model; its best weights by the validation trials, those at the start among them, and the objective there.
     /// `progress` is told updates done, the error on what is trained on, and the best objective so far.
@@ -73,38 +86,37 @@ impl Unroll<'_> {
         if self.train.is_empty() || self.validation.is_empty() {
             refuse!("nothing to train on, or nothing to choose by");
         }
+        config.check()?;
         let mut rng = stream(config.seed, 0);
-        let mut best = (model.clone(), self.worth(model)?);
+        let judge = |model: &Model| self.worth(model);
+        let mut chosen = Chosen::new(model, &judge)?;
         let mut now = model.clone();
         let settings =
             LearnerConfig { batch: config.batch, clip: 1.0, average: 0.98, seed: config.seed, huber: None, optimizer: Optimizer::Adam };
         let schedule = Schedule { start: config.rate, end: 0.0, ..Schedule::default() };
+        // Every rollout of an update counts once.
+        let rows: Vec<u64> = (0..config.batch as u64).collect();
         let mut learner: Option<CpuLearner> = None;
         for step in 0..config.updates {
             let drawn: Vec<Trial> = (0..config.batch).map(|_| self.train[rng.random_range(0..self.train.len())].clone()).collect();
             let slope = slope(&now, self.subject, &drawn, &self.unit)?;
             let (error, windows) = (slope.error, slope.targets());
-            match &mut learner {
-                Some(learner) => learner.replace(0, &windows)?,
-                None => {
+            let learner = match &mut learner {
+                Some(learner) => {
+                    learner.replace(0, &windows)?;
+                    learner
+                }
+                empty => {
                     let windows = Arc::new(windows);
-                    learner = Some(CpuLearner::new(settings, LearnerState::new(now.weights.clone()), windows.clone(), windows)?);
+                    empty.insert(CpuLearner::new(settings, LearnerState::new(now.weights.clone()), windows.clone(), windows)?)
                 }
-            }
-            let Some(learner) = &mut learner else { continue };
-            learner.update(schedule.rate(step, config.updates) as f32)?;
-            let state = learner.state()?;
-            now.weights = state.weights;
-            if (step + 1) % config.validate_every == 0 || step + 1 == config.updates {
-                let smooth = Model { weights: Weights { config: network, flat: state.average }, ..now.clone() };
-                let worth = self.worth(&smooth)?;
-                if worth < best.1 {
-                    best = (smooth, worth);
-                }
-            }
-            progress(step + 1, error, best.1);
+            };
+            learner.update_on(schedule.rate(step, config.updates) as f32, &rows)?;
+            now.weights = learner.state()?.weights;
+            chosen.look(step + 1, &config, learner)?;
+            progress(step + 1, error, chosen.worth);
         }
-        Ok(best)
+        Ok(chosen.best())
     }
 
     /// The objective of a model on the validation trials.

@@ -11,14 +11,17 @@ use nerd_sim::dataset::Recording;
 use nerd_sim::prelude::*;
 
 use super::UnrollConfig;
-use crate::error::Result;
-use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
+use super::chosen::{Chosen, Worth};
+use crate::device::Device;
+use crate::error::{Error, Result};
+use crate::learner::{LearnerConfig, LearnerState, Optimizer};
 use crate::prepare::{moments, normalize, tokens};
+use crate::run::engine::engine;
 use crate::schedule::Schedule;
 
-/// What a small network looks like.
+/// A model with a small network, before it has learned anything.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Shape {
+pub struct SmallModel {
     /// What predictions are added to.
     pub base: Base,
     /// Width.
@@ -33,11 +36,11 @@ pub struct Shape {
     pub scale: f64,
 }
 
-impl Shape {
+impl SmallModel {
     /// A model that says nothing yet: its motion is its base's. Its normaliser is of `recording`.
     ///
     /// # Errors
-    /// If the base cannot be stepped.
+    /// If the base cannot be stepped, or there can be no such network.
     pub fn silent(&self, subject: &Subject, truth: &str, recording: &Recording, seed: u64) -> Result<Model> {
         let windows = tokens(&subject.system, recording, self.sequence, self.base)?;
         let mut normalizer = moments(&windows);
@@ -56,6 +59,7 @@ impl Shape {
             positions: Positions::Rotary,
             ..TransformerConfig::paper(windows.inputs, windows.outputs, self.embedding)
         };
+        network.check().map_err(Error::Refused)?;
         let mut weights = Weights::init(network, seed);
         let last = network.outputs * (network.head + 1);
         let n = weights.flat.len();
@@ -78,7 +82,7 @@ impl Shape {
     }
 }
 
-/// Trains a model on the single frames of a recording; its best weights by `worth`, those at the start among them.
+/// Trains a model on the single frames of a recording, on this device; its best weights by `worth`, those at the start among them.
 ///
 /// # Errors
 /// What learner and `worth` say.
@@ -86,31 +90,25 @@ pub fn single(
     model: &Model,
     subject: &Subject,
     recording: &Recording,
-    config: UnrollConfig,
-    worth: &dyn Fn(&Model) -> Result<f64>,
+    (config, device): (UnrollConfig, Device),
+    worth: &Worth,
     progress: &mut dyn FnMut(u64, f64),
 ) -> Result<(Model, f64)> {
-    let network = model.config.network;
-    let mut windows = tokens(&subject.system, recording, network.sequence(), model.config.form())?;
+    config.check()?;
+    let mut windows = tokens(&subject.system, recording, model.config.network.sequence(), model.config.form())?;
     normalize(&mut windows, &model.normalizer);
     let windows = Arc::new(windows);
     let settings =
         LearnerConfig { batch: config.batch, clip: 1.0, average: 0.99, seed: config.seed, huber: Some(1.0), optimizer: Optimizer::Muon };
     let schedule = Schedule { start: config.rate, end: 0.0, ..Schedule::default() };
-    let mut learner = CpuLearner::new(settings, LearnerState::new(model.weights.clone()), windows.clone(), windows)?;
-    let mut best = (model.clone(), worth(model)?);
+    let mut learner = engine(device, false, settings, LearnerState::new(model.weights.clone()), windows.clone(), windows)?;
+    let mut chosen = Chosen::new(model, worth)?;
     for step in 0..config.updates {
         learner.update(schedule.rate(step, config.updates) as f32)?;
-        if (step + 1) % config.validate_every == 0 || step + 1 == config.updates {
-            let smooth = Model { weights: Weights { config: network, flat: learner.state()?.average }, ..model.clone() };
-            let found = worth(&smooth)?;
-            if found < best.1 {
-                best = (smooth, found);
-            }
-        }
-        progress(step + 1, best.1);
+        chosen.look(step + 1, &config, &mut *learner)?;
+        progress(step + 1, chosen.worth);
     }
-    Ok(best)
+    Ok(chosen.best())
 }
 
 /// A model as a maker of solvers.

@@ -1,10 +1,14 @@
 //! Fits of the solvers to each split, made now or before.
 
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::Log;
 use nerd_sim::prelude::*;
+use rayon::prelude::*;
 
-use super::{Calibrated, CalibratedAll, Calibration, split};
+use super::{Calibrated, CalibratedAll, Calibration, Split, split};
 use crate::error::{Error, Result, refuse};
 use crate::progress::bar;
 
@@ -33,7 +37,7 @@ impl Calibration {
             refuse!("`{name}` is named twice");
         }
         let parameters: Vec<Parameter> = match &self.parameters[..] {
-            [] => Parameter::usual(&log.system, solver == "rapier")?,
+            [] => Parameter::usual(&log.system, &log.scene, solver == "rapier")?,
             names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
         };
         // What a solver does not have is said before anything is searched.
@@ -41,54 +45,87 @@ impl Calibration {
         Ok((subject, parameters))
     }
 
+    /// How the fits of split `k` are searched.
+    pub(super) fn fit_config(&self, k: u64) -> FitConfig {
+        FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed + k }
+    }
+
+    /// A solver's name in tables.
+    fn title(&self, solver: &str) -> String {
+        if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() }
+    }
+
     fn calibrated(&self, log: &Log, solver: &str, parts: &[split::Parts]) -> Result<Calibrated> {
         let (subject, parameters) = self.subject(log, solver)?;
-        let bar = bar(solver, (parts.len() * self.evaluations) as u64);
-        let mut splits = Vec::new();
-        let mut profiles = Vec::new();
-        for (k, part) in parts.iter().enumerate() {
-            let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed + k as u64 };
-            let fit = subject.fit(&parameters, &part.train, config, &mut |done, _| bar.set((k * self.evaluations + done) as u64))?;
-            let fitted = subject.with(&parameters, &fit.values)?;
+        let (bar, done) = (bar(solver, (parts.len() * self.evaluations) as u64), AtomicU64::new(0));
+        let one = |(k, part): (u64, &split::Parts)| -> Result<(Split, Vec<Vec<[f64; 2]>>)> {
+            let mut before = 0;
+            let fit = subject.fit(&parameters, &part.train, self.fit_config(k), &mut |own, _| {
+                let more = own.saturating_sub(before) as u64;
+                bar.set(done.fetch_add(more, Ordering::Relaxed) + more);
+                before = own;
+            })?;
+            let (fitted, mut profiles) = (subject.with(&parameters, &fit.values)?, Vec::new());
             if k == 0 {
                 let some: Vec<Trial> = thinned(&part.train, BEHIND);
                 let own = Fit { before: mean(&subject.distances(&some)?), ..fit.clone() };
                 profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
             }
-            splits.push(part.judged(&subject, &fitted, fit, self.seed + k as u64)?);
-        }
+            Ok((part.split(&subject, &fitted, fit, self.seed + k)?, profiles))
+        };
+        let found = parts.par_iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
+        let (splits, profiles): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        let profiles = profiles.into_iter().next().unwrap_or_default();
         bar.finish();
-        if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
+        if !splits.iter().all(|s: &Split| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
             refuse!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
         }
-        let name = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
-        let parameters = parameters.into_iter().map(|p| (p.name, [p.low, p.nominal, p.high], p.unit.into()));
-        Ok(Calibrated { solver: name, parameters: parameters.collect(), splits, profiles })
+        Ok(Calibrated { solver: self.title(solver), parameters: described(&parameters), splits, profiles })
     }
 
     /// The solvers, calibrated now or before.
-    pub(super) fn fitted(&self, log: &Log, parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
-        let Some(path) = &self.fits else {
-            return self.solvers.iter().map(|solver| self.calibrated(log, solver, parts)).collect();
-        };
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-        let mut found: CalibratedAll =
-            serde_json::from_str(&text).map_err(|e| Error::Refused(format!("--fits {}: {e}", path.display())))?;
-        let same = |fitted: &Calibrated| {
-            fitted.splits.len() >= parts.len() && fitted.splits.iter().zip(parts).all(|(split, part)| split.judged == part.ids())
-        };
-        // Which parameters are the usual ones may have changed since.
-        for (solver, fitted) in self.solvers.iter().zip(&found.fitted) {
-            let (_, parameters) = self.subject(log, solver)?;
-            if !parameters.iter().map(|p| &p.name).eq(fitted.parameters.iter().map(|p| &p.0)) {
-                refuse!("--fits {}: made with other parameters; name its own with --parameters", path.display());
-            }
+    pub(super) fn fitted(&self, log: &Log, sizes: [usize; 2], parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
+        match &self.fits {
+            None => self.solvers.iter().map(|solver| self.calibrated(log, solver, parts)).collect(),
+            Some(path) => self.taken(path, log, sizes, parts),
         }
-        let alike = |of: &Self| (of.solvers.clone(), of.parameters.clone(), of.substeps);
-        if alike(&found.settings) != alike(self) || !found.fitted.iter().all(same) {
-            refuse!("--fits {}: made with other solvers, substeps, parameters or splits", path.display());
-        }
-        found.fitted.iter_mut().for_each(|fitted| fitted.splits.truncate(parts.len()));
-        Ok(found.fitted)
     }
+
+    /// Fits of an earlier result, if they are of the very same.
+    fn taken(&self, path: &Path, log: &Log, sizes: [usize; 2], parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
+        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+        let found: CalibratedAll = serde_json::from_str(&text).map_err(|e| Error::Refused(format!("--fits {}: {e}", path.display())))?;
+        let differ = |what: &str| Err(Error::Refused(format!("--fits {}: made with {what}", path.display())));
+        let of = &found.settings;
+        if (&found.robot, found.sizes, of.frames, of.every) != (&log.system.name, sizes, self.frames, self.every) {
+            return differ("another log, or rollouts cut otherwise");
+        }
+        let mut taken = Vec::new();
+        for solver in &self.solvers {
+            let Some(fitted) = found.fitted.iter().find(|f| f.solver == self.title(solver)) else {
+                return differ(&format!("other solvers: it has no {}", self.title(solver)));
+            };
+            let mut fitted = fitted.clone();
+            if !same(&fitted.parameters, &described(&self.subject(log, solver)?.1)) {
+                return differ("other parameters; name its own with --parameters");
+            }
+            if fitted.splits.len() < parts.len() || fitted.splits.iter().zip(parts).any(|(split, part)| split.judged != part.ids()) {
+                return differ("other splits");
+            }
+            fitted.splits.truncate(parts.len());
+            taken.push(fitted);
+        }
+        Ok(taken)
+    }
+}
+
+/// Names, bounds around the nominal values, and units.
+fn described(parameters: &[Parameter]) -> Vec<(String, [f64; 3], String)> {
+    parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect()
+}
+
+/// Equal to the last digits that a file may round.
+fn same(a: &[(String, [f64; 3], String)], b: &[(String, [f64; 3], String)]) -> bool {
+    let near = |(x, y): (&f64, &f64)| (x - y).abs() <= 1e-12 * x.abs().max(y.abs());
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.0 == b.0 && a.1.iter().zip(&b.1).all(near))
 }

@@ -10,7 +10,8 @@ use crate::error::Result;
 impl Calibration {
     /// The first solver with nothing to touch, on the judged part of every split.
     pub(super) fn falling(&self, log: &Log, parts: &[Parts]) -> Result<Vec<Scored>> {
-        let Some(solver) = self.solvers.first() else { return Ok(Vec::new()) };
+        // What is fixed to the ground does not fall.
+        let Some(solver) = self.solvers.first().filter(|_| log.system.robot.floating()) else { return Ok(Vec::new()) };
         let (subject, _) = self.subject(log, solver)?;
         let subject = Subject { scene: Scene::free(log.system.gravity()).into(), ..subject };
         let of = |(k, part): (usize, &Parts)| Ok(Scored::new(&part.judged, &subject.distances(&part.judged)?, self.seed + k as u64));

@@ -3,11 +3,15 @@
 mod curve;
 mod fit;
 mod floors;
+mod keep;
 mod learn;
+mod learning;
 mod panels;
-mod pupil;
+mod pictures;
+mod rest;
 mod split;
 mod tables;
+mod ties;
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +22,18 @@ use sha2::{Digest, Sha256};
 
 use super::Experiment;
 use crate::bounds::{FRAMES, SEEDS, STARTS};
+use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::report::inputs::hex;
 use crate::report::{Input, Inputs, Table};
 use crate::settings::settings;
 
-pub use curve::Few;
+pub use curve::CurvePoint;
 pub use learn::Learned;
+pub use rest::Rest;
 pub use split::{Scored, Split};
+
+use split::Parts;
 
 settings! {
     /// Analytic solvers calibrated to measured trajectories.
@@ -65,12 +73,16 @@ settings! {
         embedding: usize = 64, Whole(16..=1024);
         /// With --learn: its layers
         layers: usize = 2, Whole(1..=16);
-        /// With --learn: frames of a rollout in training
-        sequence: usize = 79, Whole(2..=1000);
+        /// With --learn: frames of a rollout in training [default: one less than --frames]
+        sequence: Option<usize> = None, Whole(2..=1000);
         /// With --learn: updates over many frames
         updates: u64 = 700, Whole(1..=1_000_000);
         /// With --learn: updates on single frames
         singles: u64 = 3000, Whole(1..=10_000_000);
+        /// With --learn: where updates on single frames are made
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// With --learn: folder for the models of the first split and their calibrated robot [default: they are not kept]
+        models: Option<PathBuf> = None, Text;
         /// Seed of splits and search
         seed: u64 = 0, Whole(SEEDS);
     }
@@ -118,8 +130,11 @@ pub struct CalibratedAll {
     #[serde(default)]
     pub learned: Vec<Learned>,
     /// By number of trajectories.
-    #[serde(default, rename = "few")]
-    pub curve: Vec<Few>,
+    #[serde(default, rename = "points")]
+    pub curve: Vec<CurvePoint>,
+    /// What is left on the first split.
+    #[serde(default)]
+    pub rest: Rest,
 }
 
 impl Experiment for Calibration {
@@ -147,6 +162,10 @@ impl Experiment for Calibration {
         }
         all.update(system.sha256());
         let mut inputs = Inputs(vec![Input::Data { name: self.name(), sha256: hex(&all.finalize()) }]);
+        if let Some(fits) = &self.fits {
+            inputs.add(Input::files("fits", std::slice::from_ref(fits))?);
+        }
+        // Of every robot: what is hashed is how the solver steps.
         for solver in &self.solvers {
             let setting = if solver == "rapier" { pick::Setting::RapierSteps(1) } else { pick::Setting::Implicit(self.substeps) };
             inputs.add(Input::motion("cube", "ground", &setting)?);
@@ -158,29 +177,43 @@ impl Experiment for Calibration {
         let log = self.log()?;
         log.notes.iter().for_each(|note| eprintln!("{note}"));
         self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
-        self.learnable()?;
         let trials = log.trials(self.frames, self.every);
-        let parts: Vec<split::Parts> =
-            (0..self.splits).map(|k| split::Parts::new(&log, &trials, self.train, self.seed + k as u64)).collect::<Result<_>>()?;
-        let still = parts.iter().enumerate().map(|(k, part)| part.still(&log, self.seed + k as u64)).collect();
-        let falling = self.falling(&log, &parts)?;
-        let fitted = self.fitted(&log, &parts)?;
-        let noise = self.noise(&log, &fitted, &parts)?;
-        let learned = self.learned(&log, &fitted, &parts)?;
-        let curve = self.curve(&log, &parts)?;
+        let seeds = self.seed..self.seed + self.splits as u64;
+        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
+        self.learnable(&log, &parts)?;
+        self.curved(&parts)?;
         let sizes = [log.trajectories.len(), trials.len()];
+        let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
+        let falling = self.falling(&log, &parts)?;
+        let fitted = self.fitted(&log, sizes, &parts)?;
+        let noise = self.noise(&log, &fitted, &parts)?;
+        let (learned, models) = self.learned(&log, &fitted, &parts)?;
+        if let (Some(folder), Some(first)) = (&self.models, fitted.first()) {
+            self.keep(folder, first, &learned, &models)?;
+        }
+        let rest = self.rest(&log, &fitted, &parts, &models)?;
+        let curve = self.curve(&log, &parts)?;
         let (settings, robot) = (self.clone(), log.system.name.clone());
         let (notes, published) = (log.notes, log.published);
-        Ok(CalibratedAll { settings, robot, notes, sizes, still, falling, noise, published, fitted, learned, curve })
+        Ok(CalibratedAll { settings, robot, notes, sizes, still, falling, noise, published, fitted, learned, curve, rest })
     }
 
     fn tables(&self, data: &CalibratedAll) -> Result<Vec<Table>> {
-        let learned = (!data.learned.is_empty()).then(|| data.simulated());
-        let curve = (!data.curve.is_empty()).then(|| data.few());
-        Ok([data.errors()].into_iter().chain(learned).chain(curve).chain([data.parameters()]).collect())
+        let (learned, rest) = (!data.learned.is_empty(), &data.rest);
+        let some = |wanted: bool, table: fn(&CalibratedAll) -> Table| wanted.then(|| table(data));
+        let found = [
+            some(true, CalibratedAll::errors),
+            some(learned, CalibratedAll::simulated),
+            some(!data.curve.is_empty(), CalibratedAll::few),
+            some(!rest.ties.is_empty(), CalibratedAll::ties),
+            some(!rest.acts.is_empty(), CalibratedAll::acts),
+            some(true, CalibratedAll::parameters),
+        ];
+        Ok(found.into_iter().flatten().collect())
     }
 
     fn pictures(&self, data: &CalibratedAll, stem: &Path) -> Result<()> {
+        data.draw(stem)?;
         match data.fitted.first() {
             Some(solver) if !solver.profiles.is_empty() => panels::draw(solver, stem),
             _ => Ok(()),

@@ -102,7 +102,7 @@ impl Parts {
     }
 
     /// The same with so few trajectories to fit to.
-    pub fn first(&self, n: usize) -> Self {
+    pub fn few(&self, n: usize) -> Self {
         let trained = self.trained[..n.min(self.trained.len())].to_vec();
         let train = self.train.iter().filter(|t| trained.contains(&t.id)).cloned().collect();
         Self { train, trained, ..self.clone() }
@@ -117,7 +117,7 @@ impl Parts {
     ///
     /// # Errors
     /// If neither can step.
-    pub fn judged(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
+    pub fn split(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
         let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
         Ok(Split {
             judged: self.ids.clone(),

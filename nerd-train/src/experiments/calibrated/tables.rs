@@ -2,7 +2,7 @@
 
 use nerd_sim::calibrate::Distance;
 
-use super::{Calibrated, CalibratedAll, Scored, Split, learn};
+use super::{Calibrated, CalibratedAll, Scored, Split, learn, rest};
 use crate::report::Table;
 use crate::report::table::digits;
 
@@ -49,14 +49,47 @@ impl CalibratedAll {
 
     /// How far models are from the simulation that some of them learned first: what was forgotten shows.
     pub(super) fn simulated(&self) -> Table {
+        let columns: [(&str, fn(&Distance) -> f64); 3] =
+            [("position (m)", |d| d.position), ("rotation (rad)", |d| d.rotation), ("joints (rad or m)", |d| d.joints)];
+        let some = |column: &&(&str, fn(&Distance) -> f64)| self.learned.iter().flat_map(|row| &row.simulated).any(|d| column.1(d) > 0.0);
+        let columns: Vec<_> = columns.iter().filter(some).collect();
         let rows = self.learned.iter().map(|row| {
             let n = row.simulated.len().max(1) as f64;
-            let of = |field: fn(&Distance) -> f64| digits(row.simulated.iter().map(field).sum::<f64>() / n);
-            vec![row.way.clone(), of(|d| d.position), of(|d| d.rotation)]
+            let of = |column: &&(&str, fn(&Distance) -> f64)| digits(row.simulated.iter().map(column.1).sum::<f64>() / n);
+            [row.way.clone()].into_iter().chain(columns.iter().map(of)).collect()
         });
-        Table::new("simulated", &["learned", "position (m)", "rotation (rad)"])
+        let header: Vec<&str> = ["learned"].into_iter().chain(columns.iter().map(|c| c.0)).collect();
+        Table::new("simulated", &header)
             .with(rows)
             .noted("Distance from rollouts of the calibrated solver, from the starts that models are chosen by.")
+    }
+
+    /// What errors go along with.
+    pub(super) fn ties(&self) -> Table {
+        let names = self.rest.ties.first().map(|t| t.of.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>()).unwrap_or_default();
+        let header: Vec<&str> = ["rank correlation of a rollout's error with"].into_iter().chain(names).collect();
+        let rows =
+            self.rest.ties.iter().map(|t| [t.what.clone()].into_iter().chain(t.of.iter().map(|(_, r)| format!("{r:+.2}"))).collect());
+        Table::new("ties", &header).with(rows).noted(
+            "Judged rollouts of the first split. Spearman's rank correlation of the error (position and rotation, each in units of the first \
+             method's mean) with what was measured in the rollout; last row: how much of the error's variance lies between the means of \
+             trajectories.",
+        )
+    }
+
+    /// Where networks act.
+    pub(super) fn acts(&self) -> Table {
+        let slow = format!("below {} m/s", rest::SLOW);
+        let fast = format!("above {} m/s", rest::SLOW);
+        let header = ["learned", "points that touch", "frames (%)", &slow, &fast];
+        let pair = |[v, w]: [f64; 2]| if v + w > 0.0 { format!("{} / {}", digits(v), digits(w)) } else { "0".into() };
+        let row = |a: &rest::Acts| {
+            vec![a.name.clone(), a.points.clone(), format!("{:.1}", 100.0 * a.share), pair(a.changes[0]), pair(a.changes[1])]
+        };
+        Table::new("acts", &header).with(self.rest.acts.iter().map(row)).noted(
+            "What a network adds in a frame to what its base does, along its own rollouts of the first split's judged part: mean change of \
+             the root's velocity (m/s) / of its spin (rad/s).",
+        )
     }
 
     /// What was found, by solver.

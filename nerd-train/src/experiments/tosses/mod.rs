@@ -7,7 +7,6 @@
 
 mod changes;
 mod methods;
-mod picture;
 mod rows;
 mod tables;
 
@@ -22,6 +21,7 @@ use sha2::{Digest, Sha256};
 use super::Experiment;
 use crate::error::{Error, Result, refuse};
 use crate::progress::bar;
+use crate::report::frames::{Curve, draw};
 use crate::report::inputs::hex;
 use crate::report::{Input, Inputs, Table};
 
@@ -163,10 +163,11 @@ impl Experiment for Tosses {
 
     fn pictures(&self, data: &Measured, stem: &Path) -> Result<()> {
         let row = |name: &&str| data.rows.iter().find(|r| r.method == **name);
-        fn curve(r: &Row) -> picture::Curve<'_> {
-            picture::Curve { name: &r.method, score: &r.lifted, dashed: r.microseconds.is_none() }
+        fn curve(r: &Row) -> Curve<'_> {
+            Curve { name: &r.method, by_frame: &r.lifted.by_step, dashed: r.microseconds.is_none() }
         }
-        let floor = picture::Curve { name: "what noise on velocities does", score: &data.floor, dashed: true };
-        picture::draw(&DRAWN.iter().filter_map(row).map(curve).chain([floor]).collect::<Vec<_>>(), stem)
+        let floor = Curve { name: "what noise on velocities does", by_frame: &data.floor.by_step, dashed: true };
+        let curves: Vec<Curve> = DRAWN.iter().filter_map(row).map(curve).chain([floor]).collect();
+        draw("Cube tosses", "1/148 s", &curves, stem)
     }
 }

@@ -3,6 +3,7 @@
 
 mod changes;
 mod html;
+mod measured;
 mod robots;
 
 use std::path::Path;
@@ -48,7 +49,7 @@ pub fn motions() -> usize {
 pub fn page(config: &PageConfig, results: &Path, out: &Path, bar: &Bar) -> Result<()> {
     let manifest = Manifest::read(results)?;
     let mut sections = vec![scorecard(results)?, robots::cards(config, results, bar)?, charts(&manifest, results)?];
-    sections.extend([stability(&manifest, results)?, robots::policies(config, results, bar)?]);
+    sections.extend([stability(&manifest, results)?, robots::policies(config, results, bar)?, measured::section(&manifest, results)?]);
     sections.extend([changes::section(&manifest, results)?, everything(&manifest, results)]);
     let links: Vec<String> = sections.iter().map(Section::link).collect();
     let body: String = sections.iter().map(Section::html).collect();

@@ -92,7 +92,7 @@ fn only(table: &Table, robot: &str) -> Table {
 }
 
 /// A committed picture, if it is there.
-fn picture(results: &Path, stem: &str, title: &str) -> String {
+pub fn picture(results: &Path, stem: &str, title: &str) -> String {
     match std::fs::read_to_string(results.join(format!("{stem}.svg"))) {
         Ok(svg) => format!("<details><summary>{}</summary><div class=picture>{svg}</div></details>", escape(title)),
         Err(_) => String::new(),

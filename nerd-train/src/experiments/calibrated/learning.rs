@@ -14,16 +14,18 @@ use super::learn::Effort;
 use super::split::{Parts, Scored};
 use crate::error::{Result, refuse};
 use crate::progress::bar;
-use crate::unroll::{Shape, Unroll, UnrollConfig, distances, single};
+use crate::unroll::{SmallModel, Unroll, UnrollConfig, distances, single};
 
 /// Scale of what a network on a calibrated solver says: most of what that is off by in a frame is noise.
 const NEAR: f64 = 0.1;
 /// Simulations that differ behind a pretraining, and by how much of their bounds parameters differ in them.
 const WORLDS: usize = 24;
 const SPREAD: f64 = 0.03;
+/// Ways of learning that begin in simulation.
+const SIMULATED: [&str; 3] = ["pretrained", "paper", "fine-tuned"];
 
 /// A calibrated robot, the parts of its log, and what is learned from them.
-pub struct Pupil<'a> {
+pub struct Learning<'a> {
     pub log: &'a Log,
     pub subject: &'a Subject,
     pub parameters: &'a [Parameter],
@@ -32,14 +34,35 @@ pub struct Pupil<'a> {
     pub effort: Effort,
 }
 
-impl Pupil<'_> {
+impl Learning<'_> {
+    /// Refuses what would fail only after everything was fitted.
+    ///
+    /// # Errors
+    /// One line.
+    pub fn check(&self, ways: &[String]) -> Result<()> {
+        let Effort { sequence, .. } = self.effort;
+        if self.parts.validation.is_empty() {
+            refuse!("--learn: no rollout is left to choose the best weights by; take a smaller --train, or more trajectories");
+        }
+        if self.log_trials(sequence + 1).is_empty() {
+            refuse!("--sequence {sequence}: no trajectory that is trained on has as many frames; take a smaller one");
+        }
+        if ways.iter().any(|way| way.starts_with("residual")) && !(1..=Draft::MOST).contains(&self.substeps()) {
+            refuse!("--learn residual stands on at most {} substeps, --substeps says {}", Draft::MOST, self.substeps());
+        }
+        let Effort { embedding, layers, .. } = self.effort;
+        match self.silent(Base::ExactFlight) {
+            Ok(_) => Ok(()),
+            Err(error) => refuse!("--embedding {embedding} --layers {layers}: {error}"),
+        }
+    }
+
     /// Models by way, in the order asked for.
     ///
     /// # Errors
     /// What training says.
     pub fn learn(&self, ways: &[String]) -> Result<Vec<Model>> {
-        let simulated = ["pretrained", "paper", "fine-tuned"];
-        let pretrained = ways.iter().any(|way| simulated.contains(&way.as_str())).then(|| self.pretrained()).transpose()?;
+        let pretrained = ways.iter().any(|way| SIMULATED.contains(&way.as_str())).then(|| self.pretrained()).transpose()?;
         let first = || pretrained.clone().map_or_else(|| refuse!("nothing was learned in simulation"), Ok);
         let (solver, contact) = (Base::Draft(self.substeps()), Base::ExactFlight);
         let learn = |way: &String| match way.as_str() {
@@ -54,11 +77,11 @@ impl Pupil<'_> {
         ways.iter().map(learn).collect()
     }
 
-    /// Substeps of the calibrated solver that a draft may have.
+    /// Substeps of the calibrated solver, which are those of the draft that learning stands on.
     fn substeps(&self) -> usize {
         match self.subject.engine {
-            Engine::Articulated(config) => config.contact_substeps.clamp(1, Draft::MOST),
-            _ => 4,
+            Engine::Articulated(config) => config.contact_substeps,
+            Engine::Rapier(_) => 0,
         }
     }
 
@@ -70,10 +93,13 @@ impl Pupil<'_> {
     }
 
     fn silent(&self, base: Base) -> Result<Model> {
-        let Effort { embedding, layers, sequence, seed, .. } = self.effort;
         let scale = if matches!(base, Base::Draft(_)) { NEAR } else { 1.0 };
-        let shape = Shape { base, embedding, layers, history: 1, sequence, scale };
-        shape.silent(self.subject, "measured", &self.real()?, seed)
+        self.small(base, scale).silent(self.subject, "measured", &self.real()?, self.effort.seed)
+    }
+
+    fn small(&self, base: Base, scale: f64) -> SmallModel {
+        let Effort { embedding, layers, sequence, .. } = self.effort;
+        SmallModel { base, embedding, layers, history: 1, sequence, scale }
     }
 
     /// Training over many frames, the best weights by the validation part.
@@ -103,10 +129,10 @@ impl Pupil<'_> {
     fn on_frames(&self, model: &Model, recording: &Recording, rate: f64, validation: &[Trial], what: &str) -> Result<Model> {
         let unit = self.unit()?;
         let worth = |model: &Model| Ok(objective(&mean(&distances(model, self.subject, validation)?), &unit));
-        let Effort { singles, seed, .. } = self.effort;
+        let Effort { singles, seed, device, .. } = self.effort;
         let bar = bar(what, singles);
         let config = UnrollConfig { updates: singles, batch: 32, rate, seed, validate_every: (singles / 16).max(1) };
-        let found = single(model, self.subject, recording, config, &worth, &mut |done, best| {
+        let found = single(model, self.subject, recording, (config, device), &worth, &mut |done, best| {
             bar.say(&format!("validation {best:.4}"));
             bar.set(done);
         })?;
@@ -117,8 +143,8 @@ impl Pupil<'_> {
     /// A NeRD of the calibrated solver: contact learned from simulations whose parameters differ, from measured starts.
     fn pretrained(&self) -> Result<Model> {
         let mut rng = stream(self.effort.seed, 2);
-        let (frames, mut data) = (self.effort.sequence, Data::new(&self.subject.system.robot));
-        let mut recording = Recording::empty(frames);
+        let (system, mut data) = (&self.subject.system, Data::new(&self.subject.system.robot));
+        let mut recording = Recording::empty(self.effort.sequence);
         let whole: Vec<Trial> = self.log_trials(0);
         for _ in 0..WORLDS {
             let value = |(p, v): (&Parameter, &f64)| p.at(p.place(*v) + SPREAD * (2.0 * rng.random::<f64>() - 1.0));
@@ -126,14 +152,13 @@ impl Pupil<'_> {
             let world = self.subject.with(self.parameters, &values)?;
             let motions = world.states_in(&whole, &|| world.engine.solver())?;
             for (motion, trial) in motions.iter().zip(&whole) {
-                for (states, torques) in motion.windows(frames + 1).zip(trial.torques.windows(frames)).step_by(frames) {
-                    recording.push(&self.subject.system, &self.subject.scene, states, torques, &mut data);
-                }
+                // Where a solver gives up, the state stands still though its velocity does not.
+                let moves = |pair: &[Vec<f64>]| pair[0] != pair[1] || pair[0][system.robot.nq()..].iter().all(|v| v.abs() < 1e-3);
+                let sound = motion.windows(2).take_while(|pair| moves(pair)).count();
+                recording.cut(system, &self.subject.scene, &motion[..sound + 1], &trial.torques[..sound], &mut data);
             }
         }
-        let Effort { embedding, layers, sequence, seed, .. } = self.effort;
-        let shape = Shape { base: Base::ExactFlight, embedding, layers, history: 1, sequence, scale: 1.0 };
-        let model = shape.silent(self.subject, "calibrated", &recording, seed)?;
+        let model = self.small(Base::ExactFlight, 1.0).silent(self.subject, "calibrated", &recording, self.effort.seed)?;
         self.on_frames(&model, &recording, 3e-3, &self.simulated()?, "updates on simulated frames")
     }
 
@@ -149,6 +174,9 @@ impl Pupil<'_> {
     }
 
     /// A model's errors on what nothing was fitted to; whole trajectories; and how far it is from the calibrated solver.
+    ///
+    /// # Errors
+    /// What the solver says.
     pub fn judged(&self, model: &Model, seed: u64) -> Result<(Scored, Scored, Distance)> {
         let of = |trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &distances(model, self.subject, trials)?, seed)) };
         let simulated = mean(&distances(model, self.subject, &self.simulated()?)?);

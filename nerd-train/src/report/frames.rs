@@ -1,27 +1,36 @@
-//! Error against step: position left, rotation right.
+//! Error against frame: position left, rotation right.
 
 use std::path::Path;
 
-use nerd_sim::measured::Score;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use crate::error::Result;
 use crate::report::plot::{COLOURS, Picture, failed, save};
 
-/// A curve: name, errors by step, and whether it is a floor or a bound, which is dashed.
+/// Errors by frame.
 pub struct Curve<'a> {
+    /// Its name.
     pub name: &'a str,
-    pub score: &'a Score,
+    /// Position (m) and rotation (rad) by frame.
+    pub by_frame: &'a [[f64; 2]],
+    /// Whether it is a floor or a bound, which is dashed.
     pub dashed: bool,
 }
 
-/// Writes `stem`.svg and `stem`.png.
-pub fn draw(curves: &[Curve], stem: &Path) -> Result<()> {
-    save(stem, (1200, 600), &Panels(curves))
+/// Writes `stem`.svg and `stem`.png; `title` says what moves, `frame` how long a frame is.
+///
+/// # Errors
+/// If they cannot be drawn or written.
+pub fn draw(title: &str, frame: &str, curves: &[Curve], stem: &Path) -> Result<()> {
+    save(stem, (1200, 600), &Panels { title, frame, curves })
 }
 
-struct Panels<'a>(&'a [Curve<'a>]);
+struct Panels<'a> {
+    title: &'a str,
+    frame: &'a str,
+    curves: &'a [Curve<'a>],
+}
 
 impl Picture for Panels<'_> {
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()> {
@@ -31,13 +40,12 @@ impl Picture for Panels<'_> {
         for (k, (panel, what)) in
             body.split_evenly((1, 2)).iter().zip(["position: mean |dp| (m)", "rotation: mean angle (rad)"]).enumerate()
         {
-            let points =
-                |curve: &Curve| curve.score.by_step.iter().enumerate().skip(1).map(move |(i, e)| (i as f64, e[k])).collect::<Vec<_>>();
-            let all: Vec<f64> = self.0.iter().flat_map(points).map(|p| p.1).filter(|e| *e > 0.0).collect();
+            let points = |curve: &Curve| curve.by_frame.iter().enumerate().skip(1).map(move |(i, e)| (i as f64, e[k])).collect::<Vec<_>>();
+            let all: Vec<f64> = self.curves.iter().flat_map(points).map(|p| p.1).filter(|e| *e > 0.0).collect();
             let (low, high) = all.iter().fold((f64::MAX, 0.0f64), |(a, b), e| (a.min(*e), b.max(*e)));
-            let steps = self.0.iter().map(|c| c.score.by_step.len()).max().unwrap_or(2) as f64;
+            let steps = self.curves.iter().map(|c| c.by_frame.len()).max().unwrap_or(2) as f64;
             let mut chart = ChartBuilder::on(panel)
-                .caption(format!("Cube tosses, open loop, {what}"), ("sans-serif", 17))
+                .caption(format!("{}, open loop, {what}", self.title), ("sans-serif", 17))
                 .margin(12)
                 .x_label_area_size(40)
                 .y_label_area_size(60)
@@ -46,7 +54,7 @@ impl Picture for Panels<'_> {
             let ticks = |v: &f64| if *v < 0.0095 { format!("{v:.0e}") } else { format!("{}", (v * 1000.0).round() / 1000.0) };
             chart
                 .configure_mesh()
-                .x_desc("samples after the measured start (1/148 s)")
+                .x_desc(format!("frames after the measured start ({})", self.frame))
                 .label_style(("sans-serif", 13))
                 .light_line_style(BLACK.mix(0.04))
                 .bold_line_style(BLACK.mix(0.12))
@@ -54,7 +62,7 @@ impl Picture for Panels<'_> {
                 .y_label_formatter(&ticks)
                 .draw()
                 .map_err(failed)?;
-            for (curve, colour) in self.0.iter().zip(COLOURS.iter().cycle()) {
+            for (curve, colour) in self.curves.iter().zip(COLOURS.iter().cycle()) {
                 let style = colour.stroke_width(2);
                 if curve.dashed {
                     chart.draw_series(DashedLineSeries::new(points(curve), 6, 5, style)).map_err(failed)?;
@@ -63,7 +71,7 @@ impl Picture for Panels<'_> {
                 }
             }
         }
-        for (k, (curve, colour)) in self.0.iter().zip(COLOURS.iter().cycle()).enumerate() {
+        for (k, (curve, colour)) in self.curves.iter().zip(COLOURS.iter().cycle()).enumerate() {
             let (x, y) = (70 + 380 * (k as i32 % 3), 16 + 26 * (k as i32 / 3));
             let style = colour.stroke_width(3);
             let parts: &[(i32, i32)] = if curve.dashed { &[(0, 8), (12, 20), (24, 32)] } else { &[(0, 32)] };
