@@ -9,6 +9,9 @@ use crate::report::table::digits;
 /// A parameter along whose bounds the objective rises by less than this share is not determined.
 const FLAT: f64 = 0.01;
 
+/// One of the numbers of a distance.
+type Field = fn(&Distance) -> f64;
+
 impl CalibratedAll {
     /// Errors on what nothing was fitted to.
     pub(super) fn errors(&self) -> Table {
@@ -49,13 +52,13 @@ impl CalibratedAll {
 
     /// How far models are from the simulation that some of them learned first: what was forgotten shows.
     pub(super) fn simulated(&self) -> Table {
-        let columns: [(&str, fn(&Distance) -> f64); 3] =
+        let fields: [(&str, Field); 3] =
             [("position (m)", |d| d.position), ("rotation (rad)", |d| d.rotation), ("joints (rad or m)", |d| d.joints)];
-        let some = |column: &&(&str, fn(&Distance) -> f64)| self.learned.iter().flat_map(|row| &row.simulated).any(|d| column.1(d) > 0.0);
-        let columns: Vec<_> = columns.iter().filter(some).collect();
+        let all = || self.learned.iter().flat_map(|row| &row.simulated);
+        let columns: Vec<&(&str, Field)> = fields.iter().filter(|(_, field)| all().any(|d| field(d) > 0.0)).collect();
         let rows = self.learned.iter().map(|row| {
             let n = row.simulated.len().max(1) as f64;
-            let of = |column: &&(&str, fn(&Distance) -> f64)| digits(row.simulated.iter().map(column.1).sum::<f64>() / n);
+            let of = |(_, field): &&(&str, Field)| digits(row.simulated.iter().map(field).sum::<f64>() / n);
             [row.way.clone()].into_iter().chain(columns.iter().map(of)).collect()
         });
         let header: Vec<&str> = ["learned"].into_iter().chain(columns.iter().map(|c| c.0)).collect();
