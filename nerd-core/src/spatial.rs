@@ -8,7 +8,7 @@
 
 use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 
 /// A twist or its derivative: angular part (rad/s), linear part at the origin (m/s).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -172,6 +172,17 @@ impl SpatialInertia {
     #[inline]
     pub fn apply(&self, m: &Motion) -> Wrench {
         Wrench::new(self.inertia * m.ang + self.moment.cross(&m.lin), m.lin * self.mass - self.moment.cross(&m.ang))
+    }
+
+    /// The same as a matrix, `[[I, h x], [-h x, m 1]]` with h the first moment.
+    pub fn matrix(&self) -> Matrix6<f64> {
+        let h = self.moment.cross_matrix();
+        let mut m = Matrix6::zeros();
+        m.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.inertia);
+        m.fixed_view_mut::<3, 3>(0, 3).copy_from(&h);
+        m.fixed_view_mut::<3, 3>(3, 0).copy_from(&h.transpose());
+        m.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::from_diagonal_element(self.mass));
+        m
     }
 }
 

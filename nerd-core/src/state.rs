@@ -32,6 +32,34 @@ pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
     }
 }
 
+/// Coordinates `q` moved along a tangent `v` of `nv` numbers, those of a rate in the local form over one second
+/// ([`crate::dynamics::to_local`]): a floating root is turned by a rotation vector and moved in world axes (rad, m), joints are added to.
+/// Endless angles are kept in their range.
+pub fn integrate(robot: &Robot, q: &[f64], v: &[f64], out: &mut [f64]) {
+    out.copy_from_slice(q);
+    if robot.floating() {
+        let turned = UnitQuaternion::from_scaled_axis(vector(v)) * quaternion(&q[3..7]);
+        write_quaternion(&mut out[3..7], &turned);
+        (0..3).for_each(|k| out[k] += v[3 + k]);
+    }
+    out[robot.root_coords()..].iter_mut().zip(&v[robot.root_dofs()..]).for_each(|(q, v)| *q += v);
+    wrap_state(robot, out);
+}
+
+/// The shortest tangent that leads from `a` to `b`: the inverse of [`integrate`].
+pub fn difference(robot: &Robot, a: &[f64], b: &[f64], out: &mut [f64]) {
+    if robot.floating() {
+        let turn = (quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse()).scaled_axis();
+        out[..3].copy_from_slice(turn.as_slice());
+        (0..3).for_each(|k| out[3 + k] = b[k] - a[k]);
+    }
+    let (coords, dofs) = (robot.root_coords(), robot.root_dofs());
+    for (i, joint) in robot.joints().enumerate() {
+        let d = b[coords + i] - a[coords + i];
+        out[dofs + i] = if joint.wraps() { wrap(d) } else { d };
+    }
+}
+
 /// Reads three coordinates.
 #[inline]
 pub fn vector(x: &[f64]) -> Vector3<f64> {

@@ -44,7 +44,6 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
         (r#"lower="-1""#, r#"lower="2""#, "`shoulder`", "limit"),
         (r#"lower="-1""#, r#"lower="-inf""#, "`shoulder`", "limit"),
         (r#"lower="-1""#, r#"lower="nan""#, "`shoulder`", "limit"),
-        (r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, "", "`shoulder`", "limit"),
         (r#"<origin xyz="0 0 1"/><axis"#, r#"<origin xyz="0 inf 1"/><axis"#, "`shoulder`", "origin"),
         (r#"mass value="2""#, r#"mass value="-2""#, "`upper`", "mass"),
         (r#"mass value="2""#, r#"mass value="nan""#, "`upper`", "mass"),
@@ -73,6 +72,23 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
         assert!(error.contains(culprit) && error.contains(reason), "{to}: `{error}` does not name {culprit} and {reason}");
         assert!(!error.contains('\n'), "{to}: more than one line: {error}");
     }
+}
+
+#[test]
+fn what_a_file_leaves_out_is_taken_for_granted_and_said() {
+    // A joint without limits that cannot move would be a fixed one.
+    let robot =
+        Robot::from_urdf(&ARM.replacen(r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, "", 1), false).expect("a robot");
+    assert!(robot.joints().next().is_some_and(|j| j.limit.is_none() && j.wraps()));
+    assert!(robot.notes.len() == 1 && robot.notes[0].contains("joint `shoulder`: <limit> is missing"), "{:?}", robot.notes);
+    // Links on fixed joints are frames.
+    let frames: Vec<_> = robot.frames.iter().map(|f| (f.name.as_str(), f.link)).collect();
+    assert_eq!(frames, [("base", None), ("tip", Some(0))]);
+    // A fixed link that no body can be is said, and harms nothing where the whole is sound.
+    let odd =
+        r#"<link name="tip"><inertial><mass value="0"/><inertia ixx="-1e-3" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>"#;
+    let robot = Robot::from_urdf(&ARM.replacen(r#"<link name="tip"/>"#, odd, 1), false).expect("a robot");
+    assert!(robot.notes.iter().any(|n| n.contains("link `tip`: inertia is not positive")), "{:?}", robot.notes);
 }
 
 #[test]

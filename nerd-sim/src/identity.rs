@@ -82,7 +82,7 @@ fn link(link: &Link, touching: bool) -> Value {
 }
 
 fn joint(joint: &Joint) -> Value {
-    json!({
+    let mut value = json!({
         "kind": format!("{:?}", joint.kind),
         "origin": pose(joint.origin()),
         "axis": joint.axis().as_slice(),
@@ -90,7 +90,12 @@ fn joint(joint: &Joint) -> Value {
         "damping": joint.damping,
         "friction": joint.friction,
         "armature": joint.armature,
-    })
+    });
+    // Said only where there is something to say: what moves as it always did has the hash it always had.
+    if let Some(m) = joint.mimic {
+        value["mimic"] = json!([m.coordinate, m.multiplier, m.offset]);
+    }
+    value
 }
 
 fn shape(shape: &Shape) -> Value {

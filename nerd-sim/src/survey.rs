@@ -14,6 +14,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use nerd_core::robot::UrdfError;
+
 use crate::prelude::*;
 
 /// Frames rolled out.
@@ -38,7 +40,7 @@ pub struct Surveyed {
     pub name: String,
     /// Of the robot, where it can be read.
     pub sizes: Option<Sizes>,
-    /// Whether it moves on a fixed base: substeps a frame, or why not.
+    /// Whether it moves on a fixed base: substeps a frame, 0 where it has nothing to move, or why not.
     pub fixed: Result<usize, String>,
     /// Whether it moves on a free base.
     pub floating: Result<usize, String>,
@@ -87,9 +89,13 @@ fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
 /// Reads a file on both bases and rolls what it holds out.
 pub fn survey(Found { path, name }: &Found) -> Surveyed {
     let text = text(path);
-    let read = |floating| -> Result<System, String> {
-        let text = text.as_ref().map_err(Clone::clone)?;
-        caught(|| System::bare(name, text, floating).map_err(|e| reason(&e, name)))
+    let read = |floating| -> Result<System, Unread> {
+        let text = text.as_ref().map_err(|e| Unread::Because(e.clone()))?;
+        let read = || match System::bare(name, text, floating) {
+            Err(SystemError::Urdf(_, UrdfError::Still)) => Ok(None),
+            other => other.map(Some).map_err(|e| reason(&e, name)),
+        };
+        caught(read).map_err(Unread::Because)?.ok_or(Unread::Still)
     };
     let tries = [false, true].map(read);
     let sizes = tries.iter().flatten().next().map(|System { robot, .. }| Sizes {
@@ -98,8 +104,21 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
         mass: robot.mass(),
         meshes: robot.skipped_meshes.len(),
     });
-    let [fixed, floating] = tries.map(|system| system.and_then(|system| caught(|| roll(system, name))));
+    let roll = |system: Result<System, Unread>| match system {
+        Ok(system) => caught(|| roll(system, name)),
+        Err(Unread::Still) => Ok(0),
+        Err(Unread::Because(reason)) => Err(reason),
+    };
+    let [fixed, floating] = tries.map(roll);
     Surveyed { name: name.clone(), sizes, fixed, floating }
+}
+
+/// Why there is no robot to roll out.
+enum Unread {
+    /// Nothing of it moves.
+    Still,
+    /// A line.
+    Because(String),
 }
 
 /// The text of a file, or why it has none.

@@ -63,6 +63,7 @@ fn row(robot: &Surveyed) -> Vec<String> {
         .sizes
         .map_or(["-"; 4].map(String::from), |s| [s.links.to_string(), s.joints.to_string(), digits(s.mass), s.meshes.to_string()]);
     let said = |moves: &Result<usize, String>| match moves {
+        Ok(0) => "ok: nothing to move".into(),
         Ok(4) => "ok".into(),
         Ok(substeps) => format!("ok at {substeps} substeps"),
         Err(reason) => reason.clone(),

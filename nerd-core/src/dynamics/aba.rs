@@ -1,31 +1,35 @@
 //! Forward dynamics.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 
-use super::{Data, inertias};
+use super::{Data, Factor, bias, crba, inertias};
 use crate::robot::Robot;
-use crate::spatial::{Motion, SpatialInertia, Wrench};
+use crate::spatial::{Motion, Wrench};
 
 /// Accelerations into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
 /// [`super::kinematics`]; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
 ///
 /// Articulated-body algorithm: `qdd` from torques in O(n). With `U = I^A S`, `D = S . U + armature`, `u = tau - S . p`:
-/// `I^A_p += I^A - U U^T / D`, `p_p += p + I^a c + U u / D`, then outward `qdd = (u - U . A') / D`.
+/// `I^A_p += I^A - U U^T / D`, `p_p += p + I^a c + U u / D`, then outward `qdd = (u - U . A') / D`. Where joints follow others, which
+/// couples branches of the tree, by the mass matrix's factor instead.
 #[must_use = "without inertia there is no acceleration"]
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
-    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
+    if let Some(factor) = data.factor.take() {
+        return coupled(robot, qd, tau, gravity, data, factor);
+    }
+    let first = usize::from(robot.floating());
     inertias(robot, data);
     for (i, link) in robot.links.iter().enumerate() {
         let (mut v, mut c) = (Motion::default(), Motion::default());
         if link.joint.is_none() {
             v = Motion::new(Vector3::new(qd[0], qd[1], qd[2]), Vector3::new(qd[3], qd[4], qd[5]));
         } else {
-            let rate = data.axis[i] * qd[dofs + i - first];
+            let rate = data.axis[i] * qd[data.dof[i]];
             v += link.parent.map_or(Motion::default(), |p| data.velocity[p]) + rate;
             c = v.cross(&rate);
         }
         (data.velocity[i], data.acceleration[i]) = (v, c);
-        data.articulated[i] = matrix(&data.inertia[i]);
+        data.articulated[i] = data.inertia[i].matrix();
         data.force[i] = v.cross_wrench(&data.inertia[i].apply(&v)) - data.external[i];
     }
     for i in (first..robot.links.len()).rev() {
@@ -36,7 +40,7 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
         if pivot.is_nan() || pivot <= 0.0 {
             return false;
         }
-        let residual = tau[dofs + i - first] - data.axis[i].dot(&data.force[i]);
+        let residual = tau[data.dof[i]] - data.axis[i].dot(&data.force[i]);
         (data.gain[i], data.pivot[i], data.residual[i]) = (gain, pivot, residual);
         if let Some(p) = robot.links[i].parent {
             let inertia = data.articulated[i] - gain * gain.transpose() / pivot;
@@ -64,23 +68,25 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
         let qdd = (data.residual[i] - data.gain[i].dot(&stack(&a.ang, &a.lin))) / data.pivot[i];
         a += data.axis[i] * qdd;
         data.acceleration[i] = a;
-        data.qdd[dofs + i - first] = qdd;
+        data.qdd[data.dof[i]] = qdd;
     }
     true
+}
+
+/// `qdd = M^-1 (tau - c)`.
+fn coupled(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data, mut factor: Box<Factor>) -> bool {
+    bias(robot, qd, gravity, data);
+    crba(robot, data);
+    let sound = factor.refill(&data.mass);
+    if sound {
+        data.qdd.iter_mut().zip(tau.iter().zip(data.tau.iter())).for_each(|(a, (tau, c))| *a = tau - c);
+        factor.solve(data.qdd.as_mut_slice());
+    }
+    data.factor = Some(factor);
+    sound
 }
 
 #[inline]
 fn stack(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
-}
-
-/// `[[I, h x], [-h x, m 1]]`.
-fn matrix(inertia: &SpatialInertia) -> Matrix6<f64> {
-    let h = inertia.moment.cross_matrix();
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&inertia.inertia);
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&h);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&h.transpose());
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::from_diagonal_element(inertia.mass));
-    m
 }

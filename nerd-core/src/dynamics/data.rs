@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+use super::Factor;
 use crate::robot::Robot;
 use crate::spatial::{Motion, SpatialInertia, Wrench};
 
@@ -10,11 +11,14 @@ use crate::spatial::{Motion, SpatialInertia, Wrench};
 pub struct Data {
     /// Where the common origin stands in the world (m): at the root, unless [`super::kinematics_about`] put it elsewhere.
     pub origin: Vector3<f64>,
+    /// Index in `qd` of each link's joint, see [`Robot::dofs`].
+    pub dof: Vec<usize>,
     /// Rotation of each link frame, link to world.
     pub rotation: Vec<Matrix3<f64>>,
     /// Place of each link frame from the common origin (world axes, m).
     pub position: Vec<Vector3<f64>>,
-    /// Joint axis of each link as a motion; unused for a floating root.
+    /// Motion of each link per unit of its coordinate's rate: the joint's axis, for one that follows times its multiplier; unused for a
+    /// floating root.
     pub axis: Vec<Motion>,
     /// Inertia of each link about the common origin; filled by [`super::crba`], [`super::aba`] or [`super::inertias`].
     pub inertia: Vec<SpatialInertia>,
@@ -35,6 +39,8 @@ pub struct Data {
     pub(super) gain: Vec<nalgebra::Vector6<f64>>,
     pub(super) pivot: Vec<f64>,
     pub(super) residual: Vec<f64>,
+    /// Where some joint follows another, no recursion gives accelerations.
+    pub(super) factor: Option<Box<Factor>>,
 }
 
 impl Data {
@@ -43,6 +49,7 @@ impl Data {
         let (n, nv) = (robot.links.len(), robot.nv());
         Self {
             origin: Vector3::zeros(),
+            dof: robot.dofs(),
             rotation: vec![Matrix3::identity(); n],
             position: vec![Vector3::zeros(); n],
             axis: vec![Motion::default(); n],
@@ -59,6 +66,7 @@ impl Data {
             gain: vec![nalgebra::Vector6::zeros(); n],
             pivot: vec![0.0; n],
             residual: vec![0.0; n],
+            factor: robot.mimics().then(|| Box::new(Factor::new(robot))),
         }
     }
 }

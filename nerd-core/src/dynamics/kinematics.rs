@@ -20,7 +20,7 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
     let base = root_position(robot, q) - origin;
     let root = root_rotation(robot, q);
     let joints = &q[robot.root_coords()..];
-    let first = usize::from(robot.floating());
+    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     if robot.floating() {
         data.rotation[0] = root;
         data.position[0] = base;
@@ -31,7 +31,11 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             Some(p) => (&data.rotation[p], data.position[p]),
             None => (&root, base),
         };
-        let (value, turn) = (joints[i - first], joint.turn());
+        let turn = joint.turn();
+        let value = match &joint.mimic {
+            None => joints[data.dof[i] - dofs],
+            Some(mimic) => mimic.multiplier * joints[mimic.coordinate] + mimic.offset,
+        };
         let mut position = start + parent * joint.origin().translation.vector;
         let rotation = match joint.kind {
             JointKind::Prismatic => parent * (turn[0] + turn[2]),
@@ -49,6 +53,9 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             }
             _ => Motion::new(axis, position.cross(&axis)),
         };
+        if let Some(mimic) = &joint.mimic {
+            data.axis[i] = data.axis[i] * mimic.multiplier;
+        }
         data.rotation[i] = rotation;
         data.position[i] = position;
     }

@@ -25,6 +25,10 @@ impl Factor {
     /// Room for the mass matrix of `robot`.
     pub fn new(robot: &Robot) -> Self {
         let (dofs, first, nv) = (robot.root_dofs(), usize::from(robot.floating()), robot.nv());
+        // Joints that follow others couple branches of the tree: then no entry is known to be zero.
+        if robot.mimics() {
+            return Self { rows: DMatrix::zeros(nv, nv), parent: (0..nv).map(|k| k.wrapping_sub(1)).collect(), lost: 0 };
+        }
         let root = (0..dofs).map(|k| k.wrapping_sub(1));
         let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
         let joints = robot.links[first..].iter().map(|l| l.parent.map_or(usize::MAX, above));

@@ -1,5 +1,5 @@
 //! Forward kinematics and the three classical algorithms: RNEA (inverse dynamics), CRBA (mass matrix), ABA
-//! (forward dynamics), after Featherstone 2008, chapters 5 to 7.
+//! (forward dynamics), after Featherstone 2008, chapters 5 to 7; Jacobians and analytic derivatives.
 //!
 //! **One frame for all.** World axes, origin at the root (the floating base's position, or the fixed base). It is
 //! an inertial frame that happens to stand where the root is now, so every spatial vector of the robot lives in it,
@@ -7,11 +7,13 @@
 //! A floating root's first six velocities are here `(w, p_dot)` and their derivatives the spatial acceleration
 //! `(w_dot, p_ddot - w x p_dot)`; [`to_local`] and [`to_world`] convert from and to a state's twist.
 //!
-//! Nothing allocates but [`Data::new`] and [`Factor::new`].
+//! Nothing allocates but [`Data::new`], [`Factor::new`] and what makes [`Derivatives`].
 
 mod aba;
 mod crba;
 mod data;
+mod derivatives;
+mod jacobian;
 mod kinematics;
 mod ltl;
 mod rnea;
@@ -20,6 +22,8 @@ mod totals;
 pub use aba::aba;
 pub use crba::crba;
 pub use data::Data;
+pub use derivatives::Derivatives;
+pub use jacobian::{com_jacobian, jacobian};
 pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, move_twist, point_position, root_position, to_local, to_world};
 pub use ltl::Factor;
 pub use rnea::{bias, rnea, velocities};

@@ -29,19 +29,17 @@ pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data
 /// Twists of all links into `data.velocity`. Needs [`super::kinematics`]; `qd` local.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
-    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     for (i, link) in robot.links.iter().enumerate() {
         data.velocity[i] = match (link.joint.is_some(), link.parent) {
             (false, _) => motion(qd),
-            (true, None) => data.axis[i] * qd[dofs + i - first],
-            (true, Some(p)) => data.velocity[p] + data.axis[i] * qd[dofs + i - first],
+            (true, None) => data.axis[i] * qd[data.dof[i]],
+            (true, Some(p)) => data.velocity[p] + data.axis[i] * qd[data.dof[i]],
         };
     }
 }
 
 #[inline]
 fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
-    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
     let base = Motion::new(Vector3::zeros(), -gravity);
     for (i, link) in robot.links.iter().enumerate() {
         if link.joint.is_none() {
@@ -52,7 +50,7 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             }
         } else {
             let (mut v, mut a) = link.parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
-            let k = dofs + i - first;
+            let k = data.dof[i];
             let rate = data.axis[i] * qd[k];
             v += rate;
             a += v.cross(&rate);
@@ -68,15 +66,18 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
         let n = r * (body.inertia * w_dot + w.cross(&(body.inertia * w))) + c.cross(&f);
         data.force[i] = Wrench::new(n, f) - data.external[i];
     }
+    // Joints that follow one add to its torque.
+    data.tau.fill(0.0);
     for (i, link) in robot.links.iter().enumerate().rev() {
         let f = data.force[i];
         if link.joint.is_none() {
             data.tau.as_mut_slice()[..3].copy_from_slice(f.ang.as_slice());
             data.tau.as_mut_slice()[3..6].copy_from_slice(f.lin.as_slice());
         } else {
-            data.tau[dofs + i - first] = data.axis[i].dot(&f);
+            let k = data.dof[i];
+            data.tau[k] += data.axis[i].dot(&f);
             if ACCELERATED && let Some(joint) = &link.joint {
-                data.tau[dofs + i - first] += joint.armature * qdd[dofs + i - first];
+                data.tau[k] += joint.ratio().powi(2) * joint.armature * qdd[k];
             }
         }
         if let Some(p) = link.parent {

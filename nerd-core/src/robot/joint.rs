@@ -35,6 +35,17 @@ impl Limit {
     }
 }
 
+/// How a joint follows a coordinate: `position = multiplier q + offset`, exactly and at all times. It has no coordinate of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mimic {
+    /// Index of the coordinate among those of the joints, `0..joint_count`.
+    pub coordinate: usize,
+    /// rad or m per unit of the coordinate.
+    pub multiplier: f64,
+    /// Where it stands at a coordinate of zero (rad or m).
+    pub offset: f64,
+}
+
 /// A one-DoF joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
@@ -42,6 +53,9 @@ pub struct Joint {
     pub name: String,
     /// How it moves.
     pub kind: JointKind,
+    /// What it follows, if it does not move by itself. Its own limit, damping and friction then have no effect: reading a URDF adds the
+    /// latter two to the joint that it follows.
+    pub mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
@@ -66,6 +80,7 @@ impl Joint {
         Self {
             name: name.into(),
             kind,
+            mimic: None,
             limit: None,
             damping: 0.0,
             friction: 0.0,
@@ -106,6 +121,12 @@ impl Joint {
     #[inline]
     pub(crate) fn turn(&self) -> &[Matrix3<f64>; 3] {
         &self.turn
+    }
+
+    /// Change of its position with its coordinate: 1 but for a joint that follows.
+    #[inline]
+    pub fn ratio(&self) -> f64 {
+        self.mimic.map_or(1.0, |m| m.multiplier)
     }
 
     /// Whether the coordinate is an angle kept in [-pi, pi): whether it turns without limits. A joint with limits, however

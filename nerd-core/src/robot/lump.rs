@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{Geometry, JointType};
 
-use super::{Joint, JointKind, Limit, Robot, Shape, ShapeKind, UrdfError};
+use super::{Joint, JointKind, Limit, Link, Robot, Shape, ShapeKind, UrdfError};
 use crate::spatial::BodyInertia;
 
 /// Products of a few numbers below this are still finite; no robot comes near it.
@@ -22,11 +22,9 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     if !mass.is_finite() || mass < 0.0 || inertia.iter().any(|x| !x.is_finite()) {
         return Err(wrong(format!("mass {mass} kg or inertia is negative or not finite")));
     }
-    // Scaled to 1, so that no finite numbers overflow; what is no more than rounding of a file's maker is no inertia.
-    let scale = inertia.amax();
-    let least = if scale > 1e-15 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
-    if least < -1e-9 {
-        return Err(wrong(format!("inertia is not positive semi-definite (smallest eigenvalue {:.3e} kg m^2)", least * scale)));
+    if let Some(least) = indefinite(&inertia) {
+        // Together with what it is fixed on it may be one all the same, which is looked at when all is there.
+        robot.notes.push(format!("link `{}`: inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)", source.name));
     }
     let place = pose * origin;
     let body = BodyInertia { mass, com: Vector3::zeros(), inertia };
@@ -48,8 +46,27 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     Ok(())
 }
 
+/// The smallest eigenvalue of an inertia that is negative by more than rounding.
+fn indefinite(inertia: &Matrix3<f64>) -> Option<f64> {
+    // Scaled to 1, so that no finite numbers overflow; what is no more than rounding of a file's maker is no inertia.
+    let scale = inertia.amax();
+    let least = if scale > 1e-15 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
+    (least < -1e-9).then_some(least * scale)
+}
+
+/// Refuses moving links whose inertia, all fixed ones included, is none that a body can have.
+pub(super) fn sound(robot: &Robot) -> Result<(), UrdfError> {
+    let bad = |link: &Link| indefinite(&link.inertia.inertia).map(|least| (link.name.clone(), least));
+    match robot.links.iter().find_map(bad) {
+        Some((name, least)) => {
+            Err(UrdfError::link(&name, format!("inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)")))
+        }
+        None => Ok(()),
+    }
+}
+
 /// A moving joint of the file; `origin` is its frame in the moving link above it.
-pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<Joint, UrdfError> {
+pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>, notes: &mut Vec<String>) -> Result<Joint, UrdfError> {
     let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
     let kind = match source.joint_type {
         JointType::Revolute => JointKind::Revolute,
@@ -57,9 +74,6 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<J
         JointType::Prismatic => JointKind::Prismatic,
         ref other => return Err(wrong(&format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints"))),
     };
-    if source.mimic.is_some() {
-        return Err(wrong("<mimic> is not supported: every joint moves by itself"));
-    }
     let axis = Vector3::from(*source.axis.xyz);
     let usable = (1e-9..1e9).contains(&axis.norm());
     let axis = Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| wrong("axis has no direction or is not finite"))?;
@@ -76,8 +90,10 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>) -> Result<J
     (joint.effort, joint.velocity) = (given(limit.effort), given(limit.velocity));
     if kind != JointKind::Continuous {
         joint.limit = match (limit.lower, limit.upper) {
+            // What a file means that leaves it out, since a joint that cannot move is a fixed one.
             (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
-                return Err(wrong("<limit> is missing or all zero; an endless joint is continuous"));
+                notes.push(format!("joint `{}`: <limit> is missing or all zero; it moves without end", source.name));
+                None
             }
             (lower, upper) if lower > upper => return Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
             // What URDF 1.2 means by leaving both out, and what others write for it.

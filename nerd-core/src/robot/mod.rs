@@ -2,6 +2,7 @@
 
 mod joint;
 mod lump;
+mod mimic;
 mod model;
 mod scale;
 mod shape;
@@ -9,7 +10,7 @@ mod urdf;
 mod words;
 mod xml;
 
-pub use joint::{Joint, JointKind, Limit};
-pub use model::{Base, Link, Robot};
+pub use joint::{Joint, JointKind, Limit, Mimic};
+pub use model::{Base, FixedFrame, Link, Robot};
 pub use shape::{Shape, ShapeKind};
 pub use urdf::UrdfError;

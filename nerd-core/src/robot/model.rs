@@ -1,6 +1,6 @@
 //! Links and the robot they make. Fixed joints are lumped away; every link but a floating root hangs on one moving joint.
 //!
-//! Dimensions: with `k` one-DoF joints a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
+//! Dimensions: with `k` one-DoF joints that move by themselves a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
 //! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w`.
 
@@ -34,6 +34,17 @@ pub struct Link {
     pub shapes: Vec<Shape>,
 }
 
+/// A frame fixed on a moving link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FixedFrame {
+    /// Name of its link in the URDF.
+    pub name: String,
+    /// Index of the moving link that carries it; `None` on a fixed base.
+    pub link: Option<usize>,
+    /// Where it is in that link's frame, or in the base's.
+    pub pose: Isometry3<f64>,
+}
+
 /// A robot model. Links are in topological order: a parent stands before its children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
@@ -50,6 +61,10 @@ pub struct Robot {
     pub mass_matrix_of: Vec<usize>,
     /// Links of the URDF whose collision meshes were passed over: only primitives are looked at for contact.
     pub skipped_meshes: Vec<String>,
+    /// Links of the URDF that hang on fixed joints (sole, IMU, tool) and where they are.
+    pub frames: Vec<FixedFrame>,
+    /// What was taken for granted where the URDF is silent, a line each.
+    pub notes: Vec<String>,
 }
 
 impl Robot {
@@ -59,7 +74,7 @@ impl Robot {
         self.base == Base::Floating
     }
 
-    /// DoF of the root: 6 if floating, else 0. The joint of link `i` has DoF index `root_dofs() + joint_index(i)`.
+    /// DoF of the root: 6 if floating, else 0. The DoF of a link's joint is that of [`Robot::dofs`].
     #[inline]
     pub fn root_dofs(&self) -> usize {
         if self.floating() { 6 } else { 0 }
@@ -71,10 +86,35 @@ impl Robot {
         if self.floating() { 7 } else { 0 }
     }
 
-    /// Number of one-DoF joints.
+    /// Number of one-DoF joints that move by themselves.
     #[inline]
     pub fn joint_count(&self) -> usize {
-        self.links.len() - usize::from(self.floating())
+        self.joints().count()
+    }
+
+    /// Whether some joint follows another.
+    #[inline]
+    pub fn mimics(&self) -> bool {
+        self.follower().is_some()
+    }
+
+    /// A joint that follows another, if there is one.
+    pub fn follower(&self) -> Option<&Joint> {
+        self.links.iter().filter_map(|l| l.joint.as_ref()).find(|j| j.mimic.is_some())
+    }
+
+    /// The index in `qd` of each link's joint; joints that follow one share its index. Of a floating root 0, which is the first of its six.
+    pub fn dofs(&self) -> Vec<usize> {
+        let (first, mut own) = (self.root_dofs(), 0);
+        let of = |link: &Link| match &link.joint {
+            None => 0,
+            Some(Joint { mimic: Some(mimic), .. }) => first + mimic.coordinate,
+            Some(_) => {
+                own += 1;
+                first + own - 1
+            }
+        };
+        self.links.iter().map(of).collect()
     }
 
     /// Length of `q`.
@@ -104,14 +144,15 @@ impl Robot {
         state
     }
 
-    /// The one-DoF joints in the order of their coordinates.
+    /// The one-DoF joints that move by themselves, in the order of their coordinates.
+    #[inline]
     pub fn joints(&self) -> impl Iterator<Item = &Joint> {
-        self.links.iter().filter_map(|l| l.joint.as_ref())
+        self.links.iter().filter_map(|l| l.joint.as_ref()).filter(|j| j.mimic.is_none())
     }
 
     /// The same, to be changed (armature, damping, limits).
     pub fn joints_mut(&mut self) -> impl Iterator<Item = &mut Joint> {
-        self.links.iter_mut().filter_map(|l| l.joint.as_mut())
+        self.links.iter_mut().filter_map(|l| l.joint.as_mut()).filter(|j| j.mimic.is_none())
     }
 
     /// Whether some joint has dry friction.

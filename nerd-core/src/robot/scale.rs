@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 
-use super::{Base, Robot, Shape, ShapeKind};
+use super::{Base, JointKind, Robot, Shape, ShapeKind};
 use crate::contact::ContactPoint;
 use crate::spatial::BodyInertia;
 
@@ -13,12 +13,22 @@ impl Robot {
         if let Base::Fixed(pose) = &mut self.base {
             *pose = scaled(pose, factor);
         }
+        let metres: Vec<bool> = self.joints().map(|j| j.kind == JointKind::Prismatic).collect();
         for link in &mut self.links {
             link.inertia.com *= factor;
             link.inertia.inertia *= factor * factor;
             link.shapes.iter_mut().for_each(|shape| shape.scale(factor));
             if let Some(joint) = &mut link.joint {
                 joint.set_origin(scaled(joint.origin(), factor));
+                let own = joint.kind == JointKind::Prismatic;
+                if let Some(mimic) = &mut joint.mimic {
+                    mimic.offset *= if own { factor } else { 1.0 };
+                    mimic.multiplier *= match (own, metres[mimic.coordinate]) {
+                        (true, false) => factor,
+                        (false, true) => 1.0 / factor,
+                        _ => 1.0,
+                    };
+                }
             }
         }
         if own {

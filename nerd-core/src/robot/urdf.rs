@@ -3,16 +3,18 @@
 //! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
 //! pose. A fixed base drops the root link's own inertia and shapes (it is bolted to the world, at the world's origin)
-//! and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0.
+//! and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
+//! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`].
 
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::Isometry3;
 use urdf_rs::JointType;
 
-use super::lump::{isometry, joint, lump};
+use super::lump::{isometry, joint, lump, sound};
+use super::mimic::follow;
 use super::xml::without_materials;
-use super::{Base, Link, Robot};
+use super::{Base, FixedFrame, Link, Robot};
 use crate::spatial::BodyInertia;
 
 /// Why a URDF cannot be honoured.
@@ -41,6 +43,9 @@ pub enum UrdfError {
     /// The links and joints do not make one tree.
     #[error("the joints do not make one tree: {0}")]
     Tree(String),
+    /// A robot without a joint, bolted down.
+    #[error("nothing moves: no moving joint and no floating base")]
+    Still,
 }
 
 impl UrdfError {
@@ -72,14 +77,17 @@ impl Robot {
             contact_points: Vec::new(),
             mass_matrix_of: Vec::new(),
             skipped_meshes: Vec::new(),
+            frames: Vec::new(),
+            notes: Vec::new(),
         };
         if floating {
             robot.links.push(bare(&file.links[tree.root], None, None));
         }
         tree.add(floating.then_some(0), &mut robot)?;
         if robot.nv() == 0 {
-            return Err(UrdfError::Tree("nothing moves: no moving joint and no floating base".into()));
+            return Err(UrdfError::Still);
         }
+        sound(&robot)?;
         robot.contact_points = robot.default_contact_points();
         Ok(robot)
     }
@@ -132,13 +140,18 @@ impl<'a> Tree<'a> {
         // it, its pose there, and the joint it moves by, if it does.
         let mut stack = vec![(self.root, host, Isometry3::identity(), None)];
         let mut seen = vec![false; self.file.links.len()];
+        let mut followers = Vec::new();
         while let Some((link, mut host, mut pose, moving)) = stack.pop() {
             seen[link] = true;
             let source = &self.file.links[link];
             if let Some(j) = moving {
-                let joint = Some(joint(&self.file.joints[j], pose)?);
+                let of = &self.file.joints[j];
+                let joint = Some(joint(of, pose, &mut robot.notes)?);
                 robot.links.push(bare(source, host, joint));
                 (host, pose) = (Some(robot.links.len() - 1), Isometry3::identity());
+                followers.extend(of.mimic.as_ref().map(|mimic| (robot.links.len() - 1, mimic)));
+            } else if host.is_none() || link != self.root {
+                robot.frames.push(FixedFrame { name: source.name.clone(), link: host, pose });
             }
             if let Some(host) = host {
                 lump(source, &pose, host, robot)?;
@@ -153,7 +166,7 @@ impl<'a> Tree<'a> {
         }
         match seen.iter().position(|s| !s) {
             Some(lost) => Err(UrdfError::link(&self.file.links[lost].name, "hangs in a cycle of joints, apart from the root")),
-            None => Ok(()),
+            None => follow(robot, &followers),
         }
     }
 }

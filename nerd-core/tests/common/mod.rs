@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, inertias, kinematics, point_position, velocities};
-use nerd_core::robot::{Base, Joint, JointKind, Link, Robot};
+use nerd_core::robot::{Base, Joint, JointKind, Link, Mimic, Robot};
 use nerd_core::spatial::{BodyInertia, Wrench};
 use nerd_core::state::{quaternion, vector, write_quaternion};
 use rand::RngExt;
@@ -62,7 +62,29 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
         joint.armature = rng.random_range(0.0..0.1);
         links.push(Link { name: format!("link{k}"), parent, joint: Some(joint), inertia: body(rng), shapes: Vec::new() });
     }
-    Robot { name: "random".into(), base, links, contact_points: Vec::new(), mass_matrix_of: Vec::new(), skipped_meshes: Vec::new() }
+    Robot {
+        name: "random".into(),
+        base,
+        links,
+        contact_points: Vec::new(),
+        mass_matrix_of: Vec::new(),
+        skipped_meshes: Vec::new(),
+        frames: Vec::new(),
+        notes: Vec::new(),
+    }
+}
+
+/// The same robot with some joints that follow others, which may stand on other branches, above or below them.
+pub fn following(rng: &mut Rng, robot: &Robot) -> Robot {
+    let mut robot = robot.clone();
+    let joints: Vec<usize> = (0..robot.links.len()).filter(|i| robot.links[*i].joint.is_some()).collect();
+    let free: Vec<usize> = joints.iter().copied().filter(|_| rng.random_range(0.0..1.0) < 0.6).collect();
+    for link in joints.iter().filter(|l| !free.contains(l) && !free.is_empty()) {
+        let coordinate = rng.random_range(0..free.len());
+        let (multiplier, offset) = (rng.random_range(-1.5..1.5), rng.random_range(-0.5..0.5));
+        robot.links[*link].joint.iter_mut().for_each(|j| j.mimic = Some(Mimic { coordinate, multiplier, offset }));
+    }
+    robot
 }
 
 /// Random coordinates and local velocities `(w, p_dot, joints)`.

@@ -149,7 +149,7 @@ impl Workspace {
         let Touches { touches, columns, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
-        let (data, first, dofs) = (&self.data, usize::from(robot.floating()), robot.root_dofs());
+        let (data, dofs) = (&self.data, robot.root_dofs());
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
             let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
@@ -159,7 +159,7 @@ impl Workspace {
             let mut link = Some(point.link);
             while let Some(i) = link {
                 if robot.links[i].joint.is_some() {
-                    columns.push((dofs + i - first, data.axis[i].at(&x)));
+                    columns.push((data.dof[i], data.axis[i].at(&x)));
                 } else {
                     for k in 0..3 {
                         columns.push((k, Vector3::ith(k, 1.0).cross(&x)));
@@ -231,7 +231,8 @@ impl Workspace {
                 }
                 factored = true;
                 right.fill(0.0);
-                columns.iter().for_each(|(k, a)| right[*k] = touch.normal.dot(a));
+                // Joints that follow one share its column.
+                columns.iter().for_each(|(k, a)| right[*k] += touch.normal.dot(a));
                 self.factor.solve(right);
                 // What only rubs, as dry friction does, always looks all the way ahead.
                 let w: f64 = columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum();

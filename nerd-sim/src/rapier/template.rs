@@ -34,6 +34,9 @@ pub(super) struct Template {
 impl Template {
     pub(super) fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
+        if let Some(joint) = robot.follower() {
+            return Err(format!("joint `{}` follows another (<mimic>), which rapier's multibodies cannot", joint.name));
+        }
         if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
             return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
         }

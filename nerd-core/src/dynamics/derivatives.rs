@@ -1,0 +1,225 @@
+//! Derivatives of inverse and forward dynamics, worked out (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
+//! Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
+
+use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3, Vector6};
+
+use super::jacobian::unit;
+use super::{Data, Factor, crba, rnea};
+use crate::robot::Robot;
+use crate::spatial::{Motion, SpatialInertia, Wrench};
+
+/// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
+///
+/// A column of `q` is the derivative along the tangent that has the rate's own numbers: a floating root turned about a world axis
+/// (rad), moved along one (m), then the joints. What is held fixed are the numbers of `qd` and of `qdd` or `tau` in the local form (see
+/// [`super::to_local`]).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Derivatives {
+    /// By the coordinates.
+    pub q: DMatrix<f64>,
+    /// By the rates.
+    pub qd: DMatrix<f64>,
+}
+
+/// Working memory of [`Derivatives`].
+#[derive(Clone, Debug)]
+struct Column {
+    dof: usize,
+    link: usize,
+    axis: Motion,
+    /// `v_p x S` and `a_p x S + v_p x (v_p x S)`, with p the link above.
+    first: Motion,
+    second: Motion,
+}
+
+impl Derivatives {
+    /// Room for those of `robot`.
+    pub fn new(robot: &Robot) -> Self {
+        let nv = robot.nv();
+        Self { q: DMatrix::zeros(nv, nv), qd: DMatrix::zeros(nv, nv) }
+    }
+
+    /// Of inverse dynamics: `tau` by q and qd, at fixed `qdd`. Needs [`super::kinematics`]; fills `data.tau` and `data.mass`. External
+    /// wrenches are held as they are.
+    ///
+    /// With the twists `v`, accelerations `a` (gravity included), forces f and composite inertias `I`, `B` of subtrees,
+    /// `B = 1/2 (v x* I - I v x + (I v) x*)`, and `S' = v_p x S`, `S'' = a_p x S + v_p x S'`:
+    ///
+    /// ```text
+    /// d tau_i / d q_j  = S_i . (2 B S_j' + I S_j'')                 j at i or above, B and I of i
+    /// d tau_i / d q_j  = S_i . (2 B S_j' + I S_j'' + S_j x* f)      j below i, B, I and f of j
+    /// d tau_i / d qd_j = S_i . 2 (B S_j + I S_j')                   B and I of the lower one
+    /// ```
+    ///
+    /// Nothing of a robot knows where its root is, and turning a floating one is turning what moves it the other way.
+    pub fn inverse(&mut self, robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
+        crba(robot, data);
+        rnea(robot, qd, qdd, gravity, data);
+        let external = std::mem::take(&mut data.external);
+        let n = robot.links.len();
+        let base = Motion::new(Vector3::zeros(), -gravity);
+        // Composites from the leaves to the root.
+        let mut inertia: Vec<Matrix6<f64>> = data.inertia.iter().map(SpatialInertia::matrix).collect();
+        let mut b: Vec<Matrix6<f64>> = (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
+        let mut force: Vec<Wrench> = (0..n)
+            .map(|i| {
+                let (own, v) = (&data.inertia[i], &data.velocity[i]);
+                own.apply(&data.acceleration[i]) + v.cross_wrench(&own.apply(v))
+            })
+            .collect();
+        let mut pushed = external.clone();
+        for i in (0..n).rev() {
+            if let Some(p) = robot.links[i].parent {
+                let (own, ob, of, oe) = (inertia[i], b[i], force[i], pushed[i]);
+                inertia[p] += own;
+                b[p] += ob;
+                force[p] += of;
+                pushed[p] += oe;
+            }
+        }
+        let column = |i: usize| {
+            let (v, a) = robot.links[i].parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
+            let axis = data.axis[i];
+            let first = v.cross(&axis);
+            Column { dof: data.dof[i], link: i, axis, first, second: a.cross(&axis) + v.cross(&first) }
+        };
+        let root = |k: usize| {
+            let axis = unit(k);
+            // Its acceleration is told as it is, so its axes do not turn with it: half of v x S.
+            Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
+        };
+        let first = usize::from(robot.floating());
+        let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
+        let columns: Vec<Column> = roots.into_iter().chain((first..n).map(column)).collect();
+        self.q.fill(0.0);
+        self.qd.fill(0.0);
+        for low in &columns {
+            let (i, own) = (low.link, stack(&low.axis));
+            let (down, turned) = (inertia[i] * own, b[i].transpose() * own * 2.0);
+            let below = b[i] * stack(&low.first) * 2.0 + inertia[i] * stack(&low.second) + wrench(&low.axis.cross_wrench(&force[i]));
+            let rate = (b[i] * own + inertia[i] * stack(&low.first)) * 2.0;
+            // Every column that carries this one, itself among them.
+            for up in columns.iter().filter(|up| carries(robot, up, low)) {
+                let (si, sj) = (low.dof, up.dof);
+                self.q[(si, sj)] += turned.dot(&stack(&up.first)) + down.dot(&stack(&up.second)) - up.axis.cross(&low.axis).dot(&pushed[i]);
+                self.qd[(si, sj)] += turned.dot(&stack(&up.axis)) + 2.0 * down.dot(&stack(&up.first));
+                if !std::ptr::eq(up, low) && !(up.link == i && robot.links[i].joint.is_none()) {
+                    self.q[(sj, si)] += stack(&up.axis).dot(&below);
+                    self.qd[(sj, si)] += stack(&up.axis).dot(&rate);
+                }
+            }
+        }
+        if robot.floating() {
+            self.turn_root(qd, qdd, gravity, &force[0], &pushed, &columns, data);
+        }
+        data.external = external;
+    }
+
+    /// Columns of a floating root: turning it is turning rates, accelerations and gravity the other way, and the root's wrench back.
+    #[allow(clippy::too_many_arguments)]
+    fn turn_root(
+        &mut self,
+        qd: &[f64],
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
+        force: &Wrench,
+        pushed: &[Wrench],
+        columns: &[Column],
+        data: &Data,
+    ) {
+        let part = |x: &[f64], at: usize| Vector3::new(x[at], x[at + 1], x[at + 2]);
+        for k in 0..6 {
+            self.q.column_mut(k).fill(0.0);
+        }
+        for k in 0..3 {
+            let e = Vector3::ith(k, 1.0);
+            let turned = [e.cross(&part(qd, 0)), e.cross(&part(qd, 3)), e.cross(&part(qdd, 0)), e.cross(&(part(qdd, 3) - gravity))];
+            for row in 0..self.q.nrows() {
+                let sum: f64 = (0..3)
+                    .map(|m| {
+                        self.qd[(row, m)] * turned[0][m]
+                            + self.qd[(row, 3 + m)] * turned[1][m]
+                            + data.mass[(row, m)] * turned[2][m]
+                            + data.mass[(row, 3 + m)] * turned[3][m]
+                    })
+                    .sum();
+                self.q[(row, k)] = -sum;
+            }
+            let (n, f) = (e.cross(&force.ang), e.cross(&force.lin));
+            (0..3).for_each(|m| {
+                self.q[(m, k)] += n[m];
+                self.q[(3 + m, k)] += f[m];
+            });
+            for low in columns.iter().filter(|c| c.dof >= 6) {
+                self.q[(low.dof, k)] -= unit(k).cross(&low.axis).dot(&pushed[low.link]);
+            }
+        }
+    }
+
+    /// Of forward dynamics: `qdd` by q and qd, at fixed `tau`: `-M^-1` times those of inverse dynamics at that acceleration. Needs
+    /// [`super::kinematics`] and the accelerations `qdd` for which they are wanted, for example [`super::aba`]'s; `qdd` by `tau` is
+    /// `M^-1`. `false` if the mass matrix is not positive definite; then nothing is told.
+    #[must_use = "without a mass matrix there are none"]
+    pub fn forward(
+        &mut self,
+        robot: &Robot,
+        qd: &[f64],
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
+        data: &mut Data,
+        factor: &mut Factor,
+    ) -> bool {
+        self.inverse(robot, qd, qdd, gravity, data);
+        if !factor.refill(&data.mass) {
+            return false;
+        }
+        for matrix in [&mut self.q, &mut self.qd] {
+            for mut column in matrix.column_iter_mut() {
+                column.neg_mut();
+                factor.solve(column.as_mut_slice());
+            }
+        }
+        true
+    }
+}
+
+/// Whether the joint of `up` carries the link of `low`.
+fn carries(robot: &Robot, up: &Column, low: &Column) -> bool {
+    let mut on = Some(low.link);
+    while let Some(i) = on {
+        if i == up.link {
+            return true;
+        }
+        on = robot.links[i].parent;
+    }
+    false
+}
+
+/// `B = 1/2 (v x* I - I v x + (I v) x*)`, with `(f x*) m = m x* f`.
+fn b_matrix(inertia: &SpatialInertia, matrix: &Matrix6<f64>, v: &Motion) -> Matrix6<f64> {
+    let h = inertia.apply(v);
+    let (w, l) = (v.ang.cross_matrix(), v.lin.cross_matrix());
+    let motion = blocks(&w, &Matrix3::zeros(), &l, &w);
+    // v x* is minus the transpose of v x.
+    let carried = blocks(&-h.ang.cross_matrix(), &-h.lin.cross_matrix(), &-h.lin.cross_matrix(), &Matrix3::zeros());
+    (-motion.transpose() * matrix - matrix * motion + carried) * 0.5
+}
+
+fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(b);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(c);
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(d);
+    m
+}
+
+#[inline]
+fn stack(m: &Motion) -> Vector6<f64> {
+    Vector6::new(m.ang.x, m.ang.y, m.ang.z, m.lin.x, m.lin.y, m.lin.z)
+}
+
+#[inline]
+fn wrench(f: &Wrench) -> Vector6<f64> {
+    Vector6::new(f.ang.x, f.ang.y, f.ang.z, f.lin.x, f.lin.y, f.lin.z)
+}

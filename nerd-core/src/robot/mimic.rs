@@ -1,0 +1,59 @@
+//! Joints that follow others: `<mimic>` of a URDF, folded into the coordinates.
+
+use super::{Joint, Limit, Mimic, Robot, UrdfError};
+
+/// Farther than any turn of a joint.
+const ENDLESS: f64 = 1e9;
+
+/// Makes joints of links follow what the file says, through joints that follow in turn.
+pub(super) fn follow(robot: &mut Robot, followers: &[(usize, &urdf_rs::Mimic)]) -> Result<(), UrdfError> {
+    let joint = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
+    let mut found = Vec::new();
+    for (link, mimic) in followers {
+        let own = robot.links[*link].joint.as_ref().map(|j| j.name.clone()).unwrap_or_default();
+        let wrong = |reason: String| UrdfError::joint(&own, reason);
+        let (mut at, mut multiplier, mut offset) = (*mimic, 1.0, 0.0);
+        // As many steps as there are followers, or they follow each other in a ring.
+        for step in 0..=followers.len() {
+            let (by, plus) = (at.multiplier.unwrap_or(1.0), at.offset.unwrap_or(0.0));
+            // Of `m (m' q + o') + o`, from the outside in.
+            offset += multiplier * plus;
+            multiplier *= by;
+            if !(multiplier.abs() < ENDLESS && offset.abs() < ENDLESS) {
+                return Err(wrong("<mimic> has a multiplier or an offset that is not finite, or absurd".into()));
+            }
+            let Some(next) = joint(robot, &at.joint) else {
+                return Err(wrong(format!("<mimic> of `{}`, which is no moving joint", at.joint)));
+            };
+            match followers.iter().find(|f| f.0 == next) {
+                Some((_, mimic)) if step < followers.len() => at = mimic,
+                Some(_) => return Err(wrong("<mimic> leads back to itself".into())),
+                None => {
+                    found.push((*link, next, multiplier, offset));
+                    break;
+                }
+            }
+        }
+    }
+    // Indices are those of the joints that move by themselves.
+    let own = |l: &usize| robot.links[*l].joint.is_some() && followers.iter().all(|f| f.0 != *l);
+    let order: Vec<usize> = (0..robot.links.len()).filter(own).collect();
+    for (link, leader, multiplier, offset) in found {
+        let coordinate = order.iter().position(|l| *l == leader).unwrap_or_default();
+        let Some(joint) = robot.links[link].joint.as_mut() else { continue };
+        joint.mimic = Some(Mimic { coordinate, multiplier, offset });
+        let (damping, friction) = (joint.damping, joint.friction);
+        let Some(leader) = robot.links[leader].joint.as_mut() else { continue };
+        leader.damping += multiplier * multiplier * damping;
+        leader.friction += multiplier.abs() * friction;
+        keep_turns(leader, multiplier);
+    }
+    Ok(())
+}
+
+/// A joint that turns without end forgets its turns, which one that follows by half of them would miss.
+fn keep_turns(leader: &mut Joint, multiplier: f64) {
+    if leader.wraps() && multiplier.fract() != 0.0 {
+        leader.limit = Some(Limit { lower: -ENDLESS, upper: ENDLESS, stiffness: 0.0, damping: 0.0 });
+    }
+}
