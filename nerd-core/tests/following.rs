@@ -102,8 +102,11 @@ fn a_urdf_says_what_follows_what() {
     assert!(a.wraps());
     let half = Robot::from_urdf(&text(r#"<mimic joint="ja" multiplier="0.5"/>|"#), false).expect("a robot");
     assert!(!half.joints().next().expect("a joint").wraps());
+    // What is not there cannot be followed.
+    let alone = Robot::from_urdf(&text(r#"<mimic joint="nobody"/>|"#), false).expect("a robot");
+    assert_eq!(alone.joint_count(), 3);
+    assert!(alone.notes[0].contains("joint `jb`: <mimic> of `nobody`, which is not there"), "{:?}", alone.notes);
     for (mimics, said) in [
-        (r#"<mimic joint="nobody"/>|"#, "joint `jb`: <mimic> of `nobody`, which is no moving joint"),
         (r#"<mimic joint="jc"/>|<mimic joint="jb"/>"#, "leads back to itself"),
         (r#"<mimic joint="jb"/>|"#, "leads back to itself"),
         (r#"<mimic joint="ja" multiplier="NaN"/>|"#, "not finite"),

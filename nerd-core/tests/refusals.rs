@@ -92,6 +92,20 @@ fn what_a_file_leaves_out_is_taken_for_granted_and_said() {
 }
 
 #[test]
+fn a_joint_that_carries_no_mass_is_a_frame_where_nothing_will_be_added() {
+    let massless = r#"<link name="tip"/>"#;
+    let text = ARM.replacen(r#"name="weld" type="fixed""#, r#"name="weld" type="continuous""#, 1);
+    assert!(text != ARM && text.contains(massless), "the arm has no such joint");
+    let kept = Robot::from_urdf(&text, false).expect("a robot");
+    assert_eq!(kept.joint_count(), 2, "armature may come later");
+    let alone = Robot::from_urdf_alone(&text, false).expect("a robot");
+    assert_eq!((alone.joint_count(), alone.frames.iter().filter(|f| f.name == "tip").count()), (1, 1));
+    assert!(alone.notes.iter().any(|n| n.contains("joint `weld`: it carries no mass")), "{:?}", alone.notes);
+    // All else is as it was.
+    assert_eq!(Robot::from_urdf_alone(ARM, true).expect("a robot"), Robot::from_urdf(ARM, true).expect("a robot"));
+}
+
+#[test]
 fn a_moving_link_may_lack_mass_and_a_triangle_inequality() {
     // Real files break both; armature comes later, and the moments are what the file says.
     for (from, to) in [(r#"mass value="2""#, r#"mass value="0""#), (r#"izz="1""#, r#"izz="9""#)] {

@@ -130,7 +130,7 @@ impl System {
 
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
     pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
-        let robot = Robot::from_urdf(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = plain(&robot);
         Self::new(name, robot, spec, false)
     }

@@ -1,9 +1,9 @@
 //! `cargo xtask urdf FOLDER`: other people's robots, see [`nerd_sim::survey`].
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use nerd_sim::survey::{FRAMES, Surveyed, find, survey};
+use nerd_sim::survey::{FRAMES, Found, Surveyed, differences, find, survey};
 
 use crate::common::bar;
 use nerd_train::report::artifact::Head;
@@ -16,6 +16,12 @@ pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
+    /// A Python that has Pinocchio (PyPI: pin): the dynamics are held against its own
+    #[arg(long, value_name = "PYTHON")]
+    pub pinocchio: Option<PathBuf>,
+    /// With --pinocchio: random states of each robot
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub states: u64,
     /// Folder to write urdfs.json and urdfs.md into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
@@ -50,13 +56,56 @@ pub fn run(args: UrdfArgs) -> Result<()> {
         robots.iter().filter(|r| r.fixed.is_ok()).count(),
         robots.iter().filter(|r| r.floating.is_ok()).count()
     );
-    let tables = vec![Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum)];
+    let mut tables = vec![Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum)];
+    if let Some(python) = &args.pinocchio {
+        tables.push(held_against(python, args.states as usize, &files, &robots)?);
+    }
     crate::out::tables(&tables);
     let Some(out) = args.out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), files.len() as f64);
     let inputs = Inputs(vec![Input::files("URDFs", &files.iter().map(|found| found.path.clone()).collect::<Vec<_>>())?]);
     Ok(Head { provenance, inputs, effort, tables, data: Default::default() }.write(&out, "urdfs")?)
 }
+
+/// Largest relative differences from Pinocchio's dynamics, of both bases.
+fn held_against(python: &Path, states: usize, files: &[Found], robots: &[Surveyed]) -> Result<Table> {
+    let bar = bar("robots", 2 * robots.len() as u64);
+    let mut rows = Vec::new();
+    let (mut version, mut same) = (String::new(), 0);
+    for (k, (file, robot)) in files.iter().zip(robots).enumerate() {
+        let path = std::fs::canonicalize(&file.path).with_context(|| format!("cannot read {}", file.path.display()))?;
+        for (base, robot) in ["fixed", "floating"].into_iter().zip(&robot.robots) {
+            bar.set(2 * k as u64);
+            let Some(robot) = robot else { continue };
+            let mut cells = vec![file.name.clone(), base.to_string()];
+            match differences(python, &path, robot, states, 0) {
+                Ok((worst, said)) => {
+                    same += usize::from(worst.values().all(|x| *x < SAME));
+                    version = said;
+                    cells.extend(QUANTITIES.map(|q| worst.get(q).map_or("-".into(), |x| format!("{x:.0e}"))));
+                }
+                Err(reason) => {
+                    cells.push(reason.replace('|', "/"));
+                    cells.resize(2 + QUANTITIES.len(), String::new());
+                }
+            }
+            rows.push(cells);
+        }
+    }
+    bar.finish();
+    let header: Vec<&str> = ["file", "base"].into_iter().chain(QUANTITIES).collect();
+    let note = format!(
+        "Dynamics beside Pinocchio {version} at {states} random states: largest entry of the difference over the largest of Pinocchio's, \
+         the worst state. {same} of {} rows are below {SAME:.0e} in everything.",
+        rows.len()
+    );
+    Ok(Table::new("pinocchio", &header).with(rows).noted(&note))
+}
+
+/// What is compared, in words: the mass matrix, torques at rest, inverse and forward dynamics, their derivatives, Jacobians of frames.
+const QUANTITIES: [&str; 9] = ["mass", "bias", "inverse", "forward", "inverse_q", "inverse_qd", "forward_q", "forward_qd", "jacobian"];
+/// Closer than this, two dynamics are the same.
+const SAME: f64 = 1e-9;
 
 fn row(robot: &Surveyed) -> Vec<String> {
     let sizes = robot

@@ -5,11 +5,19 @@ use super::{Joint, Limit, Mimic, Robot, UrdfError};
 /// Farther than any turn of a joint.
 const ENDLESS: f64 = 1e9;
 
-/// Makes joints of links follow what the file says, through joints that follow in turn.
-pub(super) fn follow(robot: &mut Robot, followers: &[(usize, &urdf_rs::Mimic)]) -> Result<(), UrdfError> {
+/// Makes joints of links follow what the file says, through joints that follow in turn. One that is to follow what is not in the file at
+/// all moves by itself, which is noted.
+pub(super) fn follow(robot: &mut Robot, file: &urdf_rs::Robot, mut followers: Vec<(usize, &urdf_rs::Mimic)>) -> Result<(), UrdfError> {
+    followers.retain(|(link, mimic)| {
+        let there = file.joints.iter().any(|j| j.name == mimic.joint);
+        if let (false, Some(joint)) = (there, &robot.links[*link].joint) {
+            robot.notes.push(format!("joint `{}`: <mimic> of `{}`, which is not there; it moves by itself", joint.name, mimic.joint));
+        }
+        there
+    });
     let joint = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
     let mut found = Vec::new();
-    for (link, mimic) in followers {
+    for (link, mimic) in &followers {
         let own = robot.links[*link].joint.as_ref().map(|j| j.name.clone()).unwrap_or_default();
         let wrong = |reason: String| UrdfError::joint(&own, reason);
         let (mut at, mut multiplier, mut offset) = (*mimic, 1.0, 0.0);

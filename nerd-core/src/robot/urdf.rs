@@ -64,12 +64,53 @@ impl Robot {
     /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are those of
     /// [`Robot::default_contact_points`].
     pub fn from_urdf(xml: &str, floating: bool) -> Result<Self, UrdfError> {
+        Self::read(xml, floating, false)
+    }
+
+    /// The same from a URDF that nothing will be added to: a joint that carries no mass has no dynamics, and is fixed at zero. Its links
+    /// become frames, and [`Robot::notes`] names it.
+    ///
+    /// # Errors
+    /// As [`Robot::from_urdf`].
+    pub fn from_urdf_alone(xml: &str, floating: bool) -> Result<Self, UrdfError> {
+        Self::read(xml, floating, true)
+    }
+
+    fn read(xml: &str, floating: bool, alone: bool) -> Result<Self, UrdfError> {
         // An editor's mark of its encoding is no text.
         let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::Parse(one_line(&e)))?;
         // urdf-rs may panic on text that is no URDF at all; user input never does here.
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
-        let tree = Tree::new(&file)?;
+        let robot = Self::of(&file, floating)?;
+        let idle = if alone { robot.idle() } else { Vec::new() };
+        if idle.is_empty() {
+            return Ok(robot);
+        }
+        let mut file = file;
+        file.joints.iter_mut().filter(|j| idle.contains(&j.name)).for_each(|j| j.joint_type = JointType::Fixed);
+        let mut robot = Self::of(&file, floating)?;
+        robot.notes.extend(idle.iter().map(|name| format!("joint `{name}`: it carries no mass, and is fixed at zero")));
+        Ok(robot)
+    }
+
+    /// Joints without mass on them, nor on those that follow them.
+    fn idle(&self) -> Vec<String> {
+        let dofs = self.dofs();
+        let mut carried: Vec<bool> = self.links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
+        for i in (0..carried.len()).rev() {
+            if let Some(p) = self.links[i].parent {
+                carried[p] |= carried[i];
+            }
+        }
+        let idle =
+            |dof: usize| dofs.iter().zip(&self.links).zip(&carried).all(|((d, l), carried)| *d != dof || l.joint.is_none() || !carried);
+        let joints = self.links.iter().zip(&dofs).filter(|(_, dof)| idle(**dof));
+        joints.filter_map(|(link, _)| link.joint.as_ref().map(|j| j.name.clone())).collect()
+    }
+
+    fn of(file: &urdf_rs::Robot, floating: bool) -> Result<Self, UrdfError> {
+        let tree = Tree::new(file)?;
         let mut robot = Self {
             name: file.name.clone(),
             base: if floating { Base::Floating } else { Base::Fixed(Isometry3::identity()) },
@@ -166,7 +207,7 @@ impl<'a> Tree<'a> {
         }
         match seen.iter().position(|s| !s) {
             Some(lost) => Err(UrdfError::link(&self.file.links[lost].name, "hangs in a cycle of joints, apart from the root")),
-            None => follow(robot, &followers),
+            None => follow(robot, self.file, followers),
         }
     }
 }

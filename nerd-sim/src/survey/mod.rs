@@ -10,11 +10,15 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
+mod pinocchio;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use nerd_core::robot::UrdfError;
+use nerd_core::robot::{Robot, UrdfError};
+
+pub use pinocchio::{Differences, differences};
 
 use crate::prelude::*;
 
@@ -44,6 +48,8 @@ pub struct Surveyed {
     pub fixed: Result<usize, String>,
     /// Whether it moves on a free base.
     pub floating: Result<usize, String>,
+    /// The robots themselves, on a fixed and on a free base, where they can be read.
+    pub robots: [Option<Robot>; 2],
 }
 
 /// Of a robot.
@@ -109,8 +115,9 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
         Err(Unread::Still) => Ok(0),
         Err(Unread::Because(reason)) => Err(reason),
     };
+    let robots = [0, 1].map(|k: usize| tries[k].as_ref().ok().map(|system| system.robot.clone()));
     let [fixed, floating] = tries.map(roll);
-    Surveyed { name: name.clone(), sizes, fixed, floating }
+    Surveyed { name: name.clone(), sizes, fixed, floating, robots }
 }
 
 /// Why there is no robot to roll out.
