@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use nerd_sim::survey::{FRAMES, Found, Surveyed, differences, find, survey};
+use nerd_sim::survey::{FRAMES, Found, PinocchioError, Surveyed, differences, find, survey};
 
 use crate::common::bar;
 use nerd_train::report::artifact::Head;
@@ -84,10 +84,11 @@ fn held_against(python: &Path, states: usize, files: &[Found], robots: &[Surveye
                     version = said;
                     cells.extend(QUANTITIES.map(|q| worst.get(q).map_or("-".into(), |x| format!("{x:.0e}"))));
                 }
-                Err(reason) => {
+                Err(PinocchioError::Robot(reason)) => {
                     cells.push(reason.replace('|', "/"));
                     cells.resize(2 + QUANTITIES.len(), String::new());
                 }
+                Err(absent) => bail!("--pinocchio: {absent}"),
             }
             rows.push(cells);
         }
@@ -95,8 +96,8 @@ fn held_against(python: &Path, states: usize, files: &[Found], robots: &[Surveye
     bar.finish();
     let header: Vec<&str> = ["file", "base"].into_iter().chain(QUANTITIES).collect();
     let note = format!(
-        "Dynamics beside Pinocchio {version} at {states} random states: largest entry of the difference over the largest of Pinocchio's, \
-         the worst state. {same} of {} rows are below {SAME:.0e} in everything.",
+        "Dynamics beside Pinocchio {version} at {states} random states: largest entry of the difference over the largest of Pinocchio's \
+         (or over 1e-6, where that is more), the worst state. {same} of {} rows are below {SAME:.0e} in everything.",
         rows.len()
     );
     Ok(Table::new("pinocchio", &header).with(rows).noted(&note))

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use nerd_core::robot::{Robot, UrdfError};
 
-pub use pinocchio::{Differences, differences};
+pub use pinocchio::{Differences, PinocchioError, differences};
 
 use crate::prelude::*;
 

@@ -3,7 +3,7 @@
 In: a JSON line with `urdf` (a path), `floating`, `joints` as [name, coordinate, ratio, offset], `frames` (names), `states` (how many),
 `coordinates` (joints that move by themselves), or an empty line at the end. Then for each state, as little-endian f64, what
 `FIELDS` lists. Out: a JSON line with the largest relative difference by quantity, or `error`. Matrices differ by
-the largest entry of their difference over the largest entry of Pinocchio's.
+the largest entry of their difference over the largest entry of Pinocchio's, or over 1e-6 where that is more.
 
 Ours has angular parts first, in world axes at the root; Pinocchio linear parts first, in the root's own axes. Joints that follow others
 are folded here: `G^T M G`.
@@ -50,9 +50,9 @@ def compare(pin, request, worst):
     shapes = [(n + bool(root),), (n,), (n,), (n,), (n, n), (n,), (n,), (n,), (n, n), (n, n), (n, n), (n, n), (len(frames), 6, n)]
 
     def note(name, ours, theirs):
-        size = np.abs(theirs).max() if theirs.size else 0.0
-        off = np.abs(ours - theirs).max() / size if size > 0 else 0.0
-        worst[name] = max(worst.get(name, 0.0), float(off))
+        # What is nothing but rounding has no size of its own.
+        size = max(np.abs(theirs).max(), 1e-6)
+        worst[name] = max(worst.get(name, 0.0), float(np.abs(ours - theirs).max() / size))
 
     for _ in range(request["states"]):
         s = {name: read(shape) for name, shape in zip(FIELDS, shapes)}

@@ -25,6 +25,18 @@ const FRAMES: usize = 8;
 /// Largest relative differences by quantity: `mass`, `bias`, `inverse`, `forward`, `inverse_q` (derivative by q) and so on, `jacobian`.
 pub type Differences = BTreeMap<String, f64>;
 
+/// Why nothing was compared; one line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PinocchioError {
+    /// No robot can be.
+    #[error("{0}")]
+    Absent(String),
+    /// This robot cannot be.
+    #[error("{0}")]
+    Robot(String),
+}
+
 #[derive(Serialize)]
 struct Request<'a> {
     urdf: &'a Path,
@@ -48,29 +60,34 @@ enum Said {
 ///
 /// # Errors
 /// If `python` cannot be started or has no Pinocchio, or what either side says of the robot.
-pub fn differences(python: &Path, urdf: &Path, robot: &Robot, states: usize, seed: u64) -> Result<(Differences, String), String> {
+pub fn differences(python: &Path, urdf: &Path, robot: &Robot, states: usize, seed: u64) -> Result<(Differences, String), PinocchioError> {
     let mut command = Command::new(python);
     let child = command.args(["-c", REFEREE]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-    let mut child = child.spawn().map_err(|e| format!("cannot start `{}`: {e}", python.display()))?;
-    let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else { return Err("no pipe to Python".into()) };
+    let mut child = child.spawn().map_err(|e| PinocchioError::Absent(format!("cannot start `{}`: {e}", python.display())))?;
+    let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+        return Err(PinocchioError::Absent("no pipe to Python".into()));
+    };
     let asked = request(urdf, robot, states);
     // What it was given up on is said by it, not by the broken pipe.
     let sent = ask(&mut input, &asked, robot, states, seed);
     drop(input);
-    let mut version = String::new();
+    let mut version = None;
     let mut found = Err("Python ended without an answer".to_string());
     for line in BufReader::new(output).lines() {
-        match serde_json::from_str(&line.map_err(|e| e.to_string())?).map_err(|e| e.to_string())? {
-            Said::Version { version: said } => version = said,
-            Said::Worst { worst } => found = Ok(worst),
-            Said::Error { error } => found = Err(error),
+        let said = line.map_err(|e| e.to_string()).and_then(|line| serde_json::from_str(&line).map_err(|e| e.to_string()));
+        match said {
+            Ok(Said::Version { version: said }) => version = Some(said),
+            Ok(Said::Worst { worst }) => found = Ok(worst),
+            Ok(Said::Error { error }) | Err(error) => found = Err(error),
         }
     }
     let _ = child.wait();
-    match (found, sent) {
-        (Ok(worst), Ok(())) => Ok((worst, version)),
-        (Ok(_), Err(error)) => Err(error),
-        (Err(said), sent) => Err(sent.err().filter(|e| !e.contains("pipe")).unwrap_or(said)),
+    match (version, found, sent) {
+        (Some(version), Ok(worst), Ok(())) => Ok((worst, version)),
+        (None, Err(said), _) => Err(PinocchioError::Absent(said)),
+        (_, Ok(_), Err(error)) => Err(PinocchioError::Robot(error)),
+        (_, Err(said), sent) => Err(PinocchioError::Robot(sent.err().filter(|e| !e.contains("pipe")).unwrap_or(said))),
+        (None, Ok(_), Ok(())) => Err(PinocchioError::Absent("Python names no Pinocchio".into())),
     }
 }
 
@@ -80,15 +97,17 @@ fn request<'a>(urdf: &'a Path, robot: &'a Robot, states: usize) -> Request<'a> {
         let joint = link.joint.as_ref()?;
         Some((joint.name.as_str(), dof - robot.root_dofs(), joint.ratio(), joint.mimic.map_or(0.0, |m| m.offset)))
     });
-    let frames = chosen(robot).into_iter().map(|k| robot.frames[k].name.as_str()).collect();
+    let frames = chosen(robot).into_iter().map(|f| f.0).collect();
     Request { urdf, floating: robot.floating(), joints: joints.collect(), frames, states, coordinates: robot.joint_count() }
 }
 
-/// Frames on moving links, evenly chosen.
-fn chosen(robot: &Robot) -> Vec<usize> {
-    let moving: Vec<usize> = (0..robot.frames.len()).filter(|k| robot.frames[*k].link.is_some()).collect();
-    let step = moving.len().div_ceil(FRAMES).max(1);
-    moving.into_iter().step_by(step).collect()
+/// Some of the links and of the frames fixed on them, evenly chosen: name, link, and place on it (m).
+fn chosen(robot: &Robot) -> Vec<(&str, usize, Vector3<f64>)> {
+    let links = robot.links.iter().enumerate().map(|(i, link)| (link.name.as_str(), i, Vector3::zeros()));
+    let fixed = robot.frames.iter().filter_map(|f| Some((f.name.as_str(), f.link?, f.pose.translation.vector)));
+    let all: Vec<_> = links.chain(fixed).collect();
+    let step = all.len().div_ceil(FRAMES).max(1);
+    all.into_iter().step_by(step).collect()
 }
 
 fn ask(input: &mut impl Write, asked: &Request, robot: &Robot, states: usize, seed: u64) -> Result<(), String> {
@@ -130,10 +149,8 @@ fn ask(input: &mut impl Write, asked: &Request, robot: &Robot, states: usize, se
         send(mass.transpose().as_slice())?;
         [low.as_slice(), told.as_slice(), &found].into_iter().try_for_each(&mut send)?;
         [&inverse.q, &inverse.qd, &forward.q, &forward.qd].into_iter().try_for_each(|m| send(m.transpose().as_slice()))?;
-        for k in chosen(robot) {
-            let frame = &robot.frames[k];
-            let Some(link) = frame.link else { continue };
-            jacobian(robot, &data, link, &frame.pose.translation.vector, &mut j);
+        for (_, link, place) in chosen(robot) {
+            jacobian(robot, &data, link, &place, &mut j);
             send(j.transpose().as_slice())?;
         }
     }
