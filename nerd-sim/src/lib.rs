@@ -17,6 +17,7 @@ pub mod log;
 mod material;
 #[cfg(feature = "measured")]
 pub mod measured;
+pub mod meshes;
 #[cfg(feature = "mjcf")]
 pub mod mjcf;
 mod parallel;

@@ -58,6 +58,9 @@ pub struct Spec {
     /// By link, the link whose inertia moves in its place in the mass matrix; see [`nerd_core::robot::Robot`].
     #[serde(default)]
     pub mass_matrix_of: BTreeMap<String, String>,
+    /// Contact points that stand for each collision mesh of a URDF file; 0: none, meshes are passed over.
+    #[serde(default = "mesh_points")]
+    pub mesh_points: usize,
     /// What is said of each joint.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointSpec>,
@@ -270,6 +273,10 @@ pub struct PlaneSpec {
     /// Angles (rad), `R = Rz Ry Rx`.
     #[serde(deserialize_with = "exactly")]
     pub angles: [f64; 3],
+}
+
+fn mesh_points() -> usize {
+    crate::meshes::POINTS
 }
 
 /// So many values, no more: serde drops the rest of a longer list.

@@ -9,6 +9,7 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Link, Robot, UrdfError};
 
 use crate::limits::stiffen;
+use crate::meshes::{POINTS, touch};
 use crate::range::Range;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
 use crate::scene::{Collider, Scene, turned_plane};
@@ -108,7 +109,7 @@ impl System {
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
         let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
-        let system = Self::from_text(&stem, &read(path)?, spec.as_deref())?;
+        let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path))?;
         // A file that says it is of another one would be believed.
         match &system.spec.urdf {
             Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {
@@ -122,10 +123,27 @@ impl System {
     /// From the text of a URDF and of a specification; without one, see [`System::bare`], with a fixed base. Here no file is
     /// known, and `urdf` in the specification means nothing.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
-        let Some(text) = spec else { return Self::bare(name, urdf, false) };
-        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
-        let robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        Self::new(name, robot, spec, true)
+        Self::read(name, urdf, spec, None)
+    }
+
+    /// `path` is the URDF's, from which its meshes are found.
+    fn read(name: &str, urdf: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
+        let unfit = |e| SystemError::Urdf(name.into(), e);
+        let (mut robot, spec) = match spec {
+            None => {
+                let robot = Robot::from_urdf_alone(urdf, false).map_err(unfit)?;
+                let spec = plain(&robot);
+                (robot, (spec, false))
+            }
+            Some(text) => {
+                let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+                (Robot::from_urdf(urdf, spec.floating).map_err(unfit)?, (spec, true))
+            }
+        };
+        if let Some(path) = path {
+            touch(&mut robot, path, spec.0.mesh_points);
+        }
+        Self::new(name, robot, spec.0, spec.1)
     }
 
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
@@ -320,6 +338,7 @@ fn plain(robot: &Robot) -> Spec {
         control: None,
         root: None,
         mass_matrix_of: Default::default(),
+        mesh_points: POINTS,
         joints: robot.joints().map(joint).collect(),
         contacts: Vec::new(),
         scenes: Vec::new(),

@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{Geometry, JointType};
 
-use super::{Joint, JointKind, Limit, Link, Robot, Shape, ShapeKind, UrdfError};
+use super::{Joint, JointKind, Limit, Link, MeshFile, Robot, Shape, ShapeKind, UrdfError};
 use crate::spatial::BodyInertia;
 
 /// Products of a few numbers below this are still finite; no robot comes near it.
@@ -40,7 +40,10 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
             // Engines assert on -0.
             Some(kind) if sizes(&kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => target.shapes.push(Shape { pose, kind }),
             Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite or absurd".into())),
-            None => robot.skipped_meshes.push(source.name.clone()),
+            None => {
+                robot.skipped_meshes.push(source.name.clone());
+                robot.meshes.extend(mesh(&collision.geometry, host, &source.name, pose));
+            }
         }
     }
     Ok(())
@@ -114,6 +117,14 @@ fn shape(geometry: &Geometry) -> Option<ShapeKind> {
         Geometry::Sphere { radius } => Some(ShapeKind::Sphere { radius: *radius }),
         Geometry::Mesh { .. } => None,
     }
+}
+
+/// A mesh that can be looked for: with a scale that is one.
+fn mesh(geometry: &Geometry, link: usize, of: &str, pose: Isometry3<f64>) -> Option<MeshFile> {
+    let Geometry::Mesh { filename, scale } = geometry else { return None };
+    let scale = scale.map_or(Vector3::repeat(1.0), |s| Vector3::from(*s));
+    let usable = scale.iter().all(|x| (1e-9..FAR).contains(&x.abs()));
+    usable.then(|| MeshFile { link, of: of.into(), pose, file: filename.clone(), scale })
 }
 
 fn sizes(kind: &ShapeKind) -> [f64; 3] {

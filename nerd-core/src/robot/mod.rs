@@ -11,6 +11,6 @@ mod words;
 mod xml;
 
 pub use joint::{Joint, JointKind, Limit, Mimic};
-pub use model::{Base, FixedFrame, Link, Robot};
+pub use model::{Base, FixedFrame, Link, MeshFile, Robot};
 pub use shape::{Shape, ShapeKind};
 pub use urdf::UrdfError;

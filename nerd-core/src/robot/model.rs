@@ -4,7 +4,7 @@
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
 //! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w`.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 
 use super::{Joint, Shape, ShapeKind};
 use crate::contact::ContactPoint;
@@ -34,6 +34,21 @@ pub struct Link {
     pub shapes: Vec<Shape>,
 }
 
+/// A collision mesh that a URDF names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// Index of the moving link that carries it.
+    pub link: usize,
+    /// Name of its link in the URDF.
+    pub of: String,
+    /// Where it is in the moving link's frame.
+    pub pose: Isometry3<f64>,
+    /// The file, as the URDF says it.
+    pub file: String,
+    /// By what its lengths are multiplied, along its own axes.
+    pub scale: Vector3<f64>,
+}
+
 /// A frame fixed on a moving link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FixedFrame {
@@ -59,7 +74,9 @@ pub struct Robot {
     /// For each link, the link whose inertia moves in its place in the mass matrix (not in the bias). Empty, as physics has
     /// it, but for comparison with a simulator that pairs them wrongly.
     pub mass_matrix_of: Vec<usize>,
-    /// Links of the URDF whose collision meshes were passed over: only primitives are looked at for contact.
+    /// Collision meshes that stand on moving links, as the URDF names them; whoever can read files may turn them into contact points.
+    pub meshes: Vec<MeshFile>,
+    /// Links of the URDF whose collision meshes were passed over.
     pub skipped_meshes: Vec<String>,
     /// Links of the URDF that hang on fixed joints (sole, IMU, tool) and where they are.
     pub frames: Vec<FixedFrame>,

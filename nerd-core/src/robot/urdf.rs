@@ -117,6 +117,7 @@ impl Robot {
             links: Vec::new(),
             contact_points: Vec::new(),
             mass_matrix_of: Vec::new(),
+            meshes: Vec::new(),
             skipped_meshes: Vec::new(),
             frames: Vec::new(),
             notes: Vec::new(),

@@ -68,6 +68,7 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
         links,
         contact_points: Vec::new(),
         mass_matrix_of: Vec::new(),
+        meshes: Vec::new(),
         skipped_meshes: Vec::new(),
         frames: Vec::new(),
         notes: Vec::new(),

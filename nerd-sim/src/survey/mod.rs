@@ -20,6 +20,7 @@ use nerd_core::robot::{Robot, UrdfError};
 
 pub use pinocchio::{Differences, PinocchioError, differences};
 
+use crate::meshes::{POINTS, touch};
 use crate::prelude::*;
 
 /// Frames rolled out.
@@ -100,6 +101,14 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
         let read = || match System::bare(name, text, floating) {
             Err(SystemError::Urdf(_, UrdfError::Still)) => Ok(None),
             other => other.map(Some).map_err(|e| reason(&e, name)),
+        };
+        let read = || {
+            read().map(|system| {
+                system.map(|mut system| {
+                    touch(&mut system.robot, path, POINTS);
+                    system
+                })
+            })
         };
         caught(read).map_err(Unread::Because)?.ok_or(Unread::Still)
     };

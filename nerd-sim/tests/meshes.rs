@@ -1,0 +1,89 @@
+//! Robots that are described by meshes touch the ground with them.
+
+use std::path::Path;
+
+use nerd_sim::prelude::*;
+
+/// A binary STL of a box's twelve triangles, of these half edges (mm), with a header of its own.
+fn stl(half: [f32; 3], header: &str) -> Vec<u8> {
+    let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { half[axis] } else { -half[axis] });
+    let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let mut bytes = header.as_bytes().to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend(12u32.to_le_bytes());
+    for f in faces {
+        for triangle in [[f[0], f[1], f[2]], [f[0], f[2], f[3]]] {
+            bytes.extend([0u8; 12]);
+            triangle.iter().for_each(|k| corner(*k).iter().for_each(|x| bytes.extend(x.to_le_bytes())));
+            bytes.extend([0u8; 2]);
+        }
+    }
+    bytes
+}
+
+/// A brick of 0.4 x 0.2 x 0.1 m whose only shape is a mesh in a package beside it.
+fn brick(folder: &Path, mesh: &str) -> std::path::PathBuf {
+    let robots = folder.join("bricks/robots");
+    std::fs::create_dir_all(&robots).expect("a folder");
+    std::fs::create_dir_all(folder.join("bricks/meshes")).expect("a folder");
+    let urdf = format!(
+        r#"<robot name="brick"><link name="body"><inertial><mass value="2"/>
+        <inertia ixx="0.0083" iyy="0.028" izz="0.033" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><mesh filename="{mesh}" scale="0.001 0.001 0.001"/></geometry></collision></link></robot>"#
+    );
+    let toml = "floating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\n\
+                [[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
+    std::fs::write(robots.join("brick.urdf"), urdf).expect("a file");
+    std::fs::write(robots.join("brick.toml"), toml).expect("a file");
+    robots.join("brick.urdf")
+}
+
+#[test]
+fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = brick(folder.path(), "package://bricks/meshes/brick.stl");
+    // A header that looks like a text's.
+    std::fs::write(folder.path().join("bricks/meshes/brick.stl"), stl([200.0, 100.0, 50.0], "solid brick")).expect("a file");
+    let system = System::named(&path.display().to_string()).expect("a brick");
+    assert!(system.robot.skipped_meshes.is_empty() && system.robot.notes.is_empty(), "{:?}", system.robot.notes);
+    assert_eq!(system.robot.contact_points.len(), 8);
+    for p in &system.robot.contact_points {
+        let off = (p.local.abs() - nerd_sim::nerd_core::nalgebra::Vector3::new(0.2, 0.1, 0.05)).amax();
+        assert!(off < 1e-6, "{:?} is {off:.1e} m from a corner", p.local);
+    }
+    // Let go 2 cm above the ground it comes to rest on its large face.
+    let scene = system.scene("ground").expect("a ground");
+    let mut batch = Batch::new(&system, &scene, 1);
+    let mut state = system.default_state();
+    state[2] = 0.07;
+    batch.reset(0, &state);
+    let mut solver = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
+    (0..180).try_for_each(|_| solver.step(&mut batch, &[])).expect("steps");
+    let height = batch.state(0)[2];
+    assert!((height - 0.05).abs() < 1e-3, "it rests at {height} m, half its height is 0.05 m");
+}
+
+#[test]
+fn a_mesh_that_cannot_be_read_is_passed_over_and_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = brick(folder.path(), "package://bricks/meshes/brick.stl");
+    let name = path.display().to_string();
+    let said = || {
+        let robot = &System::named(&name).expect("a robot").robot;
+        assert_eq!((robot.skipped_meshes.len(), robot.contact_points.len()), (1, 0));
+        robot.notes.join(" ")
+    };
+    assert!(said().contains("brick.stl: is not there"), "{}", said());
+    let mesh = folder.path().join("bricks/meshes/brick.stl");
+    for (bytes, what) in [(b"no mesh".to_vec(), "brick.stl"), (Vec::new(), "brick.stl"), (stl([f32::NAN; 3], ""), "not finite")] {
+        std::fs::write(&mesh, bytes).expect("a file");
+        let said = said();
+        assert!(said.contains(what) && said.contains("nothing touches it") && !said.contains('\n'), "{said}");
+    }
+    // Asked for none, none is looked for.
+    std::fs::write(&mesh, stl([200.0, 100.0, 50.0], "")).expect("a file");
+    let toml = path.with_extension("toml");
+    let text = std::fs::read_to_string(&toml).expect("a TOML");
+    std::fs::write(&toml, format!("mesh_points = 0\n{text}")).expect("a file");
+    assert!(System::named(&name).expect("a robot").robot.contact_points.is_empty());
+}
