@@ -61,6 +61,10 @@ pub fn run(args: UrdfArgs) -> Result<()> {
         tables.push(held_against(python, args.states as usize, &files, &robots)?);
     }
     crate::out::tables(&tables);
+    if let [robot] = &robots[..] {
+        let notes = robot.robots.iter().flatten().next().map(|r| r.notes.as_slice()).unwrap_or_default();
+        notes.iter().for_each(|note| eprintln!("{note}"));
+    }
     let Some(out) = args.out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), files.len() as f64);
     let inputs = Inputs(vec![Input::files("URDFs", &files.iter().map(|found| found.path.clone()).collect::<Vec<_>>())?]);
