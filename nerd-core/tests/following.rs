@@ -36,7 +36,7 @@ fn the_dynamics_are_those_of_all_joints_folded() {
         followers += all.nv() - robot.nv();
         let (q, qd) = state(&mut rng, &robot);
         let qdd = values(&mut rng, robot.nv(), 2.0);
-        let joints = &g.view((robot.root_dofs(), robot.root_dofs()), (all.joint_count(), robot.joint_count()))
+        let joints = g.view((robot.root_dofs(), robot.root_dofs()), (all.joint_count(), robot.joint_count()))
             * DVector::from_column_slice(&q[robot.root_coords()..])
             + o.rows(robot.root_dofs(), all.joint_count());
         let q_all = [&q[..robot.root_coords()], joints.as_slice()].concat();

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use crate::system::System;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
-const ELSEWHERE: [&str; 12] = [
+const ELSEWHERE: [&str; 13] = [
     "urdf",
     "truth",
     "floating",
@@ -23,6 +23,7 @@ const ELSEWHERE: [&str; 12] = [
     "material",
     "mass_matrix_of",
     "contact",
+    "mesh_points",
 ];
 
 impl System {

@@ -103,7 +103,7 @@ impl Derivatives {
                 let (si, sj) = (low.dof, up.dof);
                 self.q[(si, sj)] += turned.dot(&stack(&up.first)) + down.dot(&stack(&up.second)) - up.axis.cross(&low.axis).dot(&pushed[i]);
                 self.qd[(si, sj)] += turned.dot(&stack(&up.axis)) + 2.0 * down.dot(&stack(&up.first));
-                if !std::ptr::eq(up, low) && !(up.link == i && robot.links[i].joint.is_none()) {
+                if up.link != i {
                     self.q[(sj, si)] += stack(&up.axis).dot(&below);
                     self.qd[(sj, si)] += stack(&up.axis).dot(&rate);
                 }
