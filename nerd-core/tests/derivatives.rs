@@ -5,7 +5,7 @@ mod common;
 use common::*;
 use nalgebra::{DMatrix, DVector, Vector3};
 use nerd_core::dynamics::*;
-use nerd_core::robot::Robot;
+use nerd_core::robot::{FixedFrame, Robot};
 use nerd_core::state::{difference, integrate};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.3, -0.5, -9.81);
@@ -41,7 +41,7 @@ fn off(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
 }
 
 #[test]
-fn inverse_dynamics() {
+fn derivatives_of_inverse_dynamics() {
     for (robot, mut rng) in all() {
         let (q, qd) = state(&mut rng, &robot);
         let qdd = values(&mut rng, robot.nv(), 2.0);
@@ -61,7 +61,7 @@ fn inverse_dynamics() {
 }
 
 #[test]
-fn forward_dynamics() {
+fn derivatives_of_forward_dynamics() {
     for (robot, mut rng) in all() {
         let (q, qd) = state(&mut rng, &robot);
         let tau = values(&mut rng, robot.nv(), 2.0);
@@ -117,6 +117,44 @@ fn jacobians() {
         let totals = totals(&robot, &state, &mut data);
         let apart = (totals.momentum.lin - told_com * totals.mass).amax();
         assert!(apart < 1e-12 * totals.momentum.lin.amax().max(1.0), "momentum {apart:.1e} off");
+    }
+}
+
+#[test]
+fn frames_of_fixed_links_move_with_what_carries_them() {
+    for (mut robot, mut rng) in all() {
+        let (q, qd) = state(&mut rng, &robot);
+        let link = robot.links.len() - 1;
+        robot.frames.push(FixedFrame { name: "sole".into(), link: Some(link), pose: pose(&mut rng, 0.3) });
+        let frame = robot.frame("sole").expect("a frame");
+        assert!(robot.frame(&robot.links[link].name).is_some_and(|f| f.link == Some(link)) && robot.frame("moon").is_none());
+        let mut data = Data::new(&robot);
+        let mut j = DMatrix::zeros(6, robot.nv());
+        kinematics(&robot, &q, &mut data);
+        velocities(&robot, &qd, &mut data);
+        frame_jacobian(&robot, &data, &frame, &mut j);
+        let (told, moves) = (&j * DVector::from_column_slice(&qd), frame_velocity(&data, &frame));
+        let apart = (told.fixed_rows::<3>(0) - moves.ang).amax().max((told.fixed_rows::<3>(3) - moves.lin).amax());
+        assert!(apart < 1e-12, "J qd is {apart:.1e} from the frame's own velocity");
+        let mut at = |sign: f64| {
+            let v: Vec<f64> = qd.iter().map(|v| sign * STEP * v).collect();
+            let mut moved = q.clone();
+            integrate(&robot, &q, &v, &mut moved);
+            kinematics(&robot, &moved, &mut data);
+            frame_pose(&robot, &data, &frame)
+        };
+        let (b, a) = (at(1.0), at(-1.0));
+        let turn = (b.rotation * a.rotation.inverse()).scaled_axis() / (2.0 * STEP);
+        let went = (b.translation.vector - a.translation.vector) / (2.0 * STEP);
+        let apart = (turn - moves.ang).amax().max((went - moves.lin).amax());
+        assert!(apart < 1e-7, "its pose moves {apart:.1e} otherwise than its velocity says");
+        // The call that takes q does both steps.
+        let qdd = values(&mut rng, robot.nv(), 2.0);
+        inverse_dynamics(&robot, &q, &qd, &qdd, &GRAVITY, &mut data);
+        let at_once = data.tau.clone();
+        kinematics(&robot, &q, &mut data);
+        rnea(&robot, &qd, &qdd, &GRAVITY, &mut data);
+        assert_eq!(at_once, data.tau);
     }
 }
 

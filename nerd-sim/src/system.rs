@@ -146,6 +146,22 @@ impl System {
         Self::new(name, robot, spec.0, spec.1)
     }
 
+    /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known
+    /// to the specification by their names.
+    pub fn from_robot(robot: Robot, spec: Option<&str>) -> Result<Self, SystemError> {
+        let name = robot.name.clone();
+        let Some(text) = spec else {
+            let spec = plain(&robot);
+            return Self::new(&name, robot, spec, false);
+        };
+        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.clone(), e.trim().replace('\n', " ")))?;
+        if spec.floating != robot.floating() {
+            let said = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
+            return Err(SystemError::Spec(name, said));
+        }
+        Self::new(&name, robot, spec, true)
+    }
+
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
     pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
         let robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;

@@ -1,6 +1,7 @@
 //! The built-in robots: figures of the reference system, controllers and sampling boxes.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
@@ -187,4 +188,29 @@ fn a_random_plane_keeps_its_clearance() {
             assert!(nearest >= 0.1 - 1e-12, "reach {reach} m: a point starts {nearest} m from the plane, 0.1 m were asked for");
         }
     }
+}
+
+#[test]
+fn a_robot_built_in_code_moves_as_its_file_does() {
+    let (spec, urdf) = System::texts("pendulum").expect("it is built in");
+    let file = Arc::new(System::from_text("pendulum", urdf, Some(spec)).expect("a pendulum"));
+    let robot = || nerd_sim::nerd_core::robot::Robot::from_urdf(urdf, false).expect("a robot");
+    let built = Arc::new(System::from_robot(robot(), Some(spec)).expect("the same"));
+    assert_eq!(built.robot_sha256(), file.robot_sha256());
+    let end = |system: &Arc<System>| {
+        let mut batch = Batch::new(system, &system.scene("free").expect("space"), 1);
+        let mut solver = Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb));
+        let mut state = system.default_state();
+        state[0] += 0.5;
+        batch.reset(0, &state);
+        (0..30).try_for_each(|_| solver.step(&mut batch, &[0.1, -0.2])).expect("steps");
+        batch.state(0).to_vec()
+    };
+    assert_eq!(end(&built), end(&file));
+    // Without a word about it, as a bare file.
+    assert_eq!(System::from_robot(robot(), None).expect("bare").frame_time, 1.0 / 60.0);
+    let mut free = robot();
+    free.base = nerd_sim::nerd_core::robot::Base::Floating;
+    let said = System::from_robot(free, Some(spec)).expect_err("a contradiction").to_string();
+    assert!(said.contains("floating = false, but the robot's base is free"), "{said}");
 }

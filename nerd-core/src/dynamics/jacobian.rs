@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::Data;
-use crate::robot::Robot;
+use crate::robot::{FixedFrame, Robot};
 use crate::spatial::Motion;
 
 /// Jacobian of a frame that is fixed on link `link` at `local` (m, in the link's frame) into `out`, 6 by `nv`: the frame's angular
@@ -29,6 +29,14 @@ pub fn jacobian(robot: &Robot, data: &Data, link: usize, local: &Vector3<f64>, o
             None => (0..6).for_each(|k| add(k, &unit(k))),
         }
         on = robot.links[i].parent;
+    }
+}
+
+/// Jacobian of a frame by [`Robot::frame`]: that of its origin, see [`jacobian`]; zero for one on a fixed base.
+pub fn frame_jacobian(robot: &Robot, data: &Data, frame: &FixedFrame, out: &mut DMatrix<f64>) {
+    match frame.link {
+        Some(link) => jacobian(robot, data, link, &frame.pose.translation.vector, out),
+        None => out.fill(0.0),
     }
 }
 

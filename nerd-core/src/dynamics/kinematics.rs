@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Data;
-use crate::robot::{Base, JointKind, Robot};
+use crate::robot::{Base, FixedFrame, JointKind, Robot};
 use crate::spatial::{Motion, SpatialInertia};
 use crate::state::{quaternion, vector};
 
@@ -72,6 +72,23 @@ pub fn inertias(robot: &Robot, data: &mut Data) {
 pub fn link_pose(data: &Data, link: usize) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(data.rotation[link]));
     Isometry3::from_parts(Translation3::from(data.origin + data.position[link]), rotation)
+}
+
+/// World pose of a frame after [`kinematics`].
+pub fn frame_pose(robot: &Robot, data: &Data, frame: &FixedFrame) -> Isometry3<f64> {
+    match (frame.link, robot.base) {
+        (Some(link), _) => link_pose(data, link) * frame.pose,
+        (None, Base::Fixed(base)) => base * frame.pose,
+        (None, Base::Floating) => frame.pose,
+    }
+}
+
+/// Angular velocity (rad/s) of a frame and velocity (m/s) of its origin, world axes, after [`super::velocities`] (or what fills them).
+pub fn frame_velocity(data: &Data, frame: &FixedFrame) -> Motion {
+    frame.link.map_or(Motion::default(), |link| {
+        let twist = data.velocity[link];
+        Motion::new(twist.ang, twist.at(&(data.position[link] + data.rotation[link] * frame.pose.translation.vector)))
+    })
 }
 
 /// World position of a point fixed at `local` on a link, after [`kinematics`].

@@ -23,8 +23,11 @@ pub use aba::aba;
 pub use crba::crba;
 pub use data::Data;
 pub use derivatives::Derivatives;
-pub use jacobian::{com_jacobian, jacobian};
-pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, move_twist, point_position, root_position, to_local, to_world};
+pub use jacobian::{com_jacobian, frame_jacobian, jacobian};
+pub use kinematics::{
+    frame_pose, frame_velocity, inertias, kinematics, kinematics_about, link_pose, move_twist, point_position, root_position, to_local,
+    to_world,
+};
 pub use ltl::Factor;
-pub use rnea::{bias, rnea, velocities};
+pub use rnea::{bias, inverse_dynamics, rnea, velocities};
 pub use totals::{Totals, totals};

@@ -26,6 +26,12 @@ pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data
     sweep::<true>(robot, qd, qdd, gravity, data);
 }
 
+/// Torques for accelerations `qdd` at coordinates `q` (length `nq`), into `data.tau`: [`super::kinematics`] and [`rnea`] in one.
+pub fn inverse_dynamics(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
+    super::kinematics(robot, q, data);
+    rnea(robot, qd, qdd, gravity, data);
+}
+
 /// Twists of all links into `data.velocity`. Needs [`super::kinematics`]; `qd` local.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {

@@ -178,6 +178,13 @@ impl Robot {
         self.joints().any(|j| j.friction > 0.0)
     }
 
+    /// The frame of this name: that of a moving link, or one fixed on it (sole, IMU, tool) or on the base.
+    pub fn frame(&self, name: &str) -> Option<FixedFrame> {
+        let link = self.links.iter().position(|l| l.name == name);
+        let own = link.map(|link| FixedFrame { name: name.into(), link: Some(link), pose: Isometry3::identity() });
+        own.or_else(|| self.frames.iter().find(|f| f.name == name).cloned())
+    }
+
     /// Total mass (kg).
     pub fn mass(&self) -> f64 {
         self.links.iter().map(|l| l.inertia.mass).sum()
