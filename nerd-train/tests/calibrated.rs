@@ -105,6 +105,14 @@ fn fits_are_taken_from_a_result_of_the_same_splits_alone() {
         let off = (a.fit.values[0] - b.fit.values[0]).abs();
         assert!(a.judged == b.judged && off < 1e-12, "{off:e} m beside the fit that was made");
     }
+    // From there a search goes on, and comes no farther away.
+    let mut further = settings.clone();
+    (further.begin, further.splits, further.substeps, further.evaluations) = (Some(path.clone()), 1, 6, 40);
+    let refined = &further.measure().expect("a search").fitted[0];
+    let (now, then) = (refined.splits[0].fit.values[0], found.fitted[0].splits[0].fit.values[0]);
+    assert!(refined.solver == "articulated implicit x6" && (now - then).abs() < 0.004, "{now} m, from {then} m");
+    further.fits = Some(path.clone());
+    assert!(further.measure().is_err_and(|e| e.to_string().contains("name one")));
     let mut other = settings;
     (other.fits, other.seed) = (Some(path), 9);
     let said = other.measure().err().map(|e| e.to_string()).unwrap_or_default();

@@ -134,9 +134,28 @@ impl Subject {
                 best = found;
             }
         }
-        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
         let rest = config.evaluations.saturating_sub(done);
-        let (_, values) = search.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
+        self.refine(parameters, &fine, FitConfig { evaluations: rest, ..config }, &best.1, &mut |own, worth| progress(done + own, worth))
+    }
+
+    /// The fine search alone, from values that were found before, for example with fewer substeps.
+    ///
+    /// # Errors
+    /// As [`Self::fit`].
+    pub fn refine(
+        &self,
+        parameters: &[Parameter],
+        trials: &[Trial],
+        config: FitConfig,
+        from: &[f64],
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Result<Fit, CalibrateError> {
+        if trials.is_empty() {
+            return Err(CalibrateError::Empty);
+        }
+        let fine = thinned(trials, config.trials);
+        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
+        let (_, values) = search.run(from, STEPS[1], config.evaluations, config.seed, progress)?;
         let (objective, after) = search.worth(&values)?;
         Ok(Fit { values, objective, before: search.unit, after })
     }

@@ -55,16 +55,21 @@ impl Calibration {
         if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() }
     }
 
-    fn calibrated(&self, log: &Log, solver: &str, parts: &[split::Parts]) -> Result<Calibrated> {
+    /// `from`: fits of the same splits, from which the searches go on.
+    fn calibrated(&self, log: &Log, solver: &str, parts: &[split::Parts], from: Option<&Calibrated>) -> Result<Calibrated> {
         let (subject, parameters) = self.subject(log, solver)?;
         let (bar, done) = (bar(solver, (parts.len() * self.evaluations) as u64), AtomicU64::new(0));
         let one = |(k, part): (u64, &split::Parts)| -> Result<(Split, Vec<Vec<[f64; 2]>>)> {
             let mut before = 0;
-            let fit = subject.fit(&parameters, &part.train, self.fit_config(k), &mut |own, _| {
+            let progress = &mut |own: usize, _| {
                 let more = own.saturating_sub(before) as u64;
                 bar.set(done.fetch_add(more, Ordering::Relaxed) + more);
                 before = own;
-            })?;
+            };
+            let fit = match from.and_then(|from| from.splits.get(k as usize)) {
+                Some(split) => subject.refine(&parameters, &part.train, self.fit_config(k), &split.fit.values, progress)?,
+                None => subject.fit(&parameters, &part.train, self.fit_config(k), progress)?,
+            };
             let (fitted, mut profiles) = (subject.with(&parameters, &fit.values)?, Vec::new());
             if k == 0 {
                 let some: Vec<Trial> = thinned(&part.train, BEHIND);
@@ -85,24 +90,32 @@ impl Calibration {
 
     /// The solvers, calibrated now or before.
     pub(super) fn fitted(&self, log: &Log, sizes: [usize; 2], parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
-        match &self.fits {
-            None => self.solvers.iter().map(|solver| self.calibrated(log, solver, parts)).collect(),
-            Some(path) => self.taken(path, log, sizes, parts),
+        let taken = |path, option| self.taken(path, option, log, sizes, parts);
+        match (&self.fits, &self.begin) {
+            (Some(_), Some(_)) => refuse!("--fits takes fits as they are, --begin goes on from them: name one"),
+            (Some(path), None) => taken(path, "--fits"),
+            (None, Some(path)) => {
+                let before = taken(path, "--begin")?;
+                self.solvers.iter().zip(&before).map(|(solver, from)| self.calibrated(log, solver, parts, Some(from))).collect()
+            }
+            (None, None) => self.solvers.iter().map(|solver| self.calibrated(log, solver, parts, None)).collect(),
         }
     }
 
     /// Fits of an earlier result, if they are of the very same.
-    fn taken(&self, path: &Path, log: &Log, sizes: [usize; 2], parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
+    fn taken(&self, path: &Path, option: &str, log: &Log, sizes: [usize; 2], parts: &[split::Parts]) -> Result<Vec<Calibrated>> {
         let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-        let found: CalibratedAll = serde_json::from_str(&text).map_err(|e| Error::Refused(format!("--fits {}: {e}", path.display())))?;
-        let differ = |what: &str| Err(Error::Refused(format!("--fits {}: made with {what}", path.display())));
+        let found: CalibratedAll = serde_json::from_str(&text).map_err(|e| Error::Refused(format!("{option} {}: {e}", path.display())))?;
+        let differ = |what: &str| Err(Error::Refused(format!("{option} {}: made with {what}", path.display())));
         let of = &found.settings;
         if (&found.robot, found.sizes, of.frames, of.every) != (&log.system.name, sizes, self.frames, self.every) {
             return differ("another log, or rollouts cut otherwise");
         }
         let mut taken = Vec::new();
         for solver in &self.solvers {
-            let Some(fitted) = found.fitted.iter().find(|f| f.solver == self.title(solver)) else {
+            // Searches may go on with other substeps.
+            let fits = |f: &&Calibrated| f.solver == self.title(solver) || option == "--begin" && f.solver.starts_with(solver.as_str());
+            let Some(fitted) = found.fitted.iter().find(fits) else {
                 return differ(&format!("other solvers: it has no {}", self.title(solver)));
             };
             let mut fitted = fitted.clone();

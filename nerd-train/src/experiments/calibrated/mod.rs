@@ -64,6 +64,8 @@ settings! {
         trials: usize = 500, Whole(STARTS);
         /// Result of a calibration with the same splits (its JSON) whose fits are taken: nothing is fitted anew
         fits: Option<PathBuf> = None, Text;
+        /// Result of a calibration with the same splits (its JSON) from whose fits the searches go on, for example with more substeps
+        begin: Option<PathBuf> = None, Text;
         /// What is learned beyond the calibration of articulated, comma-separated: residual, residual-single, pretrained, paper,
         /// fine-tuned, real-only [default: nothing]
         learn: Vec<String> = Vec::new(), Texts;
@@ -162,7 +164,7 @@ impl Experiment for Calibration {
         }
         all.update(system.sha256());
         let mut inputs = Inputs(vec![Input::Data { name: self.name(), sha256: hex(&all.finalize()) }]);
-        if let Some(fits) = &self.fits {
+        for fits in self.fits.iter().chain(&self.begin) {
             inputs.add(Input::files("fits", std::slice::from_ref(fits))?);
         }
         // Of every robot: what is hashed is how the solver steps.
