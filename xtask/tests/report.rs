@@ -8,8 +8,8 @@ use std::process::Command;
 use common::{refused, xtask};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-/// Robots and tasks, a replay each.
-const REPLAYS: usize = 14;
+/// Robots and tasks, a replay each, and of every calibration to measurements the best, a middling and the worst prediction.
+const REPLAYS: usize = 14 + 3 * 3;
 
 fn browser() -> Option<&'static str> {
     BROWSERS.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
@@ -19,7 +19,7 @@ fn browser() -> Option<&'static str> {
 fn opened(browser: &str, page: &Path, profile: &Path) -> String {
     let run = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-sync"])
-        .args(["--disable-component-update", "--window-size=1400,16000", "--virtual-time-budget=4000", "--dump-dom"])
+        .args(["--disable-component-update", "--window-size=1400,30000", "--virtual-time-budget=4000", "--dump-dom"])
         .arg(format!("--user-data-dir={}", profile.display()))
         .arg(format!("file://{}", page.display()))
         .output()
