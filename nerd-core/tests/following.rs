@@ -12,13 +12,13 @@ const GRAVITY: Vector3<f64> = Vector3::new(0.3, -0.5, -9.81);
 /// The robot whose joints all move by themselves, and `G` and `o` of `q_all = G q + o` (rates alike, without o).
 fn unfolded(robot: &Robot) -> (Robot, DMatrix<f64>, DVector<f64>) {
     let mut all = robot.clone();
-    all.links.iter_mut().filter_map(|l| l.joint.as_mut()).for_each(|j| j.mimic = None);
+    (0..all.links.len()).for_each(|link| all.follow(link, None));
     let (mut g, mut o) = (DMatrix::zeros(all.nv(), robot.nv()), DVector::zeros(all.nv()));
     (0..robot.root_dofs()).for_each(|k| g[(k, k)] = 1.0);
     for (link, (one, many)) in robot.links.iter().zip(robot.dofs().into_iter().zip(all.dofs())) {
         let Some(joint) = &link.joint else { continue };
         g[(many, one)] = joint.ratio();
-        o[many] = joint.mimic.map_or(0.0, |m| m.offset);
+        o[many] = joint.mimic().map_or(0.0, |m| m.offset);
     }
     (all, g, o)
 }
@@ -93,7 +93,7 @@ fn a_urdf_says_what_follows_what() {
     let chain = r#"<mimic joint="ja" multiplier="2" offset="0.1"/>|<mimic joint="jb" multiplier="3" offset="-0.2"/>"#;
     let robot = Robot::from_urdf(&text(chain), false).expect("a robot");
     assert_eq!((robot.nq(), robot.joint_count(), robot.links.len()), (1, 1, 3));
-    let c = robot.links[2].joint.as_ref().and_then(|j| j.mimic).expect("it follows");
+    let c = robot.links[2].joint.as_ref().and_then(|j| j.mimic().copied()).expect("it follows");
     assert!((c.multiplier - 6.0).abs() < 1e-12 && (c.offset - 0.1).abs() < 1e-12 && c.coordinate == 0, "{c:?}");
     // Dampers act at what they brake: 0.5 (1 + 2^2 + 6^2), dry friction 0.1 (1 + 2 + 6).
     let a = robot.joints().next().expect("a joint");

@@ -93,7 +93,7 @@ fn joint(joint: &Joint) -> Value {
         "armature": joint.armature,
     });
     // Said only where there is something to say: what moves as it always did has the hash it always had.
-    if let Some(m) = joint.mimic {
+    if let Some(m) = joint.mimic() {
         value["mimic"] = json!([m.coordinate, m.multiplier, m.offset]);
     }
     value

@@ -17,6 +17,7 @@ pub mod log;
 mod material;
 #[cfg(feature = "measured")]
 pub mod measured;
+#[cfg(feature = "meshes")]
 pub mod meshes;
 #[cfg(feature = "mjcf")]
 pub mod mjcf;

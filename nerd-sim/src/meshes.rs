@@ -12,18 +12,15 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{MeshFile, Robot};
 use parry3d_f64::transformation::try_convex_hull;
 
-/// Points that stand for a mesh, unless a specification says otherwise: the corners of a sole or a foot.
-pub const POINTS: usize = 8;
 /// Largest file that is read (bytes).
 const LARGEST: u64 = 1 << 28;
 /// Radius of a point (m).
 const SHARP: f64 = 1e-5;
 
-/// Gives a robot that was read from the URDF `path` at most `points` contact points for each of its collision meshes.
-pub fn touch(robot: &mut Robot, path: &Path, points: usize) {
-    if points == 0 {
-        return;
-    }
+/// Gives a robot that was read from the URDF `path` at most `points` contact points for each of its collision meshes; none where no
+/// file is known.
+pub fn touch(robot: &mut Robot, path: Option<&Path>, points: usize) {
+    let Some(path) = path.filter(|_| points > 0) else { return };
     // Where a link into the folder of packages was followed, the packages are where it leads.
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     for mesh in std::mem::take(&mut robot.meshes) {

@@ -275,8 +275,9 @@ pub struct PlaneSpec {
     pub angles: [f64; 3],
 }
 
-fn mesh_points() -> usize {
-    crate::meshes::POINTS
+/// The corners of a sole or a foot.
+pub(crate) fn mesh_points() -> usize {
+    8
 }
 
 /// So many values, no more: serde drops the rest of a longer list.

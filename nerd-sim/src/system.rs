@@ -9,11 +9,10 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Link, Robot, UrdfError};
 
 use crate::limits::stiffen;
-use crate::meshes::{POINTS, touch};
 use crate::range::Range;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
 use crate::scene::{Collider, Scene, turned_plane};
-use crate::spec::{ContactSpec, JointSpec, Spec, StartSpec};
+use crate::spec::{ContactSpec, JointSpec, Spec, StartSpec, mesh_points};
 use crate::validate::{RESERVED, check};
 use crate::worlds::{WORLDS, world};
 
@@ -128,22 +127,11 @@ impl System {
 
     /// `path` is the URDF's, from which its meshes are found.
     fn read(name: &str, urdf: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
-        let unfit = |e| SystemError::Urdf(name.into(), e);
-        let (mut robot, spec) = match spec {
-            None => {
-                let robot = Robot::from_urdf_alone(urdf, false).map_err(unfit)?;
-                let spec = plain(&robot);
-                (robot, (spec, false))
-            }
-            Some(text) => {
-                let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
-                (Robot::from_urdf(urdf, spec.floating).map_err(unfit)?, (spec, true))
-            }
-        };
-        if let Some(path) = path {
-            touch(&mut robot, path, spec.0.mesh_points);
-        }
-        Self::new(name, robot, spec.0, spec.1)
+        let Some(text) = spec else { return Self::bare_at(name, urdf, false, path) };
+        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        let mut robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        touch(&mut robot, path, spec.mesh_points);
+        Self::new(name, robot, spec, true)
     }
 
     /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known
@@ -164,8 +152,14 @@ impl System {
 
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
     pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
-        let robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        Self::bare_at(name, urdf, floating, None)
+    }
+
+    /// The same, its meshes found from where the URDF is.
+    pub(crate) fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
+        let mut robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = plain(&robot);
+        touch(&mut robot, path, spec.mesh_points);
         Self::new(name, robot, spec, false)
     }
 
@@ -282,6 +276,12 @@ fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
     }
 }
 
+/// Contact points of the collision meshes that a URDF's file names.
+#[cfg(feature = "meshes")]
+use crate::meshes::touch;
+#[cfg(not(feature = "meshes"))]
+fn touch(_: &mut Robot, _: Option<&Path>, _: usize) {}
+
 /// Makes a quaternion a unit one; one that is so but for rounding stays as it is.
 fn upright(quaternion: &mut [f64; 4]) {
     let size = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -354,7 +354,7 @@ fn plain(robot: &Robot) -> Spec {
         control: None,
         root: None,
         mass_matrix_of: Default::default(),
-        mesh_points: POINTS,
+        mesh_points: mesh_points(),
         joints: robot.joints().map(joint).collect(),
         contacts: Vec::new(),
         scenes: Vec::new(),

@@ -21,8 +21,7 @@ pub struct Derivatives {
     pub qd: DMatrix<f64>,
 }
 
-/// Working memory of [`Derivatives`].
-#[derive(Clone, Debug)]
+/// A DoF of a link.
 struct Column {
     dof: usize,
     link: usize,
@@ -90,6 +89,8 @@ impl Derivatives {
         };
         let first = usize::from(robot.floating());
         let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
+        // Six of a floating root stand where its link would have one.
+        let lead = roots.len() - first;
         let columns: Vec<Column> = roots.into_iter().chain((first..n).map(column)).collect();
         self.q.fill(0.0);
         self.qd.fill(0.0);
@@ -99,7 +100,10 @@ impl Derivatives {
             let below = b[i] * stack(&low.first) * 2.0 + inertia[i] * stack(&low.second) + wrench(&low.axis.cross_wrench(&force[i]));
             let rate = (b[i] * own + inertia[i] * stack(&low.first)) * 2.0;
             // Every column that carries this one, itself among them.
-            for up in columns.iter().filter(|up| carries(robot, up, low)) {
+            let above = std::iter::successors(Some(i), |link| robot.links[*link].parent);
+            for up in
+                above.flat_map(|link| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] })
+            {
                 let (si, sj) = (low.dof, up.dof);
                 self.q[(si, sj)] += turned.dot(&stack(&up.first)) + down.dot(&stack(&up.second)) - up.axis.cross(&low.axis).dot(&pushed[i]);
                 self.qd[(si, sj)] += turned.dot(&stack(&up.axis)) + 2.0 * down.dot(&stack(&up.first));
@@ -181,18 +185,6 @@ impl Derivatives {
         }
         true
     }
-}
-
-/// Whether the joint of `up` carries the link of `low`.
-fn carries(robot: &Robot, up: &Column, low: &Column) -> bool {
-    let mut on = Some(low.link);
-    while let Some(i) = on {
-        if i == up.link {
-            return true;
-        }
-        on = robot.links[i].parent;
-    }
-    false
 }
 
 /// `B = 1/2 (v x* I - I v x + (I v) x*)`, with `(f x*) m = m x* f`.

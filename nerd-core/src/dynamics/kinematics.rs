@@ -32,7 +32,7 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             None => (&root, base),
         };
         let turn = joint.turn();
-        let value = match &joint.mimic {
+        let value = match joint.mimic() {
             None => joints[data.dof[i] - dofs],
             Some(mimic) => mimic.multiplier * joints[mimic.coordinate] + mimic.offset,
         };
@@ -53,7 +53,7 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             }
             _ => Motion::new(axis, position.cross(&axis)),
         };
-        if let Some(mimic) = &joint.mimic {
+        if let Some(mimic) = joint.mimic() {
             data.axis[i] = data.axis[i] * mimic.multiplier;
         }
         data.rotation[i] = rotation;

@@ -55,7 +55,7 @@ pub struct Joint {
     pub kind: JointKind,
     /// What it follows, if it does not move by itself. Its own limit, damping and friction then have no effect: reading a URDF adds the
     /// latter two to the joint that it follows.
-    pub mimic: Option<Mimic>,
+    pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
@@ -121,6 +121,12 @@ impl Joint {
     #[inline]
     pub(crate) fn turn(&self) -> &[Matrix3<f64>; 3] {
         &self.turn
+    }
+
+    /// What it follows, if it does not move by itself; [`super::Robot::follow`] says so.
+    #[inline]
+    pub fn mimic(&self) -> Option<&Mimic> {
+        self.mimic.as_ref()
     }
 
     /// Change of its position with its coordinate: 1 but for a joint that follows.

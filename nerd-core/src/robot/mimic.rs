@@ -48,9 +48,8 @@ pub(super) fn follow(robot: &mut Robot, file: &urdf_rs::Robot, mut followers: Ve
     let order: Vec<usize> = (0..robot.links.len()).filter(own).collect();
     for (link, leader, multiplier, offset) in found {
         let coordinate = order.iter().position(|l| *l == leader).unwrap_or_default();
-        let Some(joint) = robot.links[link].joint.as_mut() else { continue };
-        joint.mimic = Some(Mimic { coordinate, multiplier, offset });
-        let (damping, friction) = (joint.damping, joint.friction);
+        robot.follow(link, Some(Mimic { coordinate, multiplier, offset }));
+        let Some((damping, friction)) = robot.links[link].joint.as_ref().map(|j| (j.damping, j.friction)) else { continue };
         let Some(leader) = robot.links[leader].joint.as_mut() else { continue };
         leader.damping += multiplier * multiplier * damping;
         leader.friction += multiplier.abs() * friction;

@@ -6,7 +6,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::{Joint, Shape, ShapeKind};
+use super::{Joint, Mimic, Shape, ShapeKind};
 use crate::contact::ContactPoint;
 use crate::spatial::BodyInertia;
 
@@ -82,9 +82,36 @@ pub struct Robot {
     pub frames: Vec<FixedFrame>,
     /// What was taken for granted where the URDF is silent, a line each.
     pub notes: Vec<String>,
+    /// Joints that follow others: counted once, since sizes are asked for in every step.
+    followers: usize,
 }
 
 impl Robot {
+    /// A robot without links yet.
+    pub fn new(name: impl Into<String>, base: Base) -> Self {
+        Self {
+            name: name.into(),
+            base,
+            links: Vec::new(),
+            contact_points: Vec::new(),
+            mass_matrix_of: Vec::new(),
+            meshes: Vec::new(),
+            skipped_meshes: Vec::new(),
+            frames: Vec::new(),
+            notes: Vec::new(),
+            followers: 0,
+        }
+    }
+
+    /// Makes the joint of a link follow a coordinate, or move by itself again. Coordinates are counted by the joints that move by
+    /// themselves when all is said.
+    pub fn follow(&mut self, link: usize, mimic: Option<Mimic>) {
+        if let Some(joint) = &mut self.links[link].joint {
+            joint.mimic = mimic;
+        }
+        self.followers = self.links.iter().filter(|l| l.joint.as_ref().is_some_and(|j| j.mimic.is_some())).count();
+    }
+
     /// Whether the root is free.
     #[inline]
     pub fn floating(&self) -> bool {
@@ -106,13 +133,13 @@ impl Robot {
     /// Number of one-DoF joints that move by themselves.
     #[inline]
     pub fn joint_count(&self) -> usize {
-        self.joints().count()
+        self.links.len() - usize::from(self.floating()) - self.followers
     }
 
     /// Whether some joint follows another.
     #[inline]
     pub fn mimics(&self) -> bool {
-        self.follower().is_some()
+        self.followers > 0
     }
 
     /// A joint that follows another, if there is one.

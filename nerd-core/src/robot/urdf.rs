@@ -111,17 +111,8 @@ impl Robot {
 
     fn of(file: &urdf_rs::Robot, floating: bool) -> Result<Self, UrdfError> {
         let tree = Tree::new(file)?;
-        let mut robot = Self {
-            name: file.name.clone(),
-            base: if floating { Base::Floating } else { Base::Fixed(Isometry3::identity()) },
-            links: Vec::new(),
-            contact_points: Vec::new(),
-            mass_matrix_of: Vec::new(),
-            meshes: Vec::new(),
-            skipped_meshes: Vec::new(),
-            frames: Vec::new(),
-            notes: Vec::new(),
-        };
+        let base = if floating { Base::Floating } else { Base::Fixed(Isometry3::identity()) };
+        let mut robot = Self::new(file.name.clone(), base);
         if floating {
             robot.links.push(bare(&file.links[tree.root], None, None));
         }

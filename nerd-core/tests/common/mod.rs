@@ -62,17 +62,9 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
         joint.armature = rng.random_range(0.0..0.1);
         links.push(Link { name: format!("link{k}"), parent, joint: Some(joint), inertia: body(rng), shapes: Vec::new() });
     }
-    Robot {
-        name: "random".into(),
-        base,
-        links,
-        contact_points: Vec::new(),
-        mass_matrix_of: Vec::new(),
-        meshes: Vec::new(),
-        skipped_meshes: Vec::new(),
-        frames: Vec::new(),
-        notes: Vec::new(),
-    }
+    let mut robot = Robot::new("random", base);
+    robot.links = links;
+    robot
 }
 
 /// The same robot with some joints that follow others, which may stand on other branches, above or below them.
@@ -83,7 +75,7 @@ pub fn following(rng: &mut Rng, robot: &Robot) -> Robot {
     for link in joints.iter().filter(|l| !free.contains(l) && !free.is_empty()) {
         let coordinate = rng.random_range(0..free.len());
         let (multiplier, offset) = (rng.random_range(-1.5..1.5), rng.random_range(-0.5..0.5));
-        robot.links[*link].joint.iter_mut().for_each(|j| j.mimic = Some(Mimic { coordinate, multiplier, offset }));
+        robot.follow(*link, Some(Mimic { coordinate, multiplier, offset }));
     }
     robot
 }

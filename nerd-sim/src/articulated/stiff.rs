@@ -167,7 +167,7 @@ fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
 /// links next to it as if they turned freely about their centres of mass; on a fixed base the link about the joint. What follows it only adds.
 fn least_inertia(robot: &Robot, i: usize) -> Option<f64> {
     let link = &robot.links[i];
-    let joint = link.joint.as_ref().filter(|j| j.mimic.is_none())?;
+    let joint = link.joint.as_ref().filter(|j| j.mimic().is_none())?;
     if !robot.mass_matrix_of.is_empty() {
         return Some(joint.armature);
     }

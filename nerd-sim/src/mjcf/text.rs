@@ -32,6 +32,12 @@ const ROBOT: &str = r#"contype="0" conaffinity="1""#;
 /// [`MjcfError::Scene`] if the scene is more than planes, [`MjcfError::Robot`] if its mass matrix is none.
 pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     let robot = &system.robot;
+    if let Some(joint) = robot.follower() {
+        return Err(MjcfError::Robot(format!(
+            "joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about",
+            joint.name
+        )));
+    }
     let mut text = format!(
         "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"/>\n<worldbody>\n",
         escape(&system.name),

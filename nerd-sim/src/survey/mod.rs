@@ -20,7 +20,6 @@ use nerd_core::robot::{Robot, UrdfError};
 
 pub use pinocchio::{Differences, PinocchioError, differences};
 
-use crate::meshes::{POINTS, touch};
 use crate::prelude::*;
 
 /// Frames rolled out.
@@ -98,17 +97,9 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
     let text = text(path);
     let read = |floating| -> Result<System, Unread> {
         let text = text.as_ref().map_err(|e| Unread::Because(e.clone()))?;
-        let read = || match System::bare(name, text, floating) {
+        let read = || match System::bare_at(name, text, floating, Some(path)) {
             Err(SystemError::Urdf(_, UrdfError::Still)) => Ok(None),
             other => other.map(Some).map_err(|e| reason(&e, name)),
-        };
-        let read = || {
-            read().map(|system| {
-                system.map(|mut system| {
-                    touch(&mut system.robot, path, POINTS);
-                    system
-                })
-            })
         };
         caught(read).map_err(Unread::Because)?.ok_or(Unread::Still)
     };

@@ -95,7 +95,7 @@ fn request<'a>(urdf: &'a Path, robot: &'a Robot, states: usize) -> Request<'a> {
     let dofs = robot.dofs();
     let joints = robot.links.iter().zip(&dofs).filter_map(|(link, dof)| {
         let joint = link.joint.as_ref()?;
-        Some((joint.name.as_str(), dof - robot.root_dofs(), joint.ratio(), joint.mimic.map_or(0.0, |m| m.offset)))
+        Some((joint.name.as_str(), dof - robot.root_dofs(), joint.ratio(), joint.mimic().map_or(0.0, |m| m.offset)))
     });
     let frames = chosen(robot).into_iter().map(|f| f.0).collect();
     Request { urdf, floating: robot.floating(), joints: joints.collect(), frames, states, coordinates: robot.joint_count() }

@@ -18,7 +18,7 @@ use rand::RngExt;
 
 pub use adjoint::{Slope, slope};
 pub use chosen::Worth;
-pub use single::{SmallModel, single, solver};
+pub use single::{SmallModel, silence, single, solver};
 
 use chosen::Chosen;
 

@@ -61,9 +61,7 @@ impl SmallModel {
         };
         network.check().map_err(Error::Refused)?;
         let mut weights = Weights::init(network, seed);
-        let last = network.outputs * (network.head + 1);
-        let n = weights.flat.len();
-        weights.flat[n - last..].fill(0.0);
+        silence(&mut weights);
         let config = ModelConfig {
             robot: subject.system.name.clone(),
             robot_sha256: subject.system.robot_sha256(),
@@ -109,6 +107,13 @@ pub fn single(
         progress(step + 1, chosen.worth);
     }
     Ok(chosen.best())
+}
+
+/// Makes a network say nothing: zeros in its last layer.
+pub fn silence(weights: &mut Weights) {
+    let last = weights.config.outputs * (weights.config.head + 1);
+    let n = weights.flat.len();
+    weights.flat[n - last..].fill(0.0);
 }
 
 /// A model as a maker of solvers.

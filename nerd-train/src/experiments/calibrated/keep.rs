@@ -5,22 +5,21 @@ use std::path::Path;
 use nerd_model::folder::Model;
 use nerd_model::transformer::Storage;
 use nerd_sim::calibrate::Saved;
-use nerd_sim::log::specified;
+use nerd_sim::log::{Log, specified};
 
 use super::{Calibrated, Calibration, Learned};
 use crate::error::{Error, Result};
 
 impl Calibration {
     /// Writes the models of the first split into a folder, one each by its way of learning.
-    pub(super) fn keep(&self, folder: &Path, fitted: &Calibrated, learned: &[Learned], models: &[Model]) -> Result<()> {
-        let log = self.log()?;
+    pub(super) fn keep(&self, folder: &Path, log: &Log, fitted: &Calibrated, learned: &[Learned], models: &[Model]) -> Result<()> {
         let (spec, system) = specified(&self.log)?;
         let beside = self.log.with_file_name(&spec.robot);
         let robot = match beside.exists() {
             true => std::fs::canonicalize(&beside).map_err(Error::file(&beside))?.display().to_string(),
             false => spec.robot,
         };
-        let (subject, parameters) = self.subject(&log, "articulated")?;
+        let (subject, parameters) = self.subject(log, "articulated")?;
         let values = fitted.splits.first().map(|split| split.fit.values.clone()).unwrap_or_default();
         let named = parameters.iter().map(|p| p.name.clone()).zip(values).collect();
         let saved = Saved { robot, scene: log.scene.clone(), engine: subject.engine, parameters: named };

@@ -191,7 +191,7 @@ impl Experiment for Calibration {
         let noise = self.noise(&log, &fitted, &parts)?;
         let (learned, models) = self.learned(&log, &fitted, &parts)?;
         if let (Some(folder), Some(first)) = (&self.models, fitted.first()) {
-            self.keep(folder, first, &learned, &models)?;
+            self.keep(folder, &log, first, &learned, &models)?;
         }
         let rest = self.rest(&log, &fitted, &parts, &models)?;
         let curve = self.curve(&log, &parts)?;

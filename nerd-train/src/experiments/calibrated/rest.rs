@@ -13,7 +13,7 @@ use super::split::Parts;
 use super::ties::{Tie, ties};
 use super::{Calibrated, Calibration};
 use crate::error::Result;
-use crate::unroll::solver;
+use crate::unroll::{silence, solver};
 
 /// What is left.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -146,9 +146,7 @@ fn acts(name: &str, subject: &Subject, model: &Model, trials: &[Trial]) -> Resul
         return Ok(Vec::new());
     }
     let mut mute = model.clone();
-    let last = model.config.network.outputs * (model.config.network.head + 1);
-    let n = mute.weights.flat.len();
-    mute.weights.flat[n - last..].fill(0.0);
+    silence(&mut mute.weights);
     let motions = subject.states_in(trials, &solver(model, system))?;
     let frames = motions.iter().zip(trials).flat_map(|(m, t)| m.iter().zip(&t.torques));
     let (states, torques): (Vec<&Vec<f64>>, Vec<&Vec<f64>>) = frames.unzip();
