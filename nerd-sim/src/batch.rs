@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, kinematics};
 
+use crate::drive::Drive;
 use crate::scene::Scene;
 use crate::system::System;
 
@@ -19,12 +20,15 @@ pub struct Batch {
     pub scenes: Vec<Arc<Scene>>,
     /// Frames stepped since each environment's reset; names the place of an error.
     pub frames: Vec<u64>,
+    /// Drives `[env][joint]`, whose torques are added to those of a frame; empty: none. [`crate::articulated`] alone has them
+    /// inside its substeps; other solvers refuse them.
+    pub drives: Vec<Drive>,
 }
 
 impl Batch {
     /// `n` environments at zero coordinates (identity pose for a floating root) in one scene.
     pub fn new(system: &Arc<System>, scene: &Arc<Scene>, n: usize) -> Self {
-        Self { system: system.clone(), states: system.robot.zero_state().repeat(n), scenes: vec![scene.clone(); n], frames: vec![0; n] }
+        Self { system: system.clone(), states: system.robot.zero_state().repeat(n), scenes: vec![scene.clone(); n], frames: vec![0; n], drives: Vec::new() }
     }
 
     /// Number of environments.
@@ -43,6 +47,10 @@ impl Batch {
     /// What the lengths are.
     pub fn check(&self) -> Result<(), String> {
         let (n, d) = (self.scenes.len(), self.system.robot.state_dim());
+        let (drives, joints) = (self.drives.len(), n * self.system.robot.joint_count());
+        if drives != 0 && drives != joints {
+            return Err(format!("a batch of {n} scenes needs {joints} `drives`, one a joint of each, or none; it has {drives}"));
+        }
         if self.states.len() == n * d && self.frames.len() == n {
             return Ok(());
         }
@@ -60,6 +68,15 @@ impl Batch {
     pub fn state_mut(&mut self, env: usize) -> &mut [f64] {
         let d = self.system.robot.state_dim();
         &mut self.states[env * d..(env + 1) * d]
+    }
+
+    /// Drives of an environment; empty where there are none.
+    pub fn driven(&self, env: usize) -> &[Drive] {
+        if self.drives.is_empty() {
+            return &[];
+        }
+        let joints = self.system.robot.joint_count();
+        &self.drives[env * joints..(env + 1) * joints]
     }
 
     /// Puts an environment at `state` and starts counting its frames anew. Tell the solver, too

@@ -8,6 +8,7 @@ pub mod calibrate;
 mod collider;
 pub mod control;
 pub mod dataset;
+pub mod drive;
 pub mod files;
 mod identity;
 pub mod instruments;
@@ -49,6 +50,7 @@ pub mod prelude {
     pub use crate::articulated::{Articulated, ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
     pub use crate::batch::Batch;
     pub use crate::control::Controller;
+    pub use crate::drive::Drive;
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
     pub use crate::scene::{Collider, Material, Plane, Scene};

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use crate::batch::Batch;
 use crate::scene::Scene;
-use crate::solver::{Fault, StepError, check, commit};
+use crate::drive::Drive;
+use crate::solver::{Fault, StepError, check, commit, sound};
 use crate::system::System;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
@@ -16,12 +17,17 @@ pub(crate) trait Frame: Send + Sized {
     type Config: Sync;
     /// Environments that one thread steps in a row.
     const CHUNK: usize;
+    /// Whether it has drives inside its frame.
+    const DRIVEN: bool = false;
 
     /// Memory for a system; `Err` says why it cannot be simulated.
     fn new(system: &System) -> Result<Self, String>;
 
     /// Advances `state` under joint torques `tau`; `Err` says why not.
     fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
+
+    /// Takes over the drives of the environment that is stepped next.
+    fn drive(&mut self, _drives: &[Drive]) {}
 }
 
 /// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
@@ -41,7 +47,8 @@ impl<F: Frame> Parallel<F> {
     /// One frame of every environment that can be stepped; see [`crate::solver::Solver::step`].
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
-        check(batch, torques, faults)?;
+        // Who knows no drives refuses them before anything is stepped.
+        if F::DRIVEN { sound(batch, torques, faults) } else { check(batch, torques, faults) }?;
         if !self.system.as_ref().is_some_and(|s| Arc::ptr_eq(s, &batch.system)) {
             self.frames.clear();
             self.system = Some(batch.system.clone());
@@ -63,6 +70,7 @@ impl<F: Frame> Parallel<F> {
                     continue;
                 }
                 let tau = &torques[env * joints..(env + 1) * joints];
+                frame.drive(batch.driven(env));
                 if let Err(reason) = frame.step(system, &batch.scenes[env], config, state, tau) {
                     let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
                     faults.push(Fault { env, frame: batch.frames[env], reason });

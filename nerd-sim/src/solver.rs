@@ -82,12 +82,21 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
     }
 }
 
-/// Refuses a batch or torques of other lengths than the system needs, and finds environments whose state or torque is no
-/// number, or whose scene is none.
+/// Refuses a batch or torques of other lengths than the system needs, and drives; finds environments whose state or torque is no
+/// number, or whose scene is none. For solvers that have no drives inside their frame.
 ///
 /// # Errors
 /// [`StepError::Solver`] or [`StepError::Torques`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    if !batch.drives.is_empty() {
+        let text = "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
+        return Err(StepError::Solver(text.into()));
+    }
+    sound(batch, torques, faults)
+}
+
+/// The same, drives allowed and looked at.
+pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
@@ -105,6 +114,14 @@ pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<
         last = Some((scene, checked.is_ok()));
         if let Err(reason) = checked {
             faults.push(Fault { env, frame: batch.frames[env], reason });
+        }
+    }
+    for (at, drive) in batch.drives.iter().enumerate() {
+        if let Err(reason) = drive.check() {
+            let (env, joint) = (at / joints, system.robot.joints().nth(at % joints).map_or("", |j| &j.name));
+            if faults.iter().all(|f| f.env != env) {
+                faults.push(Fault { env, frame: batch.frames[env], reason: format!("joint `{joint}`: {reason}") });
+            }
         }
     }
     let names = [&system.spec.state_columns, &system.spec.torque_columns];

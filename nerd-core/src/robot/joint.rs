@@ -64,9 +64,9 @@ pub struct Joint {
     pub friction: f64,
     /// Inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
-    /// Largest effort (N m or N); infinite where none is given. Not enforced by solvers.
+    /// Largest effort (N m or N); infinite where none is given. Kept by drives (`nerd_sim::drive`), not by torques that are given.
     pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite where none is given. Not enforced by solvers.
+    /// Largest velocity (rad/s or m/s); infinite where none is given. Kept by drives, not by torques that are given.
     pub velocity: f64,
     origin: Isometry3<f64>,
     axis: Unit<Vector3<f64>>,

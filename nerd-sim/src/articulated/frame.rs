@@ -13,6 +13,7 @@ use super::force::force;
 use super::implicit::Touches;
 use super::stiff::Stiff;
 use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
+use crate::drive::Drive;
 use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
 use crate::solver::gone;
@@ -28,6 +29,8 @@ pub(super) struct Workspace {
     pub(super) owners: Vec<usize>,
     pub(super) touches: Touches,
     pub(super) stiff: Stiff,
+    /// Drives of the joints; empty: none.
+    pub(super) drives: Vec<Drive>,
     rates: [Vec<f64>; 4],
     trial: Vec<f64>,
     start: Vec<f64>,
@@ -39,6 +42,7 @@ const BEYOND: f64 = 0.1;
 impl Frame for Workspace {
     type Config = ArticulatedConfig;
     const CHUNK: usize = 64;
+    const DRIVEN: bool = true;
 
     fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
@@ -54,7 +58,13 @@ impl Frame for Workspace {
             owners: Vec::new(),
             touches: Touches::new(robot),
             stiff: Stiff::new(robot),
+            drives: Vec::new(),
         })
+    }
+
+    fn drive(&mut self, drives: &[Drive]) {
+        self.drives.clear();
+        self.drives.extend_from_slice(drives);
     }
 
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
@@ -73,8 +83,8 @@ impl Frame for Workspace {
             self.owners.reserve(most);
             self.owners.extend(0..robot.contact_points.len());
         }
-        // Dry friction is stiff at rest: the implicit step alone holds it.
-        if robot.dry() || contact && config.contact_step == ContactStep::Implicit {
+        // Dry friction is stiff at rest, and a drive may be: the implicit step alone holds them.
+        if robot.dry() || !self.drives.is_empty() || contact && config.contact_step == ContactStep::Implicit {
             return self.implicit(system, scene, config, config.contact_substeps, false, state, tau);
         }
         self.start.copy_from_slice(state);

@@ -16,7 +16,7 @@
 //! repetition. A point that would pull has parted; it is dropped and the system solved again. A joint beyond its limit is a
 //! touch without friction that may pull, its own damper one that always acts, with the share that makes a damper alone
 //! exact, `a = 1 / (1 - exp(-z)) - 1 / z`, where `z = h d w` is beyond 1; a joint's dry friction is one that rubs under a constant force, and holds up to
-//! 1 mm/s of creep. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
+//! 1 mm/s of creep. A drive ([`crate::drive`]) is one that may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
 //! the factorisation its cost.
 
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
@@ -50,6 +50,10 @@ struct Touch {
     across: f64,
     /// Whether it would pull, and acts no more.
     parted: bool,
+    /// Of a drive: its least and largest force.
+    bounds: Option<[f64; 2]>,
+    /// The bound that holds it.
+    held: Option<f64>,
 }
 
 /// Working memory.
@@ -71,9 +75,9 @@ impl Touches {
     pub(super) fn new(robot: &Robot) -> Self {
         let (points, joints, nv) = (robot.contact_points.len(), robot.joint_count(), robot.nv());
         Self {
-            touches: Vec::with_capacity(points + 2 * joints),
-            columns: Vec::with_capacity(points * nv + 2 * joints),
-            weights: vec![None; points + 2 * joints],
+            touches: Vec::with_capacity(points + 3 * joints),
+            columns: Vec::with_capacity(points * nv + 3 * joints),
+            weights: vec![None; points + 3 * joints],
             dampers: vec![0.5; joints],
             mass: DMatrix::zeros(nv, nv),
             middle: vec![0.0; nv],
@@ -86,11 +90,11 @@ impl Touches {
     fn begin(&mut self, robot: &Robot, scene: &Scene) {
         let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
         self.weights.clear();
-        self.weights.resize(pairs + 2 * joints, None);
+        self.weights.resize(pairs + 3 * joints, None);
         self.touches.clear();
-        self.touches.reserve(pairs + 2 * joints);
+        self.touches.reserve(pairs + 3 * joints);
         self.columns.clear();
-        self.columns.reserve(pairs * robot.nv() + 2 * joints);
+        self.columns.reserve(pairs * robot.nv() + 3 * joints);
     }
 }
 
@@ -181,6 +185,21 @@ impl Workspace {
             let columns = columns.len() - 1..columns.len();
             let (index, normal, gap) = (points + joints + i, Vector3::x(), -joint.friction);
             touches.push(Touch { index, columns, material, normal, gap, velocity, ..Default::default() });
+        }
+        for ((i, joint), drive) in robot.joints().enumerate().zip(&self.drives) {
+            let (x, v) = (q[robot.root_coords() + i], qd[dofs + i]);
+            columns.push((dofs + i, Vector3::x()));
+            touches.push(Touch {
+                index: points + 2 * joints + i,
+                columns: columns.len() - 1..columns.len(),
+                material: Material { stiffness: drive.kp, damping: drive.kd, friction_damping: 0.0, friction: 0.0 },
+                sticky: true,
+                normal: Vector3::x(),
+                gap: x - drive.target,
+                velocity: Vector3::x() * (v - drive.speed),
+                bounds: Some(drive.bounds(joint, v)),
+                ..Default::default()
+            });
         }
         for (i, joint) in robot.joints().enumerate() {
             let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
@@ -307,6 +326,10 @@ impl Workspace {
         for touch in touches.iter().filter(|t| !t.parted) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let vn = n.dot(&touch.velocity);
+            if let Some(force) = touch.held {
+                columns[touch.columns.clone()].iter().for_each(|(i, a)| self.data.qdd[*i] += a.dot(n) * force);
+                continue;
+            }
             let force = n * -(m.stiffness * touch.gap + m.damping * vn) - (touch.velocity - n * vn) * touch.across;
             let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * touch.across);
             for (i, a) in &columns[touch.columns.clone()] {
@@ -323,11 +346,16 @@ impl Workspace {
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
         let mut changed = false;
-        for touch in touches.iter_mut().filter(|t| !t.parted && !t.sticky) {
+        for touch in touches.iter_mut().filter(|t| !t.parted && t.held.is_none() && (!t.sticky || t.bounds.is_some())) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
             let change: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum();
             let (vn, dn) = (n.dot(&touch.velocity), n.dot(&change));
             let normal = -(m.stiffness * (touch.gap + spring * h * dn) + m.damping * (vn + damper * dn));
+            if let Some([least, most]) = touch.bounds {
+                touch.held = (!(least..=most).contains(&normal)).then(|| normal.clamp(least, most));
+                changed |= touch.held.is_some();
+                continue;
+            }
             touch.parted = normal < 0.0;
             let seen = touch.velocity + change * slide;
             let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, friction);

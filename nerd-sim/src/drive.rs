@@ -1,0 +1,91 @@
+//! Drives: position and velocity laws at the joints that act inside the substeps of a solver, as a servo's own loop does.
+//!
+//! [`crate::control::Controller`] works out a torque once a frame and holds it, which a stiff gain makes unstable
+//! (`kp > 4 I / h^2`). A drive looks at its joint all through the frame, so any gain is stable.
+//!
+//! ```
+//! use nerd_sim::drive::Drive;
+//! use nerd_sim::prelude::*;
+//! let system = System::named("pendulum")?;
+//! let mut batch = Batch::new(&system, &system.scene("free")?, 1);
+//! // Far stiffer than a torque held over a frame may be.
+//! batch.drives = vec![Drive { kp: 1e4, kd: 100.0, target: 0.5, ..Drive::default() }; system.robot.joint_count()];
+//! let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
+//! for _ in 0..120 {
+//!     simulation.step(&[0.0, 0.0])?;
+//! }
+//! assert!((simulation.batch.state(0)[0] - 0.5).abs() < 0.01);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::robot::Joint;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::up;
+use crate::system::System;
+use crate::validate::within;
+
+/// `tau = kp (target - q) + kd (speed - qd)`, kept within the effort. Beyond the joint's largest velocity
+/// ([`nerd_core::robot::Joint::velocity`]) it does not drive the joint faster still.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drive {
+    /// Stiffness (N m/rad or N/m).
+    pub kp: f64,
+    /// Damping (N m s/rad or N s/m).
+    pub kd: f64,
+    /// Position (rad or m); on a joint without limits a whole turn more is another one.
+    pub target: f64,
+    /// Velocity (rad/s or m/s).
+    pub speed: f64,
+    /// Largest torque (N m) or force (N); infinite: none.
+    pub effort: f64,
+}
+
+impl Default for Drive {
+    fn default() -> Self {
+        Self { kp: 0.0, kd: 0.0, target: 0.0, speed: 0.0, effort: f64::INFINITY }
+    }
+}
+
+impl Drive {
+    /// Torques that it may have at a velocity: least and largest.
+    pub fn bounds(&self, joint: &Joint, qd: f64) -> [f64; 2] {
+        let most = |beyond: bool| if beyond { 0.0 } else { self.effort };
+        [-most(qd < -joint.velocity), most(qd > joint.velocity)]
+    }
+
+    /// Says what is no gain, place or effort.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        within("a drive's kp", self.kp, 0.0..=1e9, "")?;
+        within("a drive's kd", self.kd, 0.0..=1e9, "")?;
+        within("a drive's target", self.target, -1e6..=1e6, "")?;
+        within("a drive's speed", self.speed, -1e6..=1e6, "")?;
+        within("a drive's effort", self.effort, 0.0..=f64::INFINITY, "")
+    }
+}
+
+/// Drives that hold a robot's joints where they are in `state`, one a joint: what a URDF asks for that says nothing of gains.
+///
+/// With the robot's mass m and its extent L (m), from its lowest contact point to its highest, `kp = m g L` holds its weight at
+/// the end of a lever as long as itself with an error of a radian: a legged robot on two or four of them stands. Damping takes
+/// a twentieth of a second, `kd = kp / 20`. Efforts are the URDF's. Without gravity it is held as strongly as on Earth.
+pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
+    let robot = &system.robot;
+    let mut data = Data::new(robot);
+    kinematics(robot, state, &mut data);
+    let up = up(&system.gravity());
+    let heights = robot.contact_points.iter().map(|p| up.dot(&point_position(&data, p.link, &p.local)));
+    let [low, high] = heights.fold([f64::INFINITY, -f64::INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
+    let extent = if high > low { high - low } else { 1.0 };
+    let gravity = system.gravity().norm();
+    let kp = robot.mass() * if gravity > 0.0 { gravity } else { 9.81 } * extent;
+    let joints = robot.joints().zip(&state[robot.root_coords()..]);
+    joints.map(|(joint, q)| Drive { kp, kd: kp / 20.0, target: *q, speed: 0.0, effort: effort(joint) }).collect()
+}
+
+/// A joint of which nobody said what it can do has no bound.
+fn effort(joint: &Joint) -> f64 {
+    if joint.effort > 0.0 { joint.effort } else { f64::INFINITY }
+}
