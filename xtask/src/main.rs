@@ -43,6 +43,7 @@ mod rollout;
 mod solvers;
 mod stability;
 mod stamp;
+mod stand;
 mod tosses;
 mod train;
 mod urdf;

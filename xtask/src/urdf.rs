@@ -22,6 +22,12 @@ pub struct UrdfArgs {
     /// With --pinocchio: random states of each robot
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub states: u64,
+    /// In place of that: each stands for ten seconds on a plane, its joints held by drives, and falls with none
+    #[arg(long)]
+    pub stand: bool,
+    /// With --stand: a Python that has MuJoCo, which stands beside ours
+    #[arg(long, value_name = "PYTHON", requires = "stand")]
+    pub mujoco: Option<PathBuf>,
     /// Folder to write urdfs.json and urdfs.md into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
@@ -35,6 +41,9 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     if files.is_empty() {
         bail!("no .urdf in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
+    }
+    if args.stand {
+        return crate::stand::run(&files, args.mujoco.as_deref(), args.out.as_deref());
     }
     let bar = bar("robots", files.len() as u64);
     // A panic has a line in the table; elsewhere it would tear the bar.

@@ -9,7 +9,8 @@ use nerd_core::robot::Robot;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::{MjcfError, from_mujoco, mjcf, to_mujoco};
+use super::text::driven;
+use super::{MjcfError, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 const REFEREE: &str = include_str!("referee.py");
@@ -89,9 +90,24 @@ impl Referee {
     /// # Errors
     /// Of [`mjcf`], if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
     pub fn new(python: &Path, system: &System, scene: &Scene, starts: &[Vec<f64>], frames: usize) -> Result<Self, MjcfError> {
+        Self::driven(python, system, scene, &[], starts, frames)
+    }
+
+    /// The same with a drive on every joint, if there are any; largest velocities are not kept.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn driven(
+        python: &Path,
+        system: &System,
+        scene: &Scene,
+        drives: &[Drive],
+        starts: &[Vec<f64>],
+        frames: usize,
+    ) -> Result<Self, MjcfError> {
         let robot = system.robot.clone();
         let starts = starts.iter().map(|s| to_mujoco(&robot, s)).collect();
-        let request = Request { mjcf: mjcf(system, scene)?, frame_time: system.frame_time, frames, starts };
+        let request = Request { mjcf: driven(system, scene, drives)?, frame_time: system.frame_time, frames, starts };
         let cannot = |source| MjcfError::Start { python: python.into(), source };
         let mut command = Command::new(python);
         command.args(["-c", REFEREE]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());

@@ -31,6 +31,11 @@ const ROBOT: &str = r#"contype="0" conaffinity="1""#;
 /// # Errors
 /// [`MjcfError::Scene`] if the scene is more than planes, [`MjcfError::Robot`] if its mass matrix is none.
 pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
+    driven(system, scene, &[])
+}
+
+/// The same with a drive on every joint, as actuators of MuJoCo's; none if there are none. Largest velocities are left out.
+pub(super) fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
     let robot = &system.robot;
     if let Some(joint) = robot.follower() {
         return Err(MjcfError::Robot(format!(
@@ -38,8 +43,10 @@ pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
             joint.name
         )));
     }
+    // What stands shall not creep: by default MuJoCo's friction is as soft as its contacts.
+    let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
     let mut text = format!(
-        "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"/>\n<worldbody>\n",
+        "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"{hold}/>\n<worldbody>\n",
         escape(&system.name),
         numbers(scene.gravity.as_slice())
     );
@@ -58,7 +65,9 @@ pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
         let base = if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
         body(&mut text, robot, scene, &weight, i, &base);
     }
-    text += "</worldbody>\n</mujoco>\n";
+    text += "</worldbody>\n<actuator>\n";
+    robot.joints().zip(drives).for_each(|(joint, drive)| text += &actuator(joint, drive));
+    text += "</actuator>\n</mujoco>\n";
     Ok(text)
 }
 
@@ -99,6 +108,17 @@ fn joint(joint: &Joint, weight: f64) -> String {
     let Joint { armature, damping, friction, .. } = joint;
     let forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");
     format!("<joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" {forces} {limit}/>\n")
+}
+
+/// A drive: `b_0 + b_1 q + b_2 qd` of MuJoCo's affine bias, kept within its effort.
+fn actuator(joint: &Joint, drive: &Drive) -> String {
+    let Drive { kp, kd, target, speed, effort } = drive;
+    let bias = numbers(&[kp * target + kd * speed, -kp, -kd]);
+    let bounds = if effort.is_finite() { format!(" forcelimited=\"true\" forcerange=\"-{effort} {effort}\"") } else { String::new() };
+    format!(
+        "<general joint=\"{}\" gainprm=\"0\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n",
+        escape(&joint.name)
+    )
 }
 
 /// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with

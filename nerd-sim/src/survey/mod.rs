@@ -11,6 +11,10 @@
 //! ```
 
 mod pinocchio;
+#[cfg(feature = "mjcf")]
+mod srdf;
+#[cfg(feature = "mjcf")]
+mod stand;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -19,6 +23,8 @@ use std::sync::Arc;
 use nerd_core::robot::{Robot, UrdfError};
 
 pub use pinocchio::{Differences, PinocchioError, differences};
+#[cfg(feature = "mjcf")]
+pub use stand::{Course, Limp, STANDING, StandError, Standing, stand};
 
 use crate::prelude::*;
 
