@@ -28,7 +28,13 @@ pub struct Batch {
 impl Batch {
     /// `n` environments at zero coordinates (identity pose for a floating root) in one scene.
     pub fn new(system: &Arc<System>, scene: &Arc<Scene>, n: usize) -> Self {
-        Self { system: system.clone(), states: system.robot.zero_state().repeat(n), scenes: vec![scene.clone(); n], frames: vec![0; n], drives: Vec::new() }
+        Self {
+            system: system.clone(),
+            states: system.robot.zero_state().repeat(n),
+            scenes: vec![scene.clone(); n],
+            frames: vec![0; n],
+            drives: Vec::new(),
+        }
     }
 
     /// Number of environments.

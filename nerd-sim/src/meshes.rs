@@ -96,19 +96,31 @@ fn hull(vertices: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     made.map_or_else(|| vertices.to_vec(), |(hull, _)| hull.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect())
 }
 
-/// At most so many of the points: the one farthest from their middle, then always the one farthest from all that were taken.
+/// At most so many of the points: those that lie farthest towards the corners of the box around them, the lower ones first, then
+/// always the one farthest from all that were taken. A sole with an ankle on it keeps the corners that it stands on.
 fn spread(points: &[Vector3<f64>], most: usize) -> Vec<Vector3<f64>> {
-    let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-    let mut away: Vec<f64> = points.iter().map(|p| (p - middle).norm()).collect();
+    let Some(first) = points.first() else { return Vec::new() };
+    let (least, largest) = points.iter().fold((*first, *first), |(a, b), p| (a.inf(p), b.sup(p)));
+    // In units of the box, so that a flat one has eight corners, too.
+    let unit = (largest - least).map(|x| if x > 0.0 { 1.0 / x } else { 0.0 });
     let mut taken: Vec<Vector3<f64>> = Vec::new();
-    while taken.len() < most {
-        let Some((k, far)) = away.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-        if far <= 1e-6 && !taken.is_empty() {
-            break;
-        }
-        let first = taken.is_empty();
+    let mut away = vec![f64::INFINITY; points.len()];
+    let mut take = |k: usize, taken: &mut Vec<Vector3<f64>>| {
+        away.iter_mut().zip(points).for_each(|(d, p)| *d = d.min((p - points[k]).norm()));
         taken.push(points[k]);
-        away.iter_mut().zip(points).for_each(|(d, p)| *d = if first { (p - points[k]).norm() } else { d.min((p - points[k]).norm()) });
+        away.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, far)| *far > 1e-6)
+    };
+    let mut next = None;
+    for corner in 0..8 {
+        let towards = Vector3::new(0, 1, 2).map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }).component_mul(&unit);
+        let far = |p: &Vector3<f64>| towards.dot(p);
+        let Some(k) = (0..points.len()).max_by(|a, b| far(&points[*a]).total_cmp(&far(&points[*b]))) else { break };
+        if taken.len() < most && taken.iter().all(|t| (t - points[k]).norm() > 1e-6) {
+            next = take(k, &mut taken);
+        }
+    }
+    while let Some((k, _)) = next.filter(|_| taken.len() < most) {
+        next = take(k, &mut taken);
     }
     taken
 }

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 
 use crate::batch::Batch;
-use crate::scene::Scene;
 use crate::drive::Drive;
+use crate::scene::Scene;
 use crate::solver::{Fault, StepError, check, commit, sound};
 use crate::system::System;
 

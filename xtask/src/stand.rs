@@ -24,13 +24,25 @@ pub fn run(files: &[Found], mujoco: Option<&Path>, out: Option<&Path>) -> Result
                 rows.push(row(&file.name, &standing));
                 courses.extend(course(&file.name, &standing));
             }
-            Err(reason) => rows.push([file.name.clone(), reason.to_string().replace('|', "/")].into_iter().chain(vec![String::new(); 10]).collect()),
+            Err(reason) => {
+                rows.push([file.name.clone(), reason.to_string().replace('|', "/")].into_iter().chain(vec![String::new(); 10]).collect())
+            }
         }
     }
     bar.finish();
     let header = [
-        "file", "pose", "points", "kp (N m/rad)", "height at the start (m)", "after ten seconds (m)", "MuJoCo (m)", "tilt (deg)",
-        "MuJoCo (deg)", "limp: lost (J)", "energy rose by (J)", "deepest point (mm)",
+        "file",
+        "pose",
+        "points",
+        "kp (N m/rad)",
+        "height at the start (m)",
+        "after ten seconds (m)",
+        "MuJoCo (m)",
+        "tilt (deg)",
+        "MuJoCo (deg)",
+        "limp: lost (J)",
+        "energy rose by (J)",
+        "deepest point (mm)",
     ];
     let note = "Ten seconds on the plane `plane`, preset `accurate`, contact at points of the robot's own collision shapes. Each joint is held \
         by a drive inside the substep, `kp = m g L` with its mass and extent, `kd = kp / 20`, efforts as in its URDF; MuJoCo has the same \

@@ -21,10 +21,13 @@ pub(super) fn pose(robot: &Robot, urdf: &Path) -> (Vec<f64>, String) {
         let Ok(document) = roxmltree::Document::parse(&text) else { continue };
         for group in document.descendants().filter(|n| n.has_tag_name("group_state")) {
             let Some(name) = group.attribute("name").filter(|name| STANDING.contains(name)) else { continue };
-            let said: Vec<(usize, f64)> = group.children().filter_map(|joint| {
-                let place = robot.joints().position(|j| Some(j.name.as_str()) == joint.attribute("name"))?;
-                Some((place, joint.attribute("value")?.trim().parse().ok()?))
-            }).collect();
+            let said: Vec<(usize, f64)> = group
+                .children()
+                .filter_map(|joint| {
+                    let place = robot.joints().position(|j| Some(j.name.as_str()) == joint.attribute("name"))?;
+                    Some((place, joint.attribute("value")?.trim().parse().ok()?))
+                })
+                .collect();
             if said.len() > best.0 {
                 let file = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 best = (said.len(), said, format!("`{name}` of {file}"));

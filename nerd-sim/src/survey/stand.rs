@@ -112,10 +112,7 @@ pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing, StandErro
 
 fn course(start: &[f64], frames: &[Vec<f64>]) -> Course {
     let up = |state: &[f64]| quaternion(&state[3..7]) * (quaternion(&start[3..7]).inverse() * Vector3::z());
-    Course {
-        height: frames.iter().map(|state| state[2]).collect(),
-        tilt: frames.iter().map(|state| up(state).angle(&up(start))).collect(),
-    }
+    Course { height: frames.iter().map(|state| state[2]).collect(), tilt: frames.iter().map(|state| up(state).angle(&up(start))).collect() }
 }
 
 /// What the springs of contacts and limits hold (J); `data` has the kinematics.
