@@ -88,7 +88,7 @@ impl Referee {
     /// Starts `python` on `system` in `scene`, to roll out `frames` frames from each of `starts`, states of ours.
     ///
     /// # Errors
-    /// Of [`mjcf`], if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
+    /// Of [`mjcf`](super::mjcf), if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
     pub fn new(python: &Path, system: &System, scene: &Scene, starts: &[Vec<f64>], frames: usize) -> Result<Self, MjcfError> {
         Self::driven(python, system, scene, &[], starts, frames)
     }
