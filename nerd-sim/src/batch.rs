@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, kinematics};
 
@@ -12,8 +13,11 @@ use crate::system::System;
 /// States and scenes of n environments; row-major f64.
 #[derive(Clone)]
 pub struct Batch {
-    /// The robot of every environment.
+    /// The robot of every environment, unless `systems` says otherwise.
     pub system: Arc<System>,
+    /// The robot of each environment, where they differ in numbers: masses, dampings, a material (see [`crate::vary`]); empty: they
+    /// do not. The analytic solvers alone know them; others refuse them.
+    pub systems: Vec<Arc<System>>,
     /// States `[env][q, qd]`.
     pub states: Vec<f64>,
     /// Scene of each environment.
@@ -23,6 +27,9 @@ pub struct Batch {
     /// Drives `[env][joint]`, whose torques are added to those of a frame; empty: none. [`crate::articulated`] alone has them
     /// inside its substeps; other solvers refuse them.
     pub drives: Vec<Drive>,
+    /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty: nobody asks
+    /// ([`Batch::watch`]). [`crate::articulated`] alone tells them; other solvers refuse.
+    pub forces: Vec<Vector3<f64>>,
 }
 
 impl Batch {
@@ -30,10 +37,12 @@ impl Batch {
     pub fn new(system: &Arc<System>, scene: &Arc<Scene>, n: usize) -> Self {
         Self {
             system: system.clone(),
+            systems: Vec::new(),
             states: system.robot.zero_state().repeat(n),
             scenes: vec![scene.clone(); n],
             frames: vec![0; n],
             drives: Vec::new(),
+            forces: Vec::new(),
         }
     }
 
@@ -47,6 +56,11 @@ impl Batch {
         self.scenes.is_empty()
     }
 
+    /// The robot of an environment.
+    pub fn of(&self, env: usize) -> &Arc<System> {
+        self.systems.get(env).unwrap_or(&self.system)
+    }
+
     /// Refuses a batch whose fields are not of one length: they are public.
     ///
     /// # Errors
@@ -56,6 +70,13 @@ impl Batch {
         let (drives, joints) = (self.drives.len(), n * self.system.robot.joint_count());
         if drives != 0 && drives != joints {
             return Err(format!("a batch of {n} scenes needs {joints} `drives`, one a joint of each, or none; it has {drives}"));
+        }
+        let (forces, points) = (self.forces.len(), n * self.system.robot.contact_points.len());
+        if forces != 0 && forces != points {
+            return Err(format!("a batch of {n} scenes needs {points} `forces`, one a contact point of each, or none; it has {forces}"));
+        }
+        if !self.systems.is_empty() && self.systems.len() != n {
+            return Err(format!("a batch of {n} scenes needs {n} `systems`, one for each, or none; it has {}", self.systems.len()));
         }
         if self.states.len() == n * d && self.frames.len() == n {
             return Ok(());
@@ -74,6 +95,23 @@ impl Batch {
     pub fn state_mut(&mut self, env: usize) -> &mut [f64] {
         let d = self.system.robot.state_dim();
         &mut self.states[env * d..(env + 1) * d]
+    }
+
+    /// Asks for the forces at contact points.
+    pub fn watch(&mut self) {
+        self.forces = vec![Vector3::zeros(); self.len() * self.system.robot.contact_points.len()];
+    }
+
+    /// Forces (N) on the contact points of an environment in the last frame, in their order, world axes; empty where nobody asked.
+    pub fn forces_on(&self, env: usize) -> &[Vector3<f64>] {
+        let points = if self.forces.is_empty() { 0 } else { self.system.robot.contact_points.len() };
+        &self.forces[env * points..(env + 1) * points]
+    }
+
+    /// Their sum (N) on a link.
+    pub fn force_on(&self, env: usize, link: usize) -> Vector3<f64> {
+        let points = self.system.robot.contact_points.iter().zip(self.forces_on(env));
+        points.filter(|(point, _)| point.link == link).map(|(_, force)| force).sum()
     }
 
     /// Drives of an environment; empty where there are none.

@@ -85,6 +85,13 @@ pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     joints.map(|(joint, q)| Drive { kp, kd: kp / 20.0, target: *q, speed: 0.0, effort: effort(joint) }).collect()
 }
 
+/// Drives with the gains of a robot's specification (`kp`, `kd`), one a joint, at its default position; none if it has no gains.
+pub fn specified(system: &System) -> Vec<Drive> {
+    let said = system.joint_specs().zip(system.robot.joints());
+    let drives = said.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: effort(joint) });
+    if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
+}
+
 /// A joint of which nobody said what it can do has no bound.
 fn effort(joint: &Joint) -> f64 {
     if joint.effort > 0.0 { joint.effort } else { f64::INFINITY }

@@ -40,6 +40,7 @@ pub mod system;
 pub mod table;
 pub mod truth;
 mod validate;
+pub mod vary;
 pub mod worlds;
 
 pub use nerd_core;

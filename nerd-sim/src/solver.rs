@@ -83,19 +83,33 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 }
 
 /// Refuses a batch or torques of other lengths than the system needs, and drives; finds environments whose state or torque is no
-/// number, or whose scene is none. For solvers that have no drives inside their frame.
+/// number, or whose scene is none. For solvers that have no drives inside their frame, and one robot for all environments.
 ///
 /// # Errors
 /// [`StepError::Solver`] or [`StepError::Torques`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
-    if !batch.drives.is_empty() {
-        let text = "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
+    undriven(batch)?;
+    if !batch.systems.is_empty() {
+        let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
         return Err(StepError::Solver(text.into()));
     }
     sound(batch, torques, faults)
 }
 
-/// The same, drives allowed and looked at.
+/// Refuses drives, and to tell forces.
+pub(crate) fn undriven(batch: &Batch) -> Result<(), StepError> {
+    if !batch.forces.is_empty() {
+        return Err(StepError::Solver("this solver tells no contact forces: leave `forces` empty, or step with articulated".into()));
+    }
+    if batch.drives.is_empty() {
+        return Ok(());
+    }
+    let text =
+        "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
+    Err(StepError::Solver(text.into()))
+}
+
+/// The same as [`check`], drives and robots of their own allowed and looked at.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;

@@ -15,6 +15,7 @@ use crate::range::{Range, number};
 use crate::scene::Material;
 use crate::system::System;
 use crate::truth::Truth;
+use crate::vary::VarySpec;
 
 /// One file.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -51,6 +52,9 @@ pub struct Spec {
     pub random_plane: Option<RandomPlane>,
     /// Scene of the training data [default: `free`].
     pub data_scene: Option<String>,
+    /// Ranges of numbers that differ from trajectory to trajectory, if any; see [`crate::vary`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vary: Option<VarySpec>,
     /// How actions become torques; without it, torque = gain times action.
     pub control: Option<ControlSpec>,
     /// Default pose and starts of a floating root.

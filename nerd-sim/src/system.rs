@@ -190,6 +190,28 @@ impl System {
         Ok(system)
     }
 
+    /// Refuses a system that differs from this one in more than numbers: a batch may hold both.
+    ///
+    /// # Errors
+    /// In what.
+    pub fn alike(&self, other: &Self) -> Result<(), String> {
+        let (mine, its) = (&self.robot, &other.robot);
+        let built = |robot: &Robot| -> Vec<_> {
+            let link = |l: &Link| (l.parent, l.joint.as_ref().map(|j| (j.kind, j.mimic().map(|m| m.coordinate))));
+            robot.links.iter().map(link).collect()
+        };
+        if built(mine) != built(its) || mine.floating() != its.floating() {
+            return Err("its links or joints are others".into());
+        }
+        if !mine.contact_points.iter().map(|p| p.link).eq(its.contact_points.iter().map(|p| p.link)) {
+            return Err("its contact points are on other links".into());
+        }
+        if self.frame_time != other.frame_time {
+            return Err(format!("its frame takes {} s, not {} s", other.frame_time, self.frame_time));
+        }
+        Ok(())
+    }
+
     /// The default state `[q, qd]`, at rest; a root of which nothing is said stands upright at the origin.
     pub fn default_state(&self) -> Vec<f64> {
         let mut state = self.robot.zero_state();
@@ -351,6 +373,7 @@ fn plain(robot: &Robot) -> Spec {
         material: Default::default(),
         random_plane: None,
         data_scene: None,
+        vary: None,
         control: None,
         root: None,
         mass_matrix_of: Default::default(),

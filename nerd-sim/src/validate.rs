@@ -36,6 +36,9 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         return Err(format!("gravity is {gravity} m/s^2; say 0, or at least 1e-6, which has a direction"));
     }
     spec.material.check().map_err(|e| format!("material: {e}"))?;
+    if let Some(vary) = &spec.vary {
+        vary.check(gravity > 0.0)?;
+    }
     joints(spec, robot)?;
     if let Some(control) = &spec.control {
         self::control(control)?;

@@ -36,7 +36,8 @@ impl Draft {
         let mut scene = Scene::free(system.gravity());
         // Stands for whatever the points face.
         scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
-        let workspace = Workspace::new(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
+        let known = Workspace::know(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
+        let workspace = Workspace::new(system, known);
         let config = ArticulatedConfig { substeps, ..ArticulatedConfig::implicit(substeps, Friction::Coulomb) };
         Ok(Self { workspace, config, scene })
     }

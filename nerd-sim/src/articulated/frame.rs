@@ -1,5 +1,7 @@
 //! One frame of one environment.
 
+use std::sync::Arc;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{
@@ -10,8 +12,8 @@ use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::force::force;
-use super::implicit::Touches;
-use super::stiff::Stiff;
+use super::stiff::{Bounds, Stiff};
+use super::touches::Touches;
 use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
 use crate::drive::Drive;
 use crate::parallel::Frame;
@@ -31,6 +33,8 @@ pub(super) struct Workspace {
     pub(super) stiff: Stiff,
     /// Drives of the joints; empty: none.
     pub(super) drives: Vec<Drive>,
+    /// Mean force (N) on each contact point in the frame, world axes.
+    pub(super) forces: Vec<Vector3<f64>>,
     rates: [Vec<f64>; 4],
     trial: Vec<f64>,
     start: Vec<f64>,
@@ -41,13 +45,18 @@ const BEYOND: f64 = 0.1;
 
 impl Frame for Workspace {
     type Config = ArticulatedConfig;
+    type Known = Bounds;
     const CHUNK: usize = 64;
     const DRIVEN: bool = true;
 
-    fn new(system: &System) -> Result<Self, String> {
+    fn know(system: &System) -> Result<Arc<Bounds>, String> {
+        Ok(Arc::new(Bounds::new(&system.robot)))
+    }
+
+    fn new(system: &System, known: Arc<Bounds>) -> Self {
         let robot = &system.robot;
         let d = robot.state_dim();
-        Ok(Self {
+        Self {
             data: Data::new(robot),
             factor: Factor::new(robot),
             rates: std::array::from_fn(|_| vec![0.0; d]),
@@ -57,9 +66,14 @@ impl Frame for Workspace {
             events: Vec::new(),
             owners: Vec::new(),
             touches: Touches::new(robot),
-            stiff: Stiff::new(robot),
+            stiff: Stiff::new(robot, known),
             drives: Vec::new(),
-        })
+            forces: vec![Vector3::zeros(); robot.contact_points.len()],
+        }
+    }
+
+    fn turn_to(&mut self, known: &Arc<Bounds>) {
+        self.stiff.bounds.clone_from(known);
     }
 
     fn drive(&mut self, drives: &[Drive]) {
@@ -67,10 +81,15 @@ impl Frame for Workspace {
         self.drives.extend_from_slice(drives);
     }
 
+    fn forces(&self) -> &[Vector3<f64>] {
+        &self.forces
+    }
+
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
         // The environment stepped before this one may have touched something.
         self.data.external.fill(Wrench::default());
+        self.forces.fill(Vector3::zeros());
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         self.materials.clear();
         if contact {
@@ -95,6 +114,7 @@ impl Frame for Workspace {
         // A damper, a limit or a friction was met that no explicit substep of this length can bear.
         state.copy_from_slice(&self.start);
         self.data.external.fill(Wrench::default());
+        self.forces.fill(Vector3::zeros());
         self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), false, state, tau)
     }
 }
@@ -140,7 +160,7 @@ impl Workspace {
                     let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
                     self.query(system, scene, qd, time, margin).map_err(|lost| gone(system, q).unwrap_or(lost))?;
                 }
-                if !self.press(robot, config, qd, dt) {
+                if !self.press(robot, config, qd, dt, 1.0 / substeps as f64) {
                     return Ok(false);
                 }
             }
@@ -204,8 +224,9 @@ impl Workspace {
         )
     }
 
-    /// Contact wrenches into `data.external`; whether no friction is too stiff for a substep of `dt`.
-    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64], dt: f64) -> bool {
+    /// Contact wrenches into `data.external`, this share of their forces to those of the frame; whether no friction is too stiff for a
+    /// substep of `dt`.
+    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64], dt: f64, share: f64) -> bool {
         self.data.external.fill(Wrench::default());
         let origin = self.data.origin;
         let mut moving = false;
@@ -226,6 +247,7 @@ impl Workspace {
                 let v = self.data.velocity[point.link].at(&x);
                 let f = force(gap, n, &v, material, config.friction);
                 self.data.external[point.link] += Wrench::force_at(f, &x);
+                self.forces[*owner] += f * share;
             }
         }
         true

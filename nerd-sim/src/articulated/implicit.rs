@@ -19,87 +19,19 @@
 //! 1 mm/s of creep. A drive ([`crate::drive`]) is one that may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
 //! the factorisation its cost.
 
-use nalgebra::{DMatrix, UnitQuaternion, Vector3};
-use nerd_core::dynamics::{bias, crba, kinematics, to_local, to_world, velocities};
+use nalgebra::{UnitQuaternion, Vector3};
+use nerd_core::dynamics::{bias, crba, kinematics, to_local, to_world};
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::force::drag;
 use super::frame::Workspace;
+use super::touches::Touches;
 use super::{ArticulatedConfig, Friction};
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::solver::gone;
 use crate::system::System;
 
-/// One point or limit that touches, or will within the substep: what it is, then what the substep makes of it.
-#[derive(Default)]
-struct Touch {
-    /// Its number among points and joints.
-    index: usize,
-    /// Its columns among all: `J = [.. column ..]` by DoF.
-    columns: std::ops::Range<usize>,
-    material: Material,
-    /// Whether it may pull and is damped both ways, as limits are.
-    sticky: bool,
-    normal: Vector3<f64>,
-    gap: f64,
-    velocity: Vector3<f64>,
-    /// Shares a of the spring, the damper and the drag.
-    ahead: [f64; 3],
-    /// Drag c (N s/m).
-    across: f64,
-    /// Whether it would pull, and acts no more.
-    parted: bool,
-    /// Of a drive: its least and largest force.
-    bounds: Option<[f64; 2]>,
-    /// The bound that holds it.
-    held: Option<f64>,
-}
-
-/// Working memory.
-pub(super) struct Touches {
-    touches: Vec<Touch>,
-    columns: Vec<(usize, Vector3<f64>)>,
-    /// w of every point with every collider and of every joint, found once a frame.
-    weights: Vec<Option<f64>>,
-    /// Shares a of the joints' own dampers.
-    dampers: Vec<f64>,
-    mass: DMatrix<f64>,
-    /// Velocity in the middle of the substep, as the bias sees it, and the rate of change of velocities in the last one.
-    middle: Vec<f64>,
-    rate: Vec<f64>,
-    right: Vec<f64>,
-}
-
-impl Touches {
-    pub(super) fn new(robot: &Robot) -> Self {
-        let (points, joints, nv) = (robot.contact_points.len(), robot.joint_count(), robot.nv());
-        Self {
-            touches: Vec::with_capacity(points + 3 * joints),
-            columns: Vec::with_capacity(points * nv + 3 * joints),
-            weights: vec![None; points + 3 * joints],
-            dampers: vec![0.5; joints],
-            mass: DMatrix::zeros(nv, nv),
-            middle: vec![0.0; nv],
-            rate: vec![0.0; nv],
-            right: vec![0.0; nv],
-        }
-    }
-
-    /// A frame begins; room for every point to touch every collider.
-    fn begin(&mut self, robot: &Robot, scene: &Scene) {
-        let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
-        self.weights.clear();
-        self.weights.resize(pairs + 3 * joints, None);
-        self.touches.clear();
-        self.touches.reserve(pairs + 3 * joints);
-        self.columns.clear();
-        self.columns.reserve(pairs * robot.nv() + 3 * joints);
-    }
-}
-
-/// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
-const CREEP: f64 = 1e-3;
 /// Solves of a substep at most.
 const PASSES: usize = 6;
 /// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
@@ -141,79 +73,11 @@ impl Workspace {
             }
             self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, SETTLED / substeps as f64, config.friction)?;
             qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
+            self.touches.tell(scene, 1.0 / substeps as f64, &mut self.forces);
             drift(robot, q, qd, 0.5 * h);
         }
         to_world(robot, q, qd);
         Ok(())
-    }
-
-    /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
-    fn find(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
-        velocities(robot, qd, &mut self.data);
-        let Touches { touches, columns, .. } = &mut self.touches;
-        touches.clear();
-        columns.clear();
-        let (data, dofs) = (&self.data, robot.root_dofs());
-        for (owner, event) in self.owners.iter().zip(&self.events) {
-            let (point, n) = (&robot.contact_points[*owner], event.normal);
-            let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
-            let velocity = data.velocity[point.link].at(&x);
-            let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
-            let start = columns.len();
-            let mut link = Some(point.link);
-            while let Some(i) = link {
-                if robot.links[i].joint.is_some() {
-                    columns.push((data.dof[i], data.axis[i].at(&x)));
-                } else {
-                    for k in 0..3 {
-                        columns.push((k, Vector3::ith(k, 1.0).cross(&x)));
-                        columns.push((3 + k, Vector3::ith(k, 1.0)));
-                    }
-                }
-                link = robot.links[i].parent;
-            }
-            let material = part_of(&self.materials[event.collider], part);
-            let (index, columns) = (owner * scene.colliders.len() + event.collider, start..columns.len());
-            touches.push(Touch { index, columns, material, normal: n, gap, velocity, ..Default::default() });
-        }
-        let (points, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
-        for (i, joint) in robot.joints().enumerate().filter(|(_, j)| j.friction > 0.0) {
-            // Pressed with its friction at a coefficient of 1.
-            let material = Material { stiffness: 1.0, damping: 0.0, friction_damping: joint.friction / CREEP, friction: 1.0 };
-            let velocity = Vector3::y() * qd[dofs + i];
-            columns.push((dofs + i, Vector3::y()));
-            let columns = columns.len() - 1..columns.len();
-            let (index, normal, gap) = (points + joints + i, Vector3::x(), -joint.friction);
-            touches.push(Touch { index, columns, material, normal, gap, velocity, ..Default::default() });
-        }
-        for ((i, joint), drive) in robot.joints().enumerate().zip(&self.drives) {
-            let (x, v) = (q[robot.root_coords() + i], qd[dofs + i]);
-            columns.push((dofs + i, Vector3::x()));
-            touches.push(Touch {
-                index: points + 2 * joints + i,
-                columns: columns.len() - 1..columns.len(),
-                material: Material { stiffness: drive.kp, damping: drive.kd, friction_damping: 0.0, friction: 0.0 },
-                sticky: true,
-                normal: Vector3::x(),
-                gap: x - drive.target,
-                velocity: Vector3::x() * (v - drive.speed),
-                bounds: Some(drive.bounds(joint, v)),
-                ..Default::default()
-            });
-        }
-        for (i, joint) in robot.joints().enumerate() {
-            let Some(limit) = joint.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
-            let x = q[robot.root_coords() + i];
-            for (end, side) in [(limit.lower, 1.0), (limit.upper, -1.0)] {
-                let n = Vector3::x();
-                let velocity = n * (side * qd[dofs + i]);
-                let Some((part, gap)) = inside(side * (x - end), 0.5 * h * velocity.x) else { continue };
-                columns.push((dofs + i, n * side));
-                let material = Material { stiffness: limit.stiffness, damping: limit.damping, friction_damping: 0.0, friction: 0.0 };
-                let (index, columns, material) = (points + i, columns.len() - 1..columns.len(), part_of(&material, part));
-                touches.push(Touch { index, columns, material, sticky: true, normal: n, gap, velocity, ..Default::default() });
-            }
-        }
     }
 
     /// Shares of the joints' own dampers.
@@ -222,7 +86,7 @@ impl Workspace {
         let mut factored = false;
         for (i, (joint, share)) in robot.joints().zip(dampers).enumerate() {
             *share = 0.5;
-            if h * joint.damping <= self.stiff.least[i] {
+            if h * joint.damping <= self.stiff.bounds.least[i] {
                 continue;
             }
             if !factored && !self.factor.refill(&self.data.mass) {
@@ -358,7 +222,9 @@ impl Workspace {
             }
             touch.parted = normal < 0.0;
             let seen = touch.velocity + change * slide;
-            let across = drag(normal.max(0.0), (seen - n * n.dot(&seen)).norm(), m, friction);
+            let slip = seen - n * n.dot(&seen);
+            touch.force = if touch.parted { Vector3::zeros() } else { n * normal - slip * touch.across };
+            let across = drag(normal.max(0.0), slip.norm(), m, friction);
             changed |= touch.parted || (across / touch.across - 1.0).abs() > settled;
             touch.across = across;
         }
@@ -369,27 +235,6 @@ impl Workspace {
 /// The share of a damper with `z = h d w` beyond 1 that makes its decay, `1 - z / (1 + a z)`, exact: `exp(-z)`.
 fn exponential(z: f64) -> f64 {
     if z > 1.0 { -1.0 / (-z).exp_m1() - 1.0 / z } else { 0.5 }
-}
-
-/// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
-/// negative, and its mean there. None if it never is.
-fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
-    let (least, most) = (middle - half.abs(), middle + half.abs());
-    match (least < 0.0, most <= 0.0) {
-        (false, _) => None,
-        (true, true) => Some((1.0, middle)),
-        (true, false) => Some((least / (least - most), 0.5 * least)),
-    }
-}
-
-/// A material that acts for a part of the time.
-fn part_of(material: &Material, part: f64) -> Material {
-    Material {
-        stiffness: part * material.stiffness,
-        damping: part * material.damping,
-        friction_damping: part * material.friction_damping,
-        friction: material.friction,
-    }
 }
 
 /// The pose after a time at local velocities.

@@ -13,6 +13,7 @@ mod frame;
 mod implicit;
 mod solver;
 mod stiff;
+mod touches;
 
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
 pub use draft::Draft;

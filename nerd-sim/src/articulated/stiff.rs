@@ -9,6 +9,8 @@
 //! Friction's drag c is bounded by Coulomb's law and so blows nothing up, but where `h c w` is large, with `1 / w` the
 //! point's inertia, it only trembles about rest and lets a standing robot creep. There, too, the frame is stepped implicitly.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Joint, JointKind, Limit, Robot};
@@ -25,14 +27,29 @@ const MOST_DRAG: f64 = 12.0;
 /// Steps of the power iteration.
 const POWERS: usize = 12;
 
-/// Working memory of a robot.
-pub(super) struct Stiff {
-    /// The least inertia of each joint in any pose (kg m^2 or kg).
+/// Bounds that a robot's numbers set, in any pose.
+pub(super) struct Bounds {
+    /// The least inertia of each joint (kg m^2 or kg).
     pub(super) least: Vec<f64>,
-    /// A bound from above on w of each contact point in any pose and direction (1/kg).
+    /// A bound from above on w of each contact point in any direction (1/kg).
     ease: Vec<f64>,
     /// Sum of 2 d over the least inertia (1/s).
     damped: f64,
+}
+
+impl Bounds {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(robot, i)).collect();
+        let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
+        let damped = robot.joints().zip(&least).map(share).sum();
+        let ease = robot.contact_points.iter().map(|p| ease(&robot.links[p.link].inertia, &p.local)).collect();
+        Self { least, ease, damped }
+    }
+}
+
+/// Working memory of a robot.
+pub(super) struct Stiff {
+    pub(super) bounds: Arc<Bounds>,
     /// Whether the dampers of this frame were looked at.
     looked: bool,
     /// Whether all limits together are soft enough in this frame, if that was looked at.
@@ -47,15 +64,10 @@ pub(super) struct Stiff {
 }
 
 impl Stiff {
-    pub(super) fn new(robot: &Robot) -> Self {
-        let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(robot, i)).collect();
-        let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
-        let damped = robot.joints().zip(&least).map(share).sum();
-        let n = least.len();
+    pub(super) fn new(robot: &Robot, bounds: Arc<Bounds>) -> Self {
+        let n = bounds.least.len();
         Self {
-            least,
-            ease: robot.contact_points.iter().map(|p| ease(&robot.links[p.link].inertia, &p.local)).collect(),
-            damped,
+            bounds,
             looked: false,
             soft: None,
             weights: vec![None; n],
@@ -75,7 +87,7 @@ impl Stiff {
     /// Whether a drag (N s/m) at contact point `point` is too stiff for a substep `h`.
     #[inline]
     pub(super) fn drags(&self, point: usize, drag: f64, h: f64) -> bool {
-        h * drag * self.ease[point] > MOST_DRAG
+        h * drag * self.bounds.ease[point] > MOST_DRAG
     }
 
     /// A substep begins.
@@ -97,7 +109,7 @@ impl Stiff {
             return false;
         }
         let most = if integrator == Integrator::Rk4 { MOST_RK4 } else { MOST };
-        if self.soft == Some(true) || self.acting.iter().map(|(i, s)| s / self.least[*i]).sum::<f64>() <= most {
+        if self.soft == Some(true) || self.acting.iter().map(|(i, s)| s / self.bounds.least[*i]).sum::<f64>() <= most {
             return false;
         }
         let dofs = robot.root_dofs();
@@ -124,7 +136,7 @@ impl Stiff {
     /// Whether the joints' dampers are too stiff for a substep `h`; looked at once a frame.
     #[inline]
     pub(super) fn dampers(&mut self, robot: &Robot, factor: &Factor, h: f64) -> bool {
-        if self.looked || h * self.damped <= MOST {
+        if self.looked || h * self.bounds.damped <= MOST {
             return false;
         }
         self.looked = true;

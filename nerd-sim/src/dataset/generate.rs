@@ -13,6 +13,7 @@ use crate::batch::{Batch, contacts};
 use crate::sampling::{Start, scene, start, stream};
 use crate::solver::Solver;
 use crate::system::System;
+use crate::vary;
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(
@@ -24,9 +25,11 @@ pub fn record(
 ) -> Result<Recording, DatasetError> {
     config.check(system)?;
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let mut drive = Drive::new(system);
+    // One for all, or one for each where robots differ.
+    let mut drives = if system.spec.vary.is_some() { Vec::with_capacity(count) } else { vec![Drive::new(system)] };
     let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
     let mut batch = Batch::new(system, &Arc::new(crate::scene::Scene::free(system.gravity())), count);
+    let mut drawn = Vec::new();
     let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
     for (env, rng) in streams.iter_mut().enumerate() {
         // Laws that are off draw nothing, so that older data is made again to the byte.
@@ -39,7 +42,16 @@ pub fn record(
         let which = if reset { Start::Reset } else { Start::Sample };
         let state = if act.is_some() { state } else { start(system, which, rng) };
         pilots.push(act);
-        batch.scenes[env] = scene(system, &state, rng);
+        // Last of all, so that a start is what it is without.
+        if system.spec.vary.is_some() {
+            let varied = vary::draw(system, rng);
+            batch.scenes[env] = scene(&varied.system, &state, rng);
+            drives.push(Drive::new(&varied.system));
+            batch.systems.push(varied.system);
+            drawn.extend(varied.drawn);
+        } else {
+            batch.scenes[env] = scene(system, &state, rng);
+        }
         batch.reset(env, &state);
         scales.push(config.torque_scale.draw(rng));
         holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
@@ -56,6 +68,7 @@ pub fn record(
         points: zeros(count * f * points * 3),
         depths: zeros(count * f * points),
         gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().copied()).collect(),
+        drawn,
     };
     let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
     let mut begun = streams.clone();
@@ -76,7 +89,7 @@ pub fn record(
             let now = &mut tau[env * joints..(env + 1) * joints];
             match &mut pilots[env] {
                 Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
-                None => drive.draw(batch.state(env), scales[env].into(), &mut streams[env], now),
+                None => of(&mut drives, env).draw(batch.state(env), scales[env].into(), &mut streams[env], now),
             }
             out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
             if points > 0 {
@@ -94,6 +107,12 @@ pub fn record(
         }
     }
     Ok(out)
+}
+
+/// What drives an environment.
+fn of(drives: &mut [Drive], env: usize) -> &mut Drive {
+    let last = drives.len() - 1;
+    &mut drives[env.min(last)]
 }
 
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are

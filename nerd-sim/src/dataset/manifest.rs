@@ -74,7 +74,7 @@ impl Manifest {
     pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, DatasetError> {
         let path = folder.join(name);
         let (recording, header) = read_shard(&path)?;
-        let checked = check_header(&header, system, &self.truth).and_then(|()| recording.check(&system.robot));
+        let checked = check_header(&header, system, &self.truth).and_then(|()| recording.check(system));
         checked.map(|()| recording).map_err(|reason| DatasetError::Format { path, reason })
     }
 
@@ -104,9 +104,15 @@ impl Manifest {
 
 /// What a shard's header says of the system and the truth.
 pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
-    [("robot", system.name.clone()), ("robot_sha256", system.robot_sha256()), ("system_sha256", system.sha256()), ("truth", truth.into())]
-        .map(|(key, value)| (key.to_string(), value))
-        .into()
+    let own = [
+        ("robot", system.name.clone()),
+        ("robot_sha256", system.robot_sha256()),
+        ("system_sha256", system.sha256()),
+        ("truth", truth.into()),
+    ];
+    let drawn = crate::vary::columns(system);
+    let drawn = (!drawn.is_empty()).then(|| ("drawn", drawn.join(" ")));
+    own.into_iter().chain(drawn).map(|(key, value)| (key.to_string(), value)).collect()
 }
 
 /// Refuses a shard whose header names another system or truth.

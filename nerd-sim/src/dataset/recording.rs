@@ -2,7 +2,6 @@
 //! where it stands as exactly as one at it, which world positions in f32 would round by 8 mm.
 
 use nerd_core::dynamics::Data;
-use nerd_core::robot::Robot;
 use sha2::{Digest, Sha256};
 
 use crate::batch::contacts;
@@ -28,6 +27,8 @@ pub struct Recording {
     pub depths: Vec<f64>,
     /// Gravity (m/s^2), `[trajectory][3]`.
     pub gravity: Vec<f64>,
+    /// What was drawn of the robot's own numbers, `[trajectory][crate::vary::columns]`; empty where nothing varies.
+    pub drawn: Vec<f64>,
 }
 
 impl Recording {
@@ -61,29 +62,38 @@ impl Recording {
         pieces.for_each(|(states, torques)| self.push(system, scene, states, torques, data));
     }
 
-    /// The arrays by name, with the shape of one trajectory.
-    pub fn arrays(&self) -> [(&'static str, Vec<usize>, &Vec<f64>); 6] {
+    /// The arrays by name, with the shape of one trajectory; `drawn` only where something varies.
+    pub fn arrays(&self) -> Vec<(&'static str, Vec<usize>, &Vec<f64>)> {
         let (n, f) = (self.trajectories, self.frames);
         let width = |x: &Vec<f64>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
         let contacts = width(&self.depths, f);
-        [
+        let mut arrays = vec![
             ("states", vec![f + 1, width(&self.states, f + 1)], &self.states),
             ("torques", vec![f, width(&self.torques, f)], &self.torques),
             ("normals", vec![f, contacts, 3], &self.normals),
             ("points", vec![f, contacts, 3], &self.points),
             ("depths", vec![f, contacts], &self.depths),
             ("gravity", vec![3], &self.gravity),
-        ]
+        ];
+        if !self.drawn.is_empty() {
+            arrays.push(("drawn", vec![width(&self.drawn, 1)], &self.drawn));
+        }
+        arrays
     }
 
     /// Says which array is not as long as a robot's must be, if one is not: a file may have been made before the robot changed.
-    pub fn check(&self, robot: &Robot) -> Result<(), String> {
+    pub fn check(&self, system: &System) -> Result<(), String> {
+        let robot = &system.robot;
         let (n, f, points) = (self.trajectories, self.frames, robot.contact_points.len());
         let (states, torques, surface) = (n * (f + 1) * robot.state_dim(), n * f * robot.joint_count(), n * f * points);
         for ((name, _, x), wanted) in self.arrays().iter().zip([states, torques, 3 * surface, 3 * surface, surface, 3 * n]) {
             if x.len() != wanted {
                 return Err(format!("`{name}` has {} numbers, the robot needs {wanted}; make the data set anew", x.len()));
             }
+        }
+        let (drawn, wanted) = (self.drawn.len(), n * crate::vary::columns(system).len());
+        if drawn != wanted {
+            return Err(format!("`drawn` has {drawn} numbers, [vary] of the robot draws {wanted}; make the data set anew"));
         }
         Ok(())
     }

@@ -62,10 +62,14 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
     let text = serde_json::to_string(&metadata).map_err(|e| DatasetError::Format { path: path.into(), reason: e.to_string() })?;
     let metadata = HashMap::from([(ENTRY.to_string(), text)]);
     let wrong = |e: safetensors::SafeTensorError| DatasetError::Format { path: path.into(), reason: e.to_string() };
-    let raw = recording.arrays().map(|(name, shape, x)| {
-        let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
-        (name, [vec![recording.trajectories], shape].concat(), bytes)
-    });
+    let raw: Vec<_> = recording
+        .arrays()
+        .into_iter()
+        .map(|(name, shape, x)| {
+            let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
+            (name, [vec![recording.trajectories], shape].concat(), bytes)
+        })
+        .collect();
     let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F64, shape.clone(), bytes).map_err(wrong)?)));
     let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, DatasetError>>()?, Some(metadata)).map_err(wrong)?;
     crate::files::write(path, &bytes).map_err(file_error(path))
@@ -100,6 +104,7 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         points: points?.1,
         depths: depths?.1,
         gravity: gravity?.1,
+        drawn: file.names().contains(&"drawn").then(|| read("drawn")).transpose()?.unwrap_or_default().1,
     };
     if metadata.remove(HASH_KEY) != Some(sha256_of([recording.sha256()])) {
         return Err(wrong("its numbers are not those it was written with (SHA-256 differs); make the data set anew".into()));

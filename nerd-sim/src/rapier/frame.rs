@@ -1,5 +1,7 @@
 //! One frame of one environment.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Quaternion, Vector3};
 use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local, to_world};
 use nerd_core::robot::{JointKind, Robot};
@@ -14,7 +16,7 @@ use crate::system::System;
 
 /// A robot's template and a world that is made new every frame.
 pub(super) struct Workspace {
-    pub(super) template: Template,
+    pub(super) template: Arc<Template>,
     pub(super) world: PhysicsWorld,
     pub(super) data: Data,
     factor: Factor,
@@ -25,19 +27,28 @@ pub(super) struct Workspace {
 
 impl Frame for Workspace {
     type Config = RapierConfig;
+    type Known = Template;
     const CHUNK: usize = 8;
 
-    fn new(system: &System) -> Result<Self, String> {
+    fn know(system: &System) -> Result<Arc<Template>, String> {
+        Template::new(system).map(Arc::new)
+    }
+
+    fn new(system: &System, template: Arc<Template>) -> Self {
         let robot = &system.robot;
         let (data, factor) = (Data::new(robot), Factor::new(robot));
-        Ok(Self {
-            template: Template::new(system)?,
+        Self {
+            template,
             world: PhysicsWorld::new(),
             data,
             factor,
             displacement: vec![0.0; robot.nv()],
             seen: vec![0.0; robot.joint_count()],
-        })
+        }
+    }
+
+    fn turn_to(&mut self, template: &Arc<Template>) {
+        self.template.clone_from(template);
     }
 
     fn step(&mut self, system: &System, scene: &Scene, config: &RapierConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
@@ -86,7 +97,7 @@ impl Workspace {
 
     /// A world that has never been stepped.
     fn renew(&mut self, scene: &Scene, config: &RapierConfig, frame_time: f64) {
-        let Template { bodies, colliders, joints, impulse, .. } = &self.template;
+        let Template { bodies, colliders, joints, impulse, .. } = &*self.template;
         let multibody_joints = if config.joints == Joints::Multibody { joints.clone() } else { MultibodyJointSet::new() };
         let impulse_joints = if config.joints == Joints::Impulse { impulse.clone() } else { ImpulseJointSet::new() };
         self.world = PhysicsWorld {
