@@ -19,6 +19,7 @@ mod check;
 mod common;
 mod completions;
 mod conduct;
+mod crowd;
 mod dataset;
 mod evaluate;
 mod files;

@@ -25,8 +25,11 @@ pub struct UrdfArgs {
     /// In place of that: each stands for ten seconds on a plane, its joints held by drives, and falls with none
     #[arg(long)]
     pub stand: bool,
-    /// With --stand: a Python that has MuJoCo, which stands beside ours
-    #[arg(long, value_name = "PYTHON", requires = "stand")]
+    /// In place of that: so many robots of each file with masses and frictions of their own, for error and speed on one core beside MuJoCo
+    #[arg(long, value_name = "ROBOTS", requires = "mujoco", conflicts_with = "stand", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub crowd: Option<u64>,
+    /// With --stand or --crowd: a Python that has MuJoCo, which stands beside ours
+    #[arg(long, value_name = "PYTHON")]
     pub mujoco: Option<PathBuf>,
     /// Folder to write urdfs.json and urdfs.md into
     #[arg(long, value_name = "FOLDER")]
@@ -41,6 +44,12 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     if files.is_empty() {
         bail!("no .urdf in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
+    }
+    if let (Some(n), Some(python)) = (args.crowd, &args.mujoco) {
+        return crate::crowd::run(&files, python, n as usize, args.out.as_deref());
+    }
+    if args.mujoco.is_some() && !args.stand {
+        bail!("--mujoco stands beside ours with --stand or --crowd");
     }
     if args.stand {
         return crate::stand::run(&files, args.mujoco.as_deref(), args.out.as_deref());

@@ -4,6 +4,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::Arc;
 
 use nerd_core::robot::Robot;
 use serde::de::DeserializeOwned;
@@ -46,6 +47,14 @@ struct Request {
     frame_time: f64,
     frames: usize,
     starts: Vec<Vec<f64>>,
+    /// Of the robot of each start, where they differ.
+    numbers: Vec<Numbers>,
+}
+
+#[derive(Serialize)]
+struct Numbers {
+    masses: Vec<f64>,
+    friction: f64,
 }
 
 #[derive(Serialize)]
@@ -53,6 +62,8 @@ struct Setting {
     integrator: Scheme,
     substeps: usize,
     timed: bool,
+    told: bool,
+    plain: bool,
 }
 
 /// What it says.
@@ -78,6 +89,8 @@ struct Rolled {
 pub struct Referee {
     /// MuJoCo's version.
     pub version: String,
+    /// Whether friction is what MuJoCo's defaults make it, pyramids that creep, in place of cones (that hold, where there are drives).
+    pub plain: bool,
     pub(super) robot: Robot,
     child: Child,
     input: ChildStdin,
@@ -89,25 +102,32 @@ impl Referee {
     ///
     /// # Errors
     /// Of [`mjcf`](super::mjcf), if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
-    pub fn new(python: &Path, system: &System, scene: &Scene, starts: &[Vec<f64>], frames: usize) -> Result<Self, MjcfError> {
-        Self::driven(python, system, scene, &[], starts, frames)
+    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, starts: &[Vec<f64>], frames: usize) -> Result<Self, MjcfError> {
+        let mut batch = Batch::new(system, scene, starts.len());
+        batch.states = starts.concat();
+        Self::of(python, &batch, frames)
     }
 
-    /// The same with a drive on every joint, if there are any; largest velocities are not kept.
+    /// The same from a batch, with its drives, which must be those of its first environment everywhere, and the masses and frictions of its robots.
+    /// All else of them and of their scenes is taken from the first; largest velocities of joints are not kept.
     ///
     /// # Errors
-    /// As [`Self::new`].
-    pub fn driven(
-        python: &Path,
-        system: &System,
-        scene: &Scene,
-        drives: &[Drive],
-        starts: &[Vec<f64>],
-        frames: usize,
-    ) -> Result<Self, MjcfError> {
+    /// As [`Self::new`]; a batch whose drives differ.
+    pub fn of(python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
+        let (system, first) = (&batch.system, batch.driven(0));
+        if (1..batch.len()).any(|env| batch.driven(env) != first) {
+            return Err(MjcfError::Robot("drives differ between environments, which the referee of MuJoCo does not take".into()));
+        }
         let robot = system.robot.clone();
-        let starts = starts.iter().map(|s| to_mujoco(&robot, s)).collect();
-        let request = Request { mjcf: driven(system, scene, drives)?, frame_time: system.frame_time, frames, starts };
+        let free = Arc::new(Scene::free(system.gravity()));
+        let starts = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
+        let numbers = |own: &Arc<System>, scene: &Arc<Scene>| Numbers {
+            masses: own.robot.links.iter().map(|l| l.inertia.mass).collect(),
+            friction: scene.colliders.first().map_or(0.0, |c| c.material.mean(&own.spec.material).friction),
+        };
+        let numbers = batch.systems.iter().zip(&batch.scenes).map(|(own, scene)| numbers(own, scene)).collect();
+        let mjcf = driven(system, batch.scenes.first().unwrap_or(&free), first)?;
+        let request = Request { mjcf, frame_time: system.frame_time, frames, starts, numbers };
         let cannot = |source| MjcfError::Start { python: python.into(), source };
         let mut command = Command::new(python);
         command.args(["-c", REFEREE]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
@@ -115,7 +135,7 @@ impl Referee {
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(cannot(std::io::Error::other("it has no pipes")));
         };
-        let mut referee = Self { version: String::new(), robot, child, input, output: BufReader::new(output) };
+        let mut referee = Self { version: String::new(), plain: false, robot, child, input, output: BufReader::new(output) };
         let Version { version } = referee.ask(&request)?;
         referee.version = version;
         Ok(referee)
@@ -126,7 +146,19 @@ impl Referee {
     /// # Errors
     /// What MuJoCo says, or that it has ended.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played, MjcfError> {
-        let Rolled { states, seconds } = self.ask(&Setting { integrator, substeps, timed })?;
+        self.set(Setting { integrator, substeps, timed, told: true, plain: self.plain })
+    }
+
+    /// The seconds alone that it takes, for more states than one would read.
+    ///
+    /// # Errors
+    /// As [`Self::play`].
+    pub fn time(&mut self, integrator: Scheme, substeps: usize) -> Result<f64, MjcfError> {
+        Ok(self.set(Setting { integrator, substeps, timed: true, told: false, plain: self.plain })?.seconds)
+    }
+
+    fn set(&mut self, setting: Setting) -> Result<Played, MjcfError> {
+        let Rolled { states, seconds } = self.ask(&setting)?;
         let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })

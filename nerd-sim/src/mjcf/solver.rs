@@ -38,7 +38,7 @@ impl Mujoco {
     ///
     /// # Errors
     /// As [`Referee::new`].
-    pub fn new(python: &Path, system: &Arc<System>, scene: &Scene) -> Result<Self, MjcfError> {
+    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<Self, MjcfError> {
         Ok(Self { referee: Referee::new(python, system, scene, &[], 0)?, next: Vec::new(), faults: Vec::new() })
     }
 }

@@ -10,6 +10,8 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
+#[cfg(feature = "mjcf")]
+mod crowd;
 mod pinocchio;
 #[cfg(feature = "mjcf")]
 mod srdf;
@@ -22,6 +24,8 @@ use std::sync::Arc;
 
 use nerd_core::robot::{Robot, UrdfError};
 
+#[cfg(feature = "mjcf")]
+pub use crowd::{CROWD, Crowd, Pace, SETTINGS, crowd};
 pub use pinocchio::{Differences, PinocchioError, differences};
 #[cfg(feature = "mjcf")]
 pub use stand::{Course, Limp, STANDING, StandError, Standing, stand};

@@ -68,22 +68,38 @@ pub enum StandError {
     Mujoco(#[from] MjcfError),
 }
 
-/// Lets a robot stand, and fall. Its pose is that of an SRDF in `../srdf` (`standing` or `half_sitting`), else zero within the limits.
-///
-/// # Errors
-/// If it cannot be read, touches nothing, cannot be stepped, or MuJoCo does not answer.
-pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing, StandError> {
+/// A robot about to stand.
+pub(super) struct Ready {
+    pub(super) system: Arc<System>,
+    /// At rest, its lowest contact point on the plane.
+    pub(super) state: Vec<f64>,
+    /// Where its pose is from.
+    pub(super) pose: String,
+    pub(super) drives: Vec<Drive>,
+}
+
+/// Reads a robot and puts it on its feet.
+pub(super) fn ready(found: &Found) -> Result<Ready, StandError> {
     let fault = |e: String| StandError::Robot(e);
     let system = System::bare_at(&found.name, &text(&found.path).map_err(fault)?, true, Some(&found.path));
     let system = Arc::new(system.map_err(|e| fault(reason(&e, &found.name)))?);
     if system.robot.contact_points.is_empty() {
         return Err(fault("has nothing to touch the ground with".into()));
     }
-    let scene = system.scene("plane").map_err(|e| fault(reason(&e, &found.name)))?;
     let (mut state, pose) = srdf::pose(&system.robot, &found.path);
     let low = lowest(&system, &state);
     state[2] -= low;
     let drives = holding(&system, &state);
+    Ok(Ready { system, state, pose, drives })
+}
+
+/// Lets a robot stand, and fall. Its pose is that of an SRDF in `../srdf` (`standing` or `half_sitting`), else zero within the limits.
+///
+/// # Errors
+/// If it cannot be read, touches nothing, cannot be stepped, or MuJoCo does not answer.
+pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing, StandError> {
+    let Ready { system, state, pose, drives } = ready(found)?;
+    let scene = system.scene("plane").map_err(|e| StandError::Robot(reason(&e, &found.name)))?;
     let roll = |drives: &[Drive]| -> Result<Vec<Vec<f64>>, StandError> {
         let mut batch = Batch::new(&system, &scene, 1);
         batch.reset(0, &state);
@@ -96,7 +112,10 @@ pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing, StandErro
     let ours = roll(&drives)?;
     let limp = limp(&system, &state, &roll(&[])?);
     let mujoco = python.map(|python| -> Result<_, StandError> {
-        let mut referee = Referee::driven(python, &system, &scene, &drives, std::slice::from_ref(&state), STANDING)?;
+        let mut batch = Batch::new(&system, &scene, 1);
+        batch.reset(0, &state);
+        batch.drives.clone_from(&drives);
+        let mut referee = Referee::of(python, &batch, STANDING)?;
         Ok(course(&state, &referee.play(Scheme::ImplicitFast, 2 * system.spec.substeps, false)?.frames))
     });
     Ok(Standing {
@@ -129,7 +148,7 @@ fn held(system: &System, state: &[f64], data: &Data) -> f64 {
 }
 
 /// Height of the lowest contact point (m).
-fn lowest(system: &System, state: &[f64]) -> f64 {
+pub(super) fn lowest(system: &System, state: &[f64]) -> f64 {
     let (robot, mut data) = (&system.robot, Data::new(&system.robot));
     nerd_core::dynamics::kinematics(robot, state, &mut data);
     let heights = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local).z - p.radius);

@@ -3,6 +3,7 @@
 //! run of its own at four times the most substeps: how fast it comes to its own answer, not how near that is to ours.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use nerd_sim::instruments::Replay;
 use nerd_sim::mjcf::{Referee, Scheme};
@@ -29,7 +30,7 @@ pub struct Against {
 }
 
 /// MuJoCo at the starts of an evaluation.
-pub(super) fn referee(python: &Path, system: &System, scene: &Scene, config: PassiveConfig) -> Result<Referee> {
+pub(super) fn referee(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, config: PassiveConfig) -> Result<Referee> {
     let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
     Ok(Referee::new(python, system, scene, &starts, config.steps)?)
 }
