@@ -8,6 +8,7 @@ pub mod calibrate;
 mod collider;
 pub mod control;
 pub mod dataset;
+mod derive;
 pub mod drive;
 pub mod files;
 mod identity;
@@ -32,6 +33,7 @@ pub mod sampling;
 pub mod scene;
 pub mod solver;
 pub mod spec;
+mod srdf;
 #[cfg(feature = "suite")]
 pub mod suite;
 pub mod survey;

@@ -57,7 +57,7 @@ fn least_inertias(robot: &Robot) -> Vec<f64> {
 }
 
 /// Coordinates of the `k`-th pose: zero or the nearest to it, then places within the ranges that fill them evenly.
-fn pose(robot: &Robot, k: usize) -> Vec<f64> {
+pub(crate) fn pose(robot: &Robot, k: usize) -> Vec<f64> {
     let mut q = robot.zero_state();
     q.truncate(robot.nq());
     let ends = |joint: &Joint| match joint.limit {

@@ -2,7 +2,7 @@
 //! `validate.rs`, which says them by key.
 //!
 //! `like = "ant"` takes all keys that a file leaves out from that of a built-in robot: `ant-paper`, the Ant as the reference
-//! simulator has it, is a few lines.
+//! simulator has it, is a few lines. `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`.
 
 use std::collections::BTreeMap;
 
@@ -86,6 +86,39 @@ impl Spec {
         Self::deserialize(table).map_err(|e| e.to_string())
     }
 
+    /// The keys of a file that is like its URDF, which says the rest; none if it is like no URDF.
+    pub(crate) fn like_urdf(text: &str) -> Result<Option<Table>, String> {
+        let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
+        let like = own.get("like").and_then(toml::Value::as_str) == Some("urdf");
+        own.remove("like");
+        Ok(like.then_some(own))
+    }
+
+    /// This one, and over it the keys of another: joints key by key, by their names, all else as a whole.
+    pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
+        if own.is_empty() {
+            return Ok(self);
+        }
+        let mut all = Table::try_from(&self).map_err(|e| e.to_string())?;
+        let name = |joint: &toml::Value| joint.get("name").and_then(toml::Value::as_str).map(str::to_string);
+        if let (Some(joints), Some(toml::Value::Array(said))) =
+            (all.get_mut("joint").and_then(toml::Value::as_array_mut), own.remove("joint"))
+        {
+            for joint in said {
+                match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
+                    (Some(toml::Value::Table(known)), toml::Value::Table(said)) => known.extend(said),
+                    (_, joint) => {
+                        let known: Vec<String> = joints.iter().filter_map(name).collect();
+                        let said = name(&joint).unwrap_or_default();
+                        return Err(format!("[[joint]] name = {said:?}: the URDF has no such moving joint; it has {}", known.join(", ")));
+                    }
+                }
+            }
+        }
+        all.extend(own);
+        Self::deserialize(all).map_err(|e| e.to_string())
+    }
+
     /// One control frame (s); NaN if `frame_time` is no number.
     pub fn seconds(&self) -> f64 {
         number(&self.frame_time).unwrap_or(f64::NAN)
@@ -97,7 +130,9 @@ fn merged(text: &str) -> Result<Option<Table>, String> {
     let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
     let Some(like) = own.remove("like") else { return Ok(None) };
     let known = like.as_str().and_then(System::texts);
-    let Some((other, _)) = known else { return Err(format!("like = {like}: known are {}", System::built_in().join(", "))) };
+    let Some((other, _)) = known else {
+        return Err(format!("like = {like}: known are {}, or \"urdf\" for what the URDF suggests", System::built_in().join(", ")));
+    };
     let mut all = match merged(other)? {
         Some(all) => all,
         None => toml::from_str(other).map_err(|e| e.to_string())?,

@@ -7,12 +7,13 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Link, Robot, UrdfError};
+use toml::Table;
 
+use crate::derive::{derived, floats, plain};
 use crate::limits::stiffen;
-use crate::range::Range;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
 use crate::scene::{Collider, Scene, turned_plane};
-use crate::spec::{ContactSpec, JointSpec, Spec, StartSpec, mesh_points};
+use crate::spec::{ContactSpec, JointSpec, Spec, mesh_points};
 use crate::validate::{RESERVED, check};
 use crate::worlds::{WORLDS, world};
 
@@ -127,11 +128,39 @@ impl System {
 
     /// `path` is the URDF's, from which its meshes are found.
     fn read(name: &str, urdf: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
-        let Some(text) = spec else { return Self::bare_at(name, urdf, false, path) };
-        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        let wrong = |e: String| SystemError::Spec(name.into(), e.trim().replace('\n', " "));
+        let text = match (spec, path) {
+            (Some(text), _) => text,
+            (None, Some(_)) => return Self::derived(name, urdf, path, Table::new()),
+            (None, None) => return Self::bare_at(name, urdf, false, path),
+        };
+        if let Some(own) = Spec::like_urdf(text).map_err(wrong)? {
+            return Self::derived(name, urdf, path, own);
+        }
+        let spec = Spec::read(text).map_err(wrong)?;
         let mut robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         touch(&mut robot, path, spec.mesh_points);
         Self::new(name, robot, spec, true)
+    }
+
+    /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
+    fn derived(name: &str, urdf: &str, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
+        let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
+        let read = |floating| {
+            let mut robot = Robot::from_urdf_alone(urdf, floating)?;
+            touch(&mut robot, path, points);
+            Ok(robot)
+        };
+        let free = || read(true).is_ok_and(|robot| floats(&robot));
+        let floating = own.get("floating").and_then(toml::Value::as_bool).unwrap_or_else(free);
+        let mut robot = read(floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let spec = derived(&mut robot, path).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        Self::new(name, robot, spec, false)
+    }
+
+    /// Its specification as TOML: with `urdf = ...` it may stand beside the file, and be changed.
+    pub fn spec_text(&self) -> String {
+        toml::to_string(&self.spec).unwrap_or_default()
     }
 
     /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known
@@ -340,46 +369,5 @@ fn name_columns(robot: &Robot, spec: &mut Spec) {
     }
     if spec.torque_columns.is_empty() {
         spec.torque_columns = names.iter().map(|n| format!("tau_{n}")).collect();
-    }
-}
-
-/// The specification of a bare URDF.
-fn plain(robot: &Robot) -> Spec {
-    let law = |x: f64| Range { low: -x, high: x };
-    let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
-    let joint = |joint: &nerd_core::robot::Joint| JointSpec {
-        name: joint.name.clone(),
-        column: None,
-        default: 0.0,
-        armature: 0.0,
-        limit: None,
-        torque: 0.0,
-        gain: None,
-        kp: 0.0,
-        kd: 0.0,
-        sample: start(1.0, 1.0),
-        reset: start(0.1, 0.0),
-    };
-    Spec {
-        urdf: None,
-        floating: robot.floating(),
-        frame_time: "1/60".into(),
-        gravity: [0.0, 0.0, -9.81],
-        truth: Default::default(),
-        substeps: 16,
-        refresh: Default::default(),
-        state_columns: Vec::new(),
-        torque_columns: Vec::new(),
-        material: Default::default(),
-        random_plane: None,
-        data_scene: None,
-        vary: None,
-        control: None,
-        root: None,
-        mass_matrix_of: Default::default(),
-        mesh_points: mesh_points(),
-        joints: robot.joints().map(joint).collect(),
-        contacts: Vec::new(),
-        scenes: Vec::new(),
     }
 }

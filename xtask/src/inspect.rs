@@ -1,4 +1,5 @@
-//! `cargo xtask inspect FOLDER`: what a learner will see of a data set that `dataset` wrote, see [`nerd_train::inspect`].
+//! `cargo xtask inspect FOLDER`: what a learner will see of a data set that `dataset` wrote, see [`nerd_train::inspect`]; or, with `--robot`
+//! alone, what is known of a robot.
 
 use std::path::PathBuf;
 
@@ -10,11 +11,11 @@ use nerd_train::inspect::Inspection;
 use crate::numbers::positive;
 use nerd_train::report::Provenance;
 
-/// Show what a data set holds.
+/// Show what a data set holds, or with --robot alone what is known of a robot.
 #[derive(clap::Args, Clone, Debug)]
 pub struct InspectArgs {
     /// Folder that `dataset` wrote
-    #[arg(required_unless_present = "data")]
+    #[arg(required_unless_present_any = ["data", "robot"])]
     pub folder: Option<PathBuf>,
     /// The same
     #[arg(long, conflicts_with = "folder")]
@@ -32,6 +33,9 @@ pub struct InspectArgs {
 
 /// Runs the verb.
 pub fn run(args: InspectArgs) -> Result<()> {
+    if let (None, None, Some(robot)) = (&args.folder, &args.data, &args.robot) {
+        return known(robot);
+    }
     let folder = args.folder.as_ref().or(args.data.as_ref()).context("no folder to inspect")?;
     let manifest = Manifest::read(folder)
         .with_context(|| format!("no data set to inspect; make one with `cargo xtask dataset --out {}`", folder.display()))?;
@@ -46,5 +50,15 @@ pub fn run(args: InspectArgs) -> Result<()> {
     let stem = args.out.as_ref().unwrap_or(folder).join("inspect");
     crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
     found.draw(&stem)?;
+    Ok(())
+}
+
+/// A robot's specification as TOML, with what was taken for granted.
+fn known(robot: &str) -> Result<()> {
+    let system = System::named(robot)?;
+    let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
+    println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
+    system.robot.notes.iter().for_each(|note| println!("# {note}"));
+    println!("{}", system.spec_text());
     Ok(())
 }

@@ -89,7 +89,6 @@ pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut d
     let (truth, theirs) = (ours(&judged, FINE)?.0, [fine(false)?, fine(true)?]);
     let mut paces = Vec::new();
     for (k, substeps) in TRIED.into_iter().enumerate() {
-        progress(k);
         let frames = (n * CROWD) as f64;
         let (states, seconds) = (ours(&judged, substeps)?.0, ours(&all, substeps)?.1);
         paces.push(pace(system, OURS, substeps, frames / seconds, &states, &truth));
@@ -98,6 +97,7 @@ pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut d
             let (states, seconds) = (few.play(Scheme::ImplicitFast, substeps, false)?.frames, many.time(Scheme::ImplicitFast, substeps)?);
             paces.push(pace(system, name, substeps, frames / seconds, &states, truth));
         }
+        progress(k + 1);
     }
     let apart = distance(system, &truth, &theirs[0])[0];
     Ok(Crowd { version: few.version.clone(), paces, apart })

@@ -14,8 +14,6 @@
 mod crowd;
 mod pinocchio;
 #[cfg(feature = "mjcf")]
-mod srdf;
-#[cfg(feature = "mjcf")]
 mod stand;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

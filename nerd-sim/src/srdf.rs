@@ -8,7 +8,7 @@ use nerd_core::robot::Robot;
 const STANDING: [&str; 2] = ["standing", "half_sitting"];
 
 /// A state at rest, and where it is from: an SRDF's pose to stand in, else zero, or the nearest to it within the limits.
-pub(super) fn pose(robot: &Robot, urdf: &Path) -> (Vec<f64>, String) {
+pub(crate) fn pose(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
     let mut state = robot.zero_state();
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
@@ -16,7 +16,7 @@ pub(super) fn pose(robot: &Robot, urdf: &Path) -> (Vec<f64>, String) {
     }
     // Of all poses that may be meant, the one that says most of this robot's joints.
     let mut best: (usize, Vec<(usize, f64)>, String) = (0, Vec::new(), "zero, within the limits".into());
-    for file in beside(urdf) {
+    for file in urdf.map(beside).unwrap_or_default() {
         let Ok(text) = std::fs::read_to_string(&file) else { continue };
         let Ok(document) = roxmltree::Document::parse(&text) else { continue };
         for group in document.descendants().filter(|n| n.has_tag_name("group_state")) {

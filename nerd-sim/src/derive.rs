@@ -1,0 +1,225 @@
+//! What the numbers of a URDF suggest where nobody says more: whether its base is free, what it is made of, how far and how fast it starts,
+//! and what drives it. `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could stand beside the file.
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use nalgebra::Vector3;
+use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
+use nerd_core::robot::{Joint, JointKind, Robot};
+
+use crate::bodies::GRAVITY;
+use crate::limits::pose;
+use crate::material::Material;
+use crate::range::Range;
+use crate::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec, mesh_points};
+use crate::srdf;
+
+/// Share of the robot's extent by which its weight presses its contacts in, borne by four of them.
+const GIVE: f64 = 1e-3;
+/// Speed (m/s) at which a contact creeps that a fifth of the weight pushes aside.
+const CREEP: f64 = 1e-3;
+/// Friction coefficient of rubber and metal on floors.
+const FRICTION: f64 = 0.7;
+/// Acceleration (rad/s^2 or m/s^2) that random torques give a joint beyond holding it against gravity.
+const LIVELY: f64 = 20.0;
+/// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
+const FAST: f64 = 3.0;
+
+/// Whether a robot walks, rolls or flies, its base free: nothing of it moves on a fixed one, or at zero coordinates two limbs or more reach
+/// lower than its trunk. `robot` has a free base.
+pub(crate) fn floats(robot: &Robot) -> bool {
+    let mut data = Data::new(robot);
+    kinematics(robot, &robot.zero_state(), &mut data);
+    let limb = |mut link: usize| loop {
+        match robot.links[link].parent {
+            None => return None,
+            Some(0) => return Some(link),
+            Some(parent) => link = parent,
+        }
+    };
+    let mut lowest = vec![f64::INFINITY; robot.links.len()];
+    let places = robot.contact_points.iter().map(|p| (p.link, point_position(&data, p.link, &p.local).z - p.radius));
+    let origins = (1..robot.links.len()).map(|link| (link, (data.origin + data.position[link]).z));
+    for (link, z) in places.chain(origins) {
+        let of = limb(link).unwrap_or(0);
+        lowest[of] = lowest[of].min(z);
+    }
+    let trunk = if lowest[0].is_finite() { lowest[0] } else { (data.origin + data.position[0]).z };
+    robot.joint_count() == 0 || lowest[1..].iter().filter(|z| **z < trunk - 1e-6).count() >= 2
+}
+
+/// The specification of a robot of which only the URDF is known; `path` is the file's.
+pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
+    let (state, pose) = srdf::pose(robot, path);
+    let mut data = Data::new(robot);
+    kinematics(robot, &state, &mut data);
+    let points: Vec<Vector3<f64>> = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect();
+    let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
+    let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
+    let across = |k: usize| all.iter().fold([f64::INFINITY, -f64::INFINITY], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
+    let extent = (0..3).map(across).map(|[low, high]| high - low).fold(0.0, f64::max);
+    let (extent, weight) = (if extent > 1e-3 { extent } else { 1.0 }, robot.mass() * GRAVITY);
+    let touches = !robot.contact_points.is_empty();
+    let floating = robot.floating();
+    robot.notes.push(format!(
+        "nothing but the URDF is known: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
+        if floating { "free" } else { "fixed" }
+    ));
+    let low = robot.contact_points.iter().zip(&points).map(|(p, at)| at.z - p.radius).fold(f64::INFINITY, f64::min);
+    let height = if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
+    let gain = weight * extent;
+    let control = ControlSpec {
+        relative: false,
+        scale: 0.5,
+        clamp: true,
+        ahead: true,
+        data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.02 * gain) }),
+    };
+    let driven = floating && robot.joint_count() > 0;
+    let (torques, coords) = (torques(robot), robot.root_coords());
+    let joints = robot.joints().zip(&torques).zip(&state[coords..]);
+    let joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, gain, driven)).collect();
+    Spec {
+        floating,
+        substeps: 8,
+        material: if touches { material(weight, extent) } else { Material::default() },
+        random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
+        data_scene: (touches && floating).then(|| "plane".into()),
+        control: driven.then_some(control),
+        root: floating.then(|| root(height, extent, touches)),
+        joints,
+        ..plain(robot)
+    }
+}
+
+/// Contact that bears the weight on four points at a give of [`GIVE`], half critically damped, and holds against slip.
+fn material(weight: f64, extent: f64) -> Material {
+    let stiffness = weight / (4.0 * GIVE * extent);
+    Material {
+        stiffness: rounded(stiffness),
+        damping: rounded((stiffness * weight / GRAVITY / 4.0).sqrt()),
+        friction_damping: rounded(0.2 * weight / CREEP),
+        friction: FRICTION,
+    }
+}
+
+fn root(height: f64, extent: f64, touches: bool) -> RootSpec {
+    let still = [between(0.0, 0.0); 3];
+    let start = |position, tilt, spin: f64, speed: f64| RootStart {
+        position,
+        tilt,
+        angular: [between(-spin, spin); 3],
+        linear: [between(-speed, speed); 3],
+        clearance: touches.then_some(rounded(GIVE * extent)),
+    };
+    RootSpec {
+        position: [0.0, 0.0, height],
+        quaternion: [0.0, 0.0, 0.0, 1.0],
+        sample: start(
+            [between(0.0, 0.0), between(0.0, 0.0), Range { low: height, high: height + 0.5 * extent }],
+            between(0.0, PI / 6.0),
+            2.0,
+            1.0,
+        ),
+        reset: Some(RootStart {
+            position: [still[0], still[0], Range { low: height, high: height }],
+            clearance: None,
+            ..start(still, still[0], 0.0, 0.0)
+        }),
+    }
+}
+
+fn joint_spec(joint: &Joint, torque: f64, default: f64, gain: f64, driven: bool) -> JointSpec {
+    let (low, high) = match joint.limit {
+        Some(limit) => (limit.lower, limit.upper),
+        None if joint.kind == JointKind::Prismatic => (-1.0, 1.0),
+        None => (-PI, PI),
+    };
+    let fast = if joint.velocity > 0.0 { FAST.min(0.5 * joint.velocity) } else { FAST };
+    // A robot that stands starts near its pose; an arm anywhere.
+    let (wide, near) = (if driven { 0.3 } else { f64::INFINITY }, 0.1);
+    let about = |reach: f64| between(rounded((default - reach).max(low)), rounded((default + reach).min(high)));
+    let effort = if joint.effort.is_finite() && joint.effort > 0.0 { joint.effort } else { gain };
+    JointSpec {
+        name: joint.name.clone(),
+        column: None,
+        default,
+        armature: 0.0,
+        limit: None,
+        torque: rounded(torque),
+        gain: Some(rounded(if driven { effort } else { torque })),
+        kp: rounded(0.3 * gain),
+        kd: rounded(0.01 * gain),
+        sample: StartSpec { q: about(wide), qd: between(-fast, fast), minus: None },
+        reset: StartSpec { q: about(near), qd: between(0.0, 0.0), minus: None },
+    }
+}
+
+/// Amplitudes of random torques: the most that gravity asks for over a few poses and what accelerates the joint by [`LIVELY`] beyond,
+/// within the joint's effort.
+fn torques(robot: &Robot) -> Vec<f64> {
+    let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
+    let mut most = vec![0.0f64; robot.joint_count()];
+    for k in 0..8 {
+        kinematics(robot, &pose(robot, k), &mut data);
+        crba(robot, &mut data);
+        bias(robot, &rest, &(-GRAVITY * Vector3::z()), &mut data);
+        for (i, most) in most.iter_mut().enumerate() {
+            let holds = if robot.floating() { 0.0 } else { data.tau[dofs + i].abs() };
+            *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
+        }
+    }
+    let within = |(joint, most): (&Joint, &f64)| if joint.effort > 0.0 { most.min(joint.effort) } else { *most };
+    robot.joints().zip(&most).map(within).collect()
+}
+
+fn between(low: f64, high: f64) -> Range {
+    Range { low: rounded(low.min(high)), high: rounded(high.max(low)) }
+}
+
+/// To three digits: it is a guess.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.2e}").parse().unwrap_or(x)
+}
+
+/// The specification of a robot of which nothing is asked but to move: no torque, starts about zero.
+pub(crate) fn plain(robot: &Robot) -> Spec {
+    let law = |x: f64| Range { low: -x, high: x };
+    let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
+    let joint = |joint: &Joint| JointSpec {
+        name: joint.name.clone(),
+        column: None,
+        default: 0.0,
+        armature: 0.0,
+        limit: None,
+        torque: 0.0,
+        gain: None,
+        kp: 0.0,
+        kd: 0.0,
+        sample: start(1.0, 1.0),
+        reset: start(0.1, 0.0),
+    };
+    Spec {
+        urdf: None,
+        floating: robot.floating(),
+        frame_time: "1/60".into(),
+        gravity: [0.0, 0.0, -9.81],
+        truth: Default::default(),
+        substeps: 16,
+        refresh: Default::default(),
+        state_columns: Vec::new(),
+        torque_columns: Vec::new(),
+        material: Default::default(),
+        random_plane: None,
+        data_scene: None,
+        vary: None,
+        control: None,
+        root: None,
+        mass_matrix_of: Default::default(),
+        mesh_points: mesh_points(),
+        joints: robot.joints().map(joint).collect(),
+        contacts: Vec::new(),
+        scenes: Vec::new(),
+    }
+}
