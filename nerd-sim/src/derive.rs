@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use nalgebra::Vector3;
+use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
 use nerd_core::robot::{Joint, JointKind, Robot};
 
@@ -12,7 +13,8 @@ use crate::bodies::GRAVITY;
 use crate::limits::pose;
 use crate::material::Material;
 use crate::range::Range;
-use crate::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec, mesh_points};
+use crate::spec::{ContactSpec, ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec, mesh_points};
+use crate::spread::enough;
 use crate::srdf;
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them.
@@ -23,6 +25,8 @@ const CREEP: f64 = 1e-3;
 const FRICTION: f64 = 0.7;
 /// Acceleration (rad/s^2 or m/s^2) that random torques give a joint beyond holding it against gravity.
 const LIVELY: f64 = 20.0;
+/// Contact points that are all kept: of more, those that are enough to stand and fall on.
+const MOST: usize = 24;
 /// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
 const FAST: f64 = 3.0;
 
@@ -61,6 +65,7 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
     let extent = (0..3).map(across).map(|[low, high]| high - low).fold(0.0, f64::max);
     let (extent, weight) = (if extent > 1e-3 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let touches = !robot.contact_points.is_empty();
+    let contacts = if robot.contact_points.len() > MOST { contacts(robot, &state) } else { Vec::new() };
     let floating = robot.floating();
     robot.notes.push(format!(
         "nothing but the URDF is known: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
@@ -89,8 +94,23 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
         control: driven.then_some(control),
         root: floating.then(|| root(height, extent, touches)),
         joints,
+        contacts,
         ..plain(robot)
     }
+}
+
+/// Few of the robot's contact points, to be listed.
+fn contacts(robot: &mut Robot, state: &[f64]) -> Vec<ContactSpec> {
+    let (few, all) = (enough(robot, state), robot.contact_points.len());
+    robot.notes.push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", few.len()));
+    let points = few.iter().map(|k| &robot.contact_points[*k]);
+    let spec = |p: &ContactPoint| ContactSpec {
+        link: robot.links[p.link].name.clone(),
+        point: p.local.into(),
+        radius: p.radius,
+        thickness: p.thickness,
+    };
+    points.map(spec).collect()
 }
 
 /// Contact that bears the weight on four points at a give of [`GIVE`], half critically damped, and holds against slip.

@@ -33,6 +33,7 @@ pub mod sampling;
 pub mod scene;
 pub mod solver;
 pub mod spec;
+mod spread;
 mod srdf;
 #[cfg(feature = "suite")]
 pub mod suite;

@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::spread::spread;
 use mesh_loader::Loader;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
@@ -26,9 +27,10 @@ pub fn touch(robot: &mut Robot, path: Option<&Path>, points: usize) {
     for mesh in std::mem::take(&mut robot.meshes) {
         match vertices(&mesh, &path) {
             Ok(vertices) => {
-                robot.contact_points.extend(spread(&hull(&vertices), points).into_iter().map(|at| ContactPoint {
+                let hull = hull(&vertices);
+                robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint {
                     link: mesh.link,
-                    local: mesh.pose.transform_point(&at.into()).coords,
+                    local: mesh.pose.transform_point(&hull[k].into()).coords,
                     radius: SHARP,
                     thickness: SHARP,
                 }));
@@ -94,54 +96,4 @@ fn hull(vertices: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let points: Vec<_> = vertices.iter().map(|v| parry3d_f64::math::Vector::new(v.x, v.y, v.z)).collect();
     let made = std::panic::catch_unwind(|| try_convex_hull(&points).ok()).ok().flatten();
     made.map_or_else(|| vertices.to_vec(), |(hull, _)| hull.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect())
-}
-
-/// At most so many of the points: those that lie farthest towards the corners of the box around them, the lower ones first, then
-/// always the one farthest from all that were taken. A sole with an ankle on it keeps the corners that it stands on.
-fn spread(points: &[Vector3<f64>], most: usize) -> Vec<Vector3<f64>> {
-    let Some(first) = points.first() else { return Vec::new() };
-    let (least, largest) = points.iter().fold((*first, *first), |(a, b), p| (a.inf(p), b.sup(p)));
-    // In units of the box, so that a flat one has eight corners, too.
-    let unit = (largest - least).map(|x| if x > 0.0 { 1.0 / x } else { 0.0 });
-    let mut taken: Vec<Vector3<f64>> = Vec::new();
-    let mut away = vec![f64::INFINITY; points.len()];
-    let mut take = |k: usize, taken: &mut Vec<Vector3<f64>>| {
-        away.iter_mut().zip(points).for_each(|(d, p)| *d = d.min((p - points[k]).norm()));
-        taken.push(points[k]);
-        away.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, far)| *far > 1e-6)
-    };
-    let mut next = None;
-    for corner in 0..8 {
-        let towards = Vector3::new(0, 1, 2).map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }).component_mul(&unit);
-        let far = |p: &Vector3<f64>| towards.dot(p);
-        let Some(k) = (0..points.len()).max_by(|a, b| far(&points[*a]).total_cmp(&far(&points[*b]))) else { break };
-        if taken.len() < most && taken.iter().all(|t| (t - points[k]).norm() > 1e-6) {
-            next = take(k, &mut taken);
-        }
-    }
-    while let Some((k, _)) = next.filter(|_| taken.len() < most) {
-        next = take(k, &mut taken);
-    }
-    taken
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_of_a_sole_are_its_corners() {
-        // A box of 0.2 x 0.1 x 0.02 m with points all over it.
-        let steps = |n: i32| (0..=n).map(move |k| f64::from(k) / f64::from(n) - 0.5);
-        let all: Vec<Vector3<f64>> =
-            steps(8).flat_map(|x| steps(8).flat_map(move |y| steps(2).map(move |z| Vector3::new(0.2 * x, 0.1 * y, 0.02 * z)))).collect();
-        let found = spread(&hull(&all), 8);
-        assert_eq!(found.len(), 8);
-        for p in found {
-            let off = (p.abs() - Vector3::new(0.1, 0.05, 0.01)).amax();
-            assert!(off < 1e-9, "{p} is {off:.1e} m from a corner");
-        }
-        // Of a point there is one.
-        assert_eq!(spread(&[Vector3::x(); 5], 8).len(), 1);
-    }
 }
