@@ -9,12 +9,12 @@
 //! let system = System::named("pendulum")?;
 //! let mut batch = Batch::new(&system, &system.scene("free")?, 1);
 //! // Far stiffer than a torque held over a frame may be.
-//! batch.drives = vec![Drive { kp: 1e4, kd: 100.0, target: 0.5, ..Drive::default() }; system.robot.joint_count()];
+//! batch.drives = vec![Drive { kp: 1e7, kd: 1e6, target: 0.5, ..Drive::default() }; system.robot.joint_count()];
 //! let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
 //! for _ in 0..120 {
 //!     simulation.step(&[0.0, 0.0])?;
 //! }
-//! assert!((simulation.batch.state(0)[0] - 0.5).abs() < 0.01);
+//! assert!((simulation.batch.state(0)[0] - 0.5).abs() < 0.01, "{:?}", simulation.batch.state(0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
