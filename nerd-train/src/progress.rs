@@ -5,10 +5,18 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use nerd_sim::system::System;
 
 /// A line on standard error. Nobody may read there (`2>&1 | head`), which ends no work.
 pub fn tell(text: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// What was taken for granted of a robot, a line each; built-in ones say it in their files.
+pub fn notes(system: &System) {
+    if System::texts(&system.name).is_none() {
+        system.robot.notes.iter().for_each(|note| tell(format_args!("{}: {note}", system.name)));
+    }
 }
 
 /// Time between lines where there is no terminal.

@@ -32,6 +32,7 @@ pub struct DatasetArgs {
 /// Runs the verb.
 pub fn run(args: DatasetArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
+    nerd_train::progress::notes(&system);
     let config = RecordConfig::default().with(&args.keys.given).map_err(Error::msg)?;
     let started = std::time::Instant::now();
     let manifest = config.write(&system, args.transitions, &args.out)?;

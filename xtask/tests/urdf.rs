@@ -18,4 +18,9 @@ fn every_file_has_its_line() {
     assert!(line("b.urdf").contains("| ok"), "{said}");
     assert!(said.contains("2 files: 1 move on a fixed base"), "{said}");
     refused(&["urdf", "/nowhere"], "/nowhere");
+    let here = folder.path().join("b.urdf");
+    let here = here.to_str().expect("utf-8");
+    refused(&["urdf", here, "--crowd", "4"], "--mujoco");
+    refused(&["urdf", here, "--mujoco", "python3"], "--crowd");
+    refused(&["urdf", here, "--crowd", "4", "--mujoco", "/no/python"], "/no/python");
 }

@@ -19,6 +19,7 @@ use crate::best::Best;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
 use crate::prepare::{Prepared, moments, normalize, read};
+use crate::progress;
 use crate::report::write;
 use crate::sessions;
 use crate::shipped;
@@ -61,6 +62,7 @@ impl Run {
     pub fn new(config: &RunConfig) -> Result<Self> {
         config.check()?;
         let system = System::named(&config.robot)?;
+        progress::notes(&system);
         let base = config.base(&system)?;
         let form = config.variant.form(base);
         let network = config.network(&system, form)?;
