@@ -60,6 +60,9 @@ pub(crate) struct Parallel<F: Frame> {
 /// A system and what is known of it.
 type Known<F> = (Arc<System>, Arc<<F as Frame>::Known>);
 
+/// Number, states, forces and memory of a chunk.
+type Chunk<'a, F> = (usize, ((&'a mut [f64], &'a mut [Vector3<f64>]), &'a mut F));
+
 impl<F: Frame> Parallel<F> {
     pub(crate) fn new() -> Self {
         Self { known: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), unasked: Vec::new(), faults: Mutex::default() }
@@ -92,7 +95,7 @@ impl<F: Frame> Parallel<F> {
         let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
         let faults = &self.faults;
         let now = &*batch;
-        let run = |(chunk, ((states, told), frame)): (usize, ((&mut [f64], &mut [Vector3<f64>]), &mut F))| {
+        let run = |(chunk, ((states, told), frame)): Chunk<'_, F>| {
             for (i, state) in states.chunks_exact_mut(d).enumerate() {
                 let env = chunk * F::CHUNK + i;
                 let told = if asked { &mut told[i * width / F::CHUNK..(i + 1) * width / F::CHUNK] } else { &mut told[..0] };

@@ -36,7 +36,8 @@ fn everything() -> VarySpec {
 #[test]
 fn each_moves_as_it_does_alone() {
     let system = varied("ant", everything());
-    let solvers: [fn(&System) -> Box<dyn Solver>; 3] = [
+    type Make = fn(&System) -> Box<dyn Solver>;
+    let solvers: [Make; 3] = [
         |s| Box::new(Articulated::new(ArticulatedConfig::accurate(s))),
         |s| Box::new(Articulated::new(ArticulatedConfig::paper(s, Friction::Coulomb))),
         |_| Box::new(Rapier::new(RapierConfig::default())),
