@@ -26,6 +26,7 @@
 
 mod glide;
 mod hold;
+mod motors;
 mod recorder;
 mod replay;
 mod shaken;
@@ -33,6 +34,7 @@ mod timed;
 
 pub use glide::{Glide, glide};
 pub use hold::Hold;
+pub use motors::{Motor, Motors};
 pub use recorder::Recorder;
 pub use replay::Replay;
 pub use shaken::Shaken;
