@@ -79,7 +79,7 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
         scale: 0.5,
         clamp: true,
         ahead: true,
-        data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.02 * gain) }),
+        data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
     let driven = floating && robot.joint_count() > 0;
     let (torques, coords) = (torques(robot), robot.root_coords());
@@ -169,8 +169,8 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, gain: f64, driven: bool)
         limit: None,
         torque: rounded(torque),
         gain: Some(rounded(if driven { effort } else { torque })),
-        kp: rounded(0.3 * gain),
-        kd: rounded(0.01 * gain),
+        kp: rounded(0.6 * gain),
+        kd: rounded(0.006 * gain),
         sample: StartSpec { q: about(wide), qd: between(-fast, fast), minus: None },
         reset: StartSpec { q: about(near), qd: between(0.0, 0.0), minus: None },
     }

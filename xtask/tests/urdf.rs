@@ -18,7 +18,8 @@ fn every_file_has_its_line() {
     assert!(line("b.urdf").contains("| ok"), "{said}");
     assert!(said.contains("2 files: 1 move on a fixed base"), "{said}");
     refused(&["urdf", "/nowhere"], "/nowhere");
-    let here = folder.path().join("b.urdf");
+    write("c.urdf", include_bytes!("../../nerd-sim/assets/ant.urdf"));
+    let here = folder.path().join("c.urdf");
     let here = here.to_str().expect("utf-8");
     refused(&["urdf", here, "--crowd", "4"], "--mujoco");
     refused(&["urdf", here, "--mujoco", "python3"], "--crowd");
