@@ -1,6 +1,7 @@
 //! What the numbers of a URDF suggest where nobody says more: whether its base is free, what it is made of, how far and how fast it starts,
 //! and what drives it. `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could stand beside the file.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -25,6 +26,10 @@ const CREEP: f64 = 1e-3;
 const FRICTION: f64 = 0.7;
 /// Acceleration (rad/s^2 or m/s^2) that random torques give a joint beyond holding it against gravity.
 const LIVELY: f64 = 20.0;
+/// Time (s) in which a motor's effort brings its own rotor to the joint's largest velocity.
+const START: f64 = 0.01;
+/// How much higher evaluations may start than a robot stands, of its extent.
+const HIGHER: f64 = 0.2;
 /// Contact points that are all kept: of more, those that are enough to stand and fall on.
 const MOST: usize = 24;
 /// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
@@ -53,19 +58,30 @@ pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || lowest[1..].iter().filter(|z| **z < trunk - 1e-6).count() >= 2
 }
 
-/// The specification of a robot of which only the URDF is known; `path` is the file's.
-pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
-    let (state, pose) = srdf::pose(robot, path);
+/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are positions that somebody says of joints.
+pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
+    let (mut state, pose) = srdf::pose(robot, path);
+    let coords = robot.root_coords();
+    for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
+        *q = defaults.get(&joint.name).copied().unwrap_or(*q);
+    }
     let mut data = Data::new(robot);
     kinematics(robot, &state, &mut data);
+    let touches = !robot.contact_points.is_empty();
+    if touches {
+        keep(robot, &state);
+    } else if robot.floating() {
+        robot
+            .notes
+            .push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
+    }
     let points: Vec<Vector3<f64>> = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect();
+    let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
     let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
     let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
     let across = |k: usize| all.iter().fold([f64::INFINITY, -f64::INFINITY], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
-    let extent = (0..3).map(across).map(|[low, high]| high - low).fold(0.0, f64::max);
-    let (extent, weight) = (if extent > 1e-3 { extent } else { 1.0 }, robot.mass() * GRAVITY);
-    let touches = !robot.contact_points.is_empty();
-    let contacts = if robot.contact_points.len() > MOST { contacts(robot, &state) } else { Vec::new() };
+    let extent = (0..3).map(across).map(|[low, high]| high - low + 2.0 * round).fold(0.0, f64::max);
+    let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let floating = robot.floating();
     robot.notes.push(format!(
         "nothing but the URDF is known: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
@@ -73,7 +89,7 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
     ));
     let low = robot.contact_points.iter().zip(&points).map(|(p, at)| at.z - p.radius).fold(f64::INFINITY, f64::min);
     let height = if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
-    let gain = weight * extent;
+    let gain = stiffness(weight, extent, false);
     let control = ControlSpec {
         relative: false,
         scale: 0.5,
@@ -82,9 +98,10 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
     let driven = floating && robot.joint_count() > 0;
-    let (torques, coords) = (torques(robot), robot.root_coords());
+    let torques = torques(robot);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]);
-    let joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, gain, driven)).collect();
+    let joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
+    let contacts = listed(robot);
     Spec {
         floating,
         substeps: 8,
@@ -92,25 +109,38 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>) -> Spec {
         random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
         data_scene: (touches && floating).then(|| "plane".into()),
         control: driven.then_some(control),
-        root: floating.then(|| root(height, extent, touches)),
+        root: floating.then(|| root(height, extent, touches.then_some(round))),
         joints,
         contacts,
         ..plain(robot)
     }
 }
 
-/// Few of the robot's contact points, to be listed.
-fn contacts(robot: &mut Robot, state: &[f64]) -> Vec<ContactSpec> {
-    let (few, all) = (enough(robot, state), robot.contact_points.len());
-    robot.notes.push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", few.len()));
-    let points = few.iter().map(|k| &robot.contact_points[*k]);
+/// Stiffness (N m/rad, N/m of what slides) that bears a robot's weight (N) at the end of a lever as long as itself at an error of a radian; on a
+/// slide at a twentieth of its extent (m).
+pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
+    if slides { 20.0 * weight / extent } else { weight * extent }
+}
+
+/// Keeps few of the robot's contact points, if they are many.
+fn keep(robot: &mut Robot, state: &[f64]) {
+    let all = robot.contact_points.len();
+    if all > MOST {
+        robot.contact_points = enough(robot, state).into_iter().map(|k| robot.contact_points[k]).collect();
+        robot
+            .notes
+            .push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", robot.contact_points.len()));
+    }
+}
+
+fn listed(robot: &Robot) -> Vec<ContactSpec> {
     let spec = |p: &ContactPoint| ContactSpec {
         link: robot.links[p.link].name.clone(),
         point: p.local.into(),
         radius: p.radius,
         thickness: p.thickness,
     };
-    points.map(spec).collect()
+    robot.contact_points.iter().map(spec).collect()
 }
 
 /// Contact that bears the weight on four points at a give of [`GIVE`], half critically damped, and holds against slip.
@@ -124,14 +154,15 @@ fn material(weight: f64, extent: f64) -> Material {
     }
 }
 
-fn root(height: f64, extent: f64, touches: bool) -> RootSpec {
+/// `round` is the largest radius of a contact point, from whose middle gaps are counted; none where nothing touches.
+fn root(height: f64, extent: f64, round: Option<f64>) -> RootSpec {
     let still = [between(0.0, 0.0); 3];
     let start = |position, tilt, spin: f64, speed: f64| RootStart {
         position,
         tilt,
         angular: [between(-spin, spin); 3],
         linear: [between(-speed, speed); 3],
-        clearance: touches.then_some(rounded(GIVE * extent)),
+        clearance: round.map(|radius| radius + rounded(GIVE * extent)),
     };
     RootSpec {
         position: [0.0, 0.0, height],
@@ -143,32 +174,41 @@ fn root(height: f64, extent: f64, touches: bool) -> RootSpec {
             1.0,
         ),
         reset: Some(RootStart {
-            position: [still[0], still[0], Range { low: height, high: height }],
-            clearance: None,
+            // As high as joints that are a little off need it.
+            position: [still[0], still[0], Range { low: height, high: height + HIGHER * extent }],
             ..start(still, still[0], 0.0, 0.0)
         }),
     }
 }
 
-fn joint_spec(joint: &Joint, torque: f64, default: f64, gain: f64, driven: bool) -> JointSpec {
+fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 2], driven: bool) -> JointSpec {
+    let slides = joint.kind == JointKind::Prismatic;
+    let gain = stiffness(weight, extent, slides);
     let (low, high) = match joint.limit {
         Some(limit) => (limit.lower, limit.upper),
-        None if joint.kind == JointKind::Prismatic => (-1.0, 1.0),
+        None if slides => (-extent, extent),
         None => (-PI, PI),
     };
     let fast = if joint.velocity > 0.0 { FAST.min(0.5 * joint.velocity) } else { FAST };
     // A robot that stands starts near its pose; an arm anywhere.
-    let (wide, near) = (if driven { 0.3 } else { f64::INFINITY }, 0.1);
-    let about = |reach: f64| between(rounded((default - reach).max(low)), rounded((default + reach).min(high)));
-    let effort = if joint.effort.is_finite() && joint.effort > 0.0 { joint.effort } else { gain };
+    let (wide, near) = (if driven { 0.3 } else { 2.0 * PI }, 0.1);
+    let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
+    let about = |turn: f64| {
+        let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
+        Range { low: a.clamp(low, high), high: b.clamp(low, high) }
+    };
+    let said = |x: f64| x.is_finite() && x > 0.0;
+    let effort = if said(joint.effort) { joint.effort } else { gain };
+    // Motors need their time: no URDF tells what their rotors weigh.
+    let armature = if said(joint.effort) && said(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     JointSpec {
         name: joint.name.clone(),
         column: None,
         default,
-        armature: 0.0,
+        armature,
         limit: None,
-        torque: rounded(torque),
-        gain: Some(rounded(if driven { effort } else { torque })),
+        torque,
+        gain: Some(if driven { effort } else { torque }),
         kp: rounded(0.6 * gain),
         kd: rounded(0.006 * gain),
         sample: StartSpec { q: about(wide), qd: between(-fast, fast), minus: None },
@@ -190,7 +230,7 @@ fn torques(robot: &Robot) -> Vec<f64> {
             *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
         }
     }
-    let within = |(joint, most): (&Joint, &f64)| if joint.effort > 0.0 { most.min(joint.effort) } else { *most };
+    let within = |(joint, most): (&Joint, &f64)| if joint.effort > 0.0 { rounded(*most).min(joint.effort) } else { rounded(*most) };
     robot.joints().zip(&most).map(within).collect()
 }
 

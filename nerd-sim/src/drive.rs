@@ -19,9 +19,11 @@
 //! ```
 
 use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::robot::Joint;
+use nerd_core::robot::{Joint, JointKind};
 use serde::{Deserialize, Serialize};
 
+use crate::bodies::GRAVITY;
+use crate::derive::stiffness;
 use crate::scene::up;
 use crate::system::System;
 use crate::validate::within;
@@ -69,7 +71,7 @@ impl Drive {
 /// Drives that hold a robot's joints where they are in `state`, one a joint: what a URDF asks for that says nothing of gains.
 ///
 /// With the robot's mass m and its extent L (m), from its lowest contact point to its highest, `kp = m g L` holds its weight at
-/// the end of a lever as long as itself with an error of a radian: a legged robot on two or four of them stands. Damping takes
+/// the end of a lever as long as itself with an error of a radian (a slide bears it at a twentieth of L, `kp = 20 m g / L`): a legged robot on two or four of them stands. Damping takes
 /// a twentieth of a second, `kd = kp / 20`. Efforts are the URDF's. Without gravity it is held as strongly as on Earth.
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
@@ -80,9 +82,10 @@ pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let [low, high] = heights.fold([f64::INFINITY, -f64::INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
     let extent = if high > low { high - low } else { 1.0 };
     let gravity = system.gravity().norm();
-    let kp = robot.mass() * if gravity > 0.0 { gravity } else { 9.81 } * extent;
+    let weight = robot.mass() * if gravity > 0.0 { gravity } else { GRAVITY };
+    let kp = |joint: &Joint| stiffness(weight, extent, joint.kind == JointKind::Prismatic);
     let joints = robot.joints().zip(&state[robot.root_coords()..]);
-    joints.map(|(joint, q)| Drive { kp, kd: kp / 20.0, target: *q, speed: 0.0, effort: effort(joint) }).collect()
+    joints.map(|(joint, q)| Drive { kp: kp(joint), kd: kp(joint) / 20.0, target: *q, speed: 0.0, effort: effort(joint) }).collect()
 }
 
 /// Drives with the gains of a robot's specification (`kp`, `kd`), one a joint, at its default position; none if it has no gains.

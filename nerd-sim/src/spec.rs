@@ -101,9 +101,16 @@ impl Spec {
         }
         let mut all = Table::try_from(&self).map_err(|e| e.to_string())?;
         let name = |joint: &toml::Value| joint.get("name").and_then(toml::Value::as_str).map(str::to_string);
+        if own.get("joint").is_some_and(|joints| !joints.is_array()) {
+            return Err("joint: a list is needed, write [[joint]] before each".into());
+        }
         if let (Some(joints), Some(toml::Value::Array(said))) =
             (all.get_mut("joint").and_then(toml::Value::as_array_mut), own.remove("joint"))
         {
+            let names: Vec<_> = said.iter().map(name).collect();
+            if let Some((_, twice)) = names.iter().enumerate().find(|(k, n)| names[..*k].contains(n)) {
+                return Err(format!("[[joint]] name = {:?} stands twice", twice.clone().unwrap_or_default()));
+            }
             for joint in said {
                 match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
                     (Some(toml::Value::Table(known)), toml::Value::Table(said)) => known.extend(said),

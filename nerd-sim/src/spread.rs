@@ -37,6 +37,8 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
 const TRUNK: usize = 8;
 const END: usize = 4;
 const OTHER: usize = 2;
+/// Of a wheel.
+const WHEEL: usize = 24;
 /// Lower share of a link that nothing hangs on, from which its points are taken: a shin touches with its foot.
 const FOOT: f64 = 0.25;
 
@@ -46,12 +48,18 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> Vec<usize> {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
     let ends = |link: usize| robot.links.iter().all(|other| other.parent != Some(link));
-    let place = |k: &usize| point_position(&data, robot.contact_points[*k].link, &robot.contact_points[*k].local);
+    // The lowest place of a ball is what it stands on.
+    let place = |k: &usize| {
+        let point = &robot.contact_points[*k];
+        point_position(&data, point.link, &point.local) - Vector3::z() * point.radius
+    };
     let of = |link: usize| {
         let mut own: Vec<usize> = (0..robot.contact_points.len()).filter(|k| robot.contact_points[*k].link == link).collect();
         let trunk = link == 0 && robot.floating();
         let end = ends(link) && !trunk;
-        if end {
+        // What turns without end may stand on any side of itself.
+        let wheel = end && robot.links[link].joint.as_ref().is_some_and(|j| j.limit.is_none());
+        if end && !wheel {
             let heights = own.iter().map(|k| place(k).z);
             let [low, high] = heights.fold([f64::INFINITY, -f64::INFINITY], |[a, b], z| [a.min(z), b.max(z)]);
             own.retain(|k| place(k).z <= low + FOOT * (high - low));
@@ -59,6 +67,8 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> Vec<usize> {
         let places: Vec<Vector3<f64>> = own.iter().map(place).collect();
         let most = if trunk {
             TRUNK
+        } else if wheel {
+            WHEEL
         } else if end {
             END
         } else {

@@ -34,7 +34,10 @@ pub(crate) fn pose(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
             }
         }
     }
-    best.1.iter().for_each(|(place, q)| state[coords + place] = *q);
+    for (place, q) in best.1.into_iter().filter(|(_, q)| q.is_finite()) {
+        let limit = robot.joints().nth(place).and_then(|joint| joint.limit);
+        state[coords + place] = limit.map_or(q, |l| q.clamp(l.lower, l.upper));
+    }
     (state, best.2)
 }
 

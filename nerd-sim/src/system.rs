@@ -151,10 +151,30 @@ impl System {
             touch(&mut robot, path, points);
             Ok(robot)
         };
-        let free = || read(true).is_ok_and(|robot| floats(&robot));
-        let floating = own.get("floating").and_then(toml::Value::as_bool).unwrap_or_else(free);
-        let mut robot = read(floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        let spec = derived(&mut robot, path).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        let urdf_error = |e| SystemError::Urdf(name.into(), e);
+        let (floating, cannot) = match (own.get("floating").and_then(toml::Value::as_bool), read(true)) {
+            (Some(said), _) => (said, None),
+            (None, Ok(robot)) => (floats(&robot), None),
+            (None, Err(e)) => (false, Some(e)),
+        };
+        // Where neither base can be had, what stands against the free one is what is wrong.
+        let mut robot = match (read(floating), cannot) {
+            (Err(UrdfError::Still), Some(e)) => return Err(urdf_error(e)),
+            (read, Some(e)) => {
+                let mut robot = read.map_err(urdf_error)?;
+                robot.notes.push(format!("its base is taken as fixed, since a free one cannot be: {e}"));
+                robot
+            }
+            (read, None) => read.map_err(urdf_error)?,
+        };
+        if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+            robot.contact_points.clear();
+        }
+        let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
+        let said = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
+        let defaults = joints.filter_map(said).collect();
+        let spec =
+            derived(&mut robot, path, &defaults).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
         Self::new(name, robot, spec, false)
     }
 

@@ -86,16 +86,22 @@ fn what_walks_is_free_and_what_is_an_arm_is_not() {
 
 #[test]
 fn a_part_of_a_toml_goes_before_what_the_urdf_suggests() {
-    let text = "like = \"urdf\"\nframe_time = \"1/100\"\n[[joint]]\nname = \"hip1\"\narmature = 0.02\n";
+    let text = "like = \"urdf\"\nframe_time = \"1/100\"\n[[joint]]\nname = \"hip1\"\narmature = 0.03\n";
     let system = read("part", &table(1.0), Some(text)).expect("a part is enough");
     let plain = read("part-plain", &table(1.0), None).expect("a robot");
     assert_eq!(system.frame_time, 0.01);
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
-    assert_eq!(armatures, [0.0, 0.02, 0.0, 0.0]);
+    // Effort and velocity of 20 N m and 10 rad/s make the others: 10 ms from rest.
+    assert_eq!(armatures, [0.02, 0.03, 0.02, 0.02]);
     assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
-    for (line, said) in
-        [("flotaing = true", "flotaing"), ("[[joint]]\nname = \"knee\"", "knee"), ("substeps = 0", "substeps"), ("like = \"me\"", "like")]
-    {
+    for (line, said) in [
+        ("joint = 3", "[[joint]]"),
+        ("[[joint]]\nname = \"hip1\"\n[[joint]]\nname = \"hip1\"", "twice"),
+        ("flotaing = true", "flotaing"),
+        ("[[joint]]\nname = \"knee\"", "knee"),
+        ("substeps = 0", "substeps"),
+        ("like = \"me\"", "like"),
+    ] {
         let text = if line.starts_with("like") { line.into() } else { format!("like = \"urdf\"\n{line}") };
         let error = read("wrong", &table(1.0), Some(&text)).expect_err(line).to_string();
         assert!(error.contains(said) && !error.contains('\n'), "{line}: {error}");
@@ -130,11 +136,13 @@ fn contact_scales_with_the_robot() {
         let at = batch.state(0);
         assert!(at[6].abs() > 0.999, "scale {scale}: it fell over: {:?}", &at[3..7]);
         for k in 0..50 {
-            let state = start(&system, Start::Sample, &mut stream(1, k));
+            let which = if k % 2 == 0 { Start::Sample } else { Start::Reset };
+            let state = start(&system, which, &mut stream(1, k));
             let mut events = Vec::new();
             nerd_sim::batch::contacts(&system, &scene, &state, &mut nerd_sim::nerd_core::dynamics::Data::new(&system.robot), &mut events);
-            assert!(events.iter().all(|e| e.distance > 0.0), "a start within the ground");
-            assert!(state[7..11].iter().all(|q| (-1.01..0.81).contains(q)), "a start beyond the limits: {:?}", &state[7..11]);
+            let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance > p.radius);
+            assert!(clear, "a start within the ground");
+            assert!(state[7..11].iter().all(|q| (-1.0..=0.8).contains(q)), "a start beyond the limits: {:?}", &state[7..11]);
         }
     }
 }
@@ -143,12 +151,55 @@ fn contact_scales_with_the_robot() {
 fn data_of_a_bare_urdf_move() {
     for (name, urdf) in [("data-table", table(1.0)), ("data-arm", arm())] {
         let system = read(name, &urdf, None).expect("a robot");
-        let config = GenerateConfig { transitions: 600, frames: 60, ..Default::default() };
+        let config = GenerateConfig { transitions: 3000, frames: 60, ..Default::default() };
         let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
-        let recording = record(&system, &mut solver, &config, 0, 10).expect("it can be recorded");
+        let recording = record(&system, &mut solver, &config, 0, 50).expect("it can be recorded");
         let most = recording.torques.iter().fold(0.0f64, |m, t| m.max(t.abs()));
         assert!((1.0..=50.0).contains(&most), "{name}: largest torque {most} N m");
         assert!(recording.depths.iter().any(|d| *d < 0.0), "{name}: nothing was touched");
         assert!(recording.states.iter().all(|x| x.abs() < 1e3), "{name} flew apart");
     }
+}
+
+/// What a robot rests on is what it had: balls at the ends of legs, wheels all around, and a height at which they touch.
+#[test]
+fn what_stands_keeps_its_feet() {
+    let ball = "<collision><origin xyz=\"0 0 -0.3\"/><geometry><sphere radius=\"0.04\"/></geometry></collision></link>";
+    let trunk = body("trunk", 6.0, [0.6, 0.3, 0.1], [0.0; 3]);
+    let feet = table(1.0).replace(&trunk, "TRUNK").replace("</link>", ball).replace("TRUNK", &trunk);
+    let system = read("feet", &feet, None).expect("a robot");
+    for link in 1..5 {
+        let feet = system.robot.contact_points.iter().filter(|p| p.link == link && p.radius == 0.04).count();
+        assert_eq!(feet, 1, "link {link} of {:?}", system.robot.contact_points);
+    }
+    assert!((system.default_state()[2] - 0.34).abs() < 1e-6, "stands at {} m", system.default_state()[2]);
+    // A car on four wheels, however far they have turned.
+    let mut car = trunk;
+    for (k, [x, y]) in [[0.25, 0.2], [0.25, -0.2], [-0.25, 0.2], [-0.25, -0.2]].into_iter().enumerate() {
+        let wheel = format!("wheel{k}");
+        let round = "<geometry><cylinder radius=\"0.1\" length=\"0.05\"/></geometry>";
+        let turned = "<collision><origin xyz=\"0 0 0\" rpy=\"1.5707963267948966 0 0\"/>";
+        let text = body(&wheel, 0.5, [0.2, 0.05, 0.2], [0.0; 3]);
+        let (inertial, _) = text.split_once("<collision>").expect("it has a shape");
+        car += &format!("{inertial}{turned}{round}</collision></link>");
+        car += &joint(&format!("axle{k}"), ["trunk", &wheel], [x, y, -0.05], 5.0).replace("revolute", "continuous");
+    }
+    let system = read("car", &format!("<robot name=\"car\">{car}</robot>"), None).expect("a robot");
+    let scene = system.scene("plane").expect("a plane");
+    for turn in [0.0, 0.5, 1.6, 3.1] {
+        let mut batch = Batch::new(&system, &scene, 1);
+        let mut state = system.default_state();
+        state[7..11].fill(turn);
+        batch.reset(0, &state);
+        let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+        (0..60).for_each(|_| solver.step(&mut batch, &[0.0; 4]).expect("it stands"));
+        assert!((batch.state(0)[2] - 0.15).abs() < 0.01, "wheels turned by {turn} rad: the car is at {} m, not 0.15", batch.state(0)[2]);
+    }
+}
+
+#[test]
+fn a_trunk_that_is_none_is_said() {
+    let broken = table(1.0).replacen("mass value=\"6\"", "mass value=\"-6\"", 1);
+    let system = read("broken", &broken, None).expect("its legs move on a fixed base");
+    assert!(system.robot.notes.iter().any(|n| n.contains("free one cannot be") && n.contains("trunk")), "{:?}", system.robot.notes);
 }

@@ -59,6 +59,10 @@ fn known(robot: &str) -> Result<()> {
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
     println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
     system.robot.notes.iter().for_each(|note| println!("# {note}"));
+    // Of a built-in robot the file is there already, and says all.
+    if System::texts(&system.name).is_none() {
+        println!("like = \"urdf\"");
+    }
     println!("{}", system.spec_text());
     Ok(())
 }

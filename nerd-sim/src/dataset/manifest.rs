@@ -111,7 +111,7 @@ pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
         ("truth", truth.into()),
     ];
     let drawn = crate::vary::columns(system);
-    let drawn = (!drawn.is_empty()).then(|| ("drawn", drawn.join(" ")));
+    let drawn = (!drawn.is_empty()).then(|| ("drawn", serde_json::json!(drawn).to_string()));
     own.into_iter().chain(drawn).map(|(key, value)| (key.to_string(), value)).collect()
 }
 
