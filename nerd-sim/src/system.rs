@@ -227,6 +227,9 @@ impl System {
         if spec.random_plane.is_some() && robot.contact_points.is_empty() {
             return Err(wrong("random_plane: the robot has no contact point that could touch it; give it [[contact]] points".into()));
         }
+        if let Some(vary) = &spec.vary {
+            vary.fits(&robot).map_err(wrong)?;
+        }
         let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec };
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;

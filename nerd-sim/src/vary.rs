@@ -15,6 +15,7 @@
 
 use std::sync::Arc;
 
+use nerd_core::robot::Robot;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +47,8 @@ pub struct VarySpec {
     /// Size of gravity (m/s^2).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Range>,
-    /// Factor on each joint's kp and kd.
+    /// Factor on each joint's kp and kd, of drives and of tasks. Data whose gains are random (`control.data`) have them where a trajectory is
+    /// held, not driven.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain: Option<Range>,
     /// Factor on each joint's damping and dry friction.
@@ -86,6 +88,23 @@ impl VarySpec {
             within(format!("vary.{key}'s low end"), range.low, may.clone(), unit)?;
             within(format!("vary.{key}'s high end"), range.high, may, unit)
         })
+    }
+}
+
+impl VarySpec {
+    /// Says which range the robot has nothing for.
+    pub(crate) fn fits(&self, robot: &Robot) -> Result<(), String> {
+        let joints = ["gain", "joint_damping", "armature"];
+        let asked = |(key, range, ..): &(&'static str, Option<Range>, _, _)| range.is_some().then_some(*key);
+        for key in self.ranges().iter().filter_map(asked) {
+            if joints.contains(&key) && robot.joint_count() == 0 {
+                return Err(format!("vary.{key}: the robot has no joint"));
+            }
+            if ["friction", "stiffness"].contains(&key) && robot.contact_points.is_empty() {
+                return Err(format!("vary.{key}: the robot has no contact point; give it [[contact]] points"));
+            }
+        }
+        Ok(())
     }
 }
 

@@ -129,6 +129,7 @@ fn what_does_not_fit_is_refused() {
     assert!(said(&mut batch, &mut Still).contains("one robot for all environments"));
     let (toml, urdf) = System::texts("cube").expect("built in");
     for (line, key) in [
+        ("gain = \"U(1, 2)\"", "vary.gain: the robot has no joint"),
         ("mass = \"U(0, 1)\"", "vary.mass's low end"),
         ("friction = \"U(-1, 1)\"", "vary.friction's low end"),
         ("gravity = \"U(-9.81, -9)\"", "vary.gravity's low end"),

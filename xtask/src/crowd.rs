@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Result, bail};
 use nerd_sim::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
 use nerd_train::report::artifact::Head;
 use nerd_train::report::table::digits;
@@ -12,13 +12,21 @@ use crate::common::bar;
 
 /// Measures each file's robot.
 pub fn run(files: &[Found], mujoco: &Path, n: usize, out: Option<&Path>) -> Result<()> {
-    let mut tables = Vec::new();
+    let (mut tables, mut failed) = (Vec::new(), Vec::new());
     for file in files {
         let bar = bar("settings", SETTINGS as u64);
-        let found = crowd(file, mujoco, n, 0, &mut |done| bar.set(done as u64)).with_context(|| file.name.clone())?;
+        let found = crowd(file, mujoco, n, 0, &mut |done| bar.set(done as u64));
         bar.finish();
-        tables.push(table(file, n, &found));
+        // One that cannot be measured ends no other's turn.
+        match found {
+            Ok(found) => tables.push(table(file, n, &found)),
+            Err(reason) => failed.push(format!("{}: {reason}", file.name)),
+        }
     }
+    if tables.is_empty() {
+        bail!(failed.join("; "));
+    }
+    failed.iter().for_each(|line| eprintln!("{line}"));
     crate::out::tables(&tables);
     let Some(out) = out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), (files.len() * n * CROWD) as f64);

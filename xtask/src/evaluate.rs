@@ -5,9 +5,12 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use nerd_sim::prelude::*;
+use nerd_train::choice::Choice;
 use nerd_train::evaluate::Action;
 use nerd_train::experiments::Experiment;
 use nerd_train::experiments::passive::{Case, Passive};
+use nerd_train::report::motions;
+use nerd_train::report::replay::Replay;
 use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, STARTS, count, within};
@@ -47,6 +50,9 @@ pub struct EvaluateArgs {
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
     pub control: bool,
+    /// Page to write that replays the first start, let go, in the model and in its truth (needs --solver neural)
+    #[arg(long, value_name = "FILE")]
+    pub replay: Option<PathBuf>,
     /// Name of the result to write [default: passive]
     #[arg(long)]
     pub name: Option<String>,
@@ -64,6 +70,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         0.0 => Action::Zero,
         factor => Action::Random(factor),
     };
+    let replay = replay(&args)?;
     let case = Case {
         solver: args.solver.choose(&*System::named(&args.robot)?)?,
         robot: args.robot,
@@ -80,12 +87,25 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         println!("control: the truth against itself; anything but 0 is a fault of the program\n");
     }
     match folder {
-        Some(folder) => conduct(&passive, &folder),
-        None => {
-            tables(&[passive.measure()?.table()]);
-            Ok(())
-        }
+        Some(folder) => conduct(&passive, &folder)?,
+        None => tables(&[passive.measure()?.table()]),
     }
+    let Some((file, page)) = replay else { return Ok(()) };
+    crate::files::write(&file, page.html().as_bytes())?;
+    eprintln!("replay written to {}", file.display());
+    Ok(())
+}
+
+/// The page that was asked for, and its motion.
+fn replay(args: &EvaluateArgs) -> Result<Option<(PathBuf, Replay)>> {
+    let Some(file) = &args.replay else { return Ok(None) };
+    let system = System::named(&args.robot)?;
+    let Choice::Neural { folder, .. } = args.solver.choose(&system)? else {
+        bail!("--replay shows a model beside its truth: --solver neural is needed")
+    };
+    let scene = args.scene.first().map_or_else(|| system.usual_scenes()[0].to_string(), String::clone);
+    let motion = motions::passive(&args.robot, &scene, &folder, args.frames.unwrap_or(300), args.seed)?;
+    Ok(Some((file.clone(), motion)))
 }
 
 /// Name of the result and its folder, if it is to be written.

@@ -17,7 +17,7 @@ pub struct UrdfArgs {
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
     /// A Python that has Pinocchio (PyPI: pin): the dynamics are held against its own
-    #[arg(long, value_name = "PYTHON")]
+    #[arg(long, value_name = "PYTHON", conflicts_with_all = ["stand", "crowd"])]
     pub pinocchio: Option<PathBuf>,
     /// With --pinocchio: random states of each robot
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]

@@ -2,12 +2,17 @@
 //! renderer (`assets/replay.js`) that turns them with the mouse. Several tracks of one robot lie over each other, the truth as a
 //! ghost behind a learned one. A page loads nothing.
 
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, kinematics, link_pose};
 use nerd_core::robot::{Robot, ShapeKind};
 use nerd_sim::batch::Batch;
 use nerd_sim::scene::Scene;
 use serde::Serialize;
 
+/// Radius of a bone over its length.
+const THICK: f64 = 0.08;
 /// The renderer: a function `replay(element, data)`.
 pub const SCRIPT: &str = include_str!("../../assets/replay.js");
 const PAGE: &str = include_str!("../../assets/replay.html");
@@ -132,7 +137,27 @@ fn solids(robot: &Robot) -> Vec<Solid> {
         };
         Solid { link, pose: numbers(&shape.pose), kind, size }
     })
+    .chain(bones(robot))
     .collect()
+}
+
+/// Of links whose shapes are meshes or that have none: from their joint to the next ones, and to what they touch with.
+fn bones(robot: &Robot) -> Vec<Solid> {
+    let bare = robot.links.iter().enumerate().filter(|(_, body)| body.shapes.is_empty());
+    let ends = |link: usize| {
+        let next = robot.links.iter().filter(move |child| child.parent == Some(link));
+        let next = next.filter_map(|child| Some(child.joint.as_ref()?.origin().translation.vector));
+        let own: Vec<Vector3<f64>> = robot.contact_points.iter().filter(|p| p.link == link).map(|p| p.local).collect();
+        let middle = own.iter().sum::<Vector3<f64>>() / own.len().max(1) as f64;
+        next.chain((!own.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3)
+    };
+    let bone = |link: usize, end: Vector3<f64>| {
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &end)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
+        let pose = Isometry3::from_parts((0.5 * end).into(), turn);
+        Solid { link, pose: numbers(&pose), kind: "capsule", size: vec![THICK * end.norm(), 0.5 * end.norm()] }
+    };
+    bare.flat_map(|(link, _)| ends(link).map(move |end| bone(link, end)).collect::<Vec<_>>()).collect()
 }
 
 fn numbers(pose: &nalgebra::Isometry3<f64>) -> [f32; 7] {
