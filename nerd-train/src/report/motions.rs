@@ -30,7 +30,7 @@ pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64)
     let scene = system.scene(scene)?;
     let state = start(&system, Start::Reset, &mut stream(seed, 0));
     let batch = Batch::new(&system, &scene, 1);
-    let mut replay = Replay::new(&format!("{robot} in {}", scene.name), &batch, system.frame_time);
+    let mut replay = Replay::new(&format!("{} in {}", system.name, scene.name), &batch, system.frame_time);
     let torques = vec![0.0; system.robot.joint_count()];
     for (name, solver) in both(&system, model)? {
         let mut simulation = Simulation { batch: Batch::new(&system, &scene, 1), solver };
