@@ -236,7 +236,10 @@ impl System {
         }
         for which in [Start::Sample, Start::Reset] {
             if clear_start(&system, which, &mut stream(0, 0), DRAWS).is_none() {
-                return Err(wrong(format!("none of {DRAWS} starts of [root.{}] has the clearance it asks for", which.name())));
+                return Err(wrong(format!(
+                    "none of {DRAWS} starts of [root.{}] has the clearance it asks for: raise its position along the up axis, or ask for less",
+                    which.name()
+                )));
             }
         }
         Ok(system)
