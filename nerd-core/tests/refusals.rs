@@ -24,9 +24,8 @@ fn what_a_joint_says_is_read() {
 #[test]
 fn refusals_name_the_culprit_and_the_reason_in_one_line() {
     let table = [
-        (r#"type="revolute""#, r#"type="planar""#, "`shoulder`", "Planar"),
-        (r#"type="revolute""#, r#"type="floating""#, "`shoulder`", "Floating"),
         (r#"type="revolute""#, r#"type="spherical""#, "`shoulder`", "Spherical"),
+        (r#"type="revolute""#, r#"type="floating""#, "`shoulder`", "floating"),
         (r#"<dynamics damping="0.5" friction="0"/>"#, r#"<mimic joint="weld"/>"#, "`shoulder`", "mimic"),
         (r#"friction="0""#, r#"friction="-0.1""#, "`shoulder`", "friction"),
         (r#"friction="0""#, r#"friction="nan""#, "`shoulder`", "friction"),

@@ -133,7 +133,7 @@ fn keep(robot: &mut Robot, state: &[f64]) {
     }
 }
 
-fn listed(robot: &Robot) -> Vec<ContactSpec> {
+pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
     let spec = |p: &ContactPoint| ContactSpec {
         link: robot.links[p.link].name.clone(),
         point: p.local.into(),
@@ -206,6 +206,8 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         column: None,
         default,
         armature,
+        stiffness: 0.0,
+        rest: 0.0,
         limit: None,
         torque,
         gain: Some(if driven { effort } else { torque }),
@@ -234,12 +236,12 @@ fn torques(robot: &Robot) -> Vec<f64> {
     robot.joints().zip(&most).map(within).collect()
 }
 
-fn between(low: f64, high: f64) -> Range {
+pub(crate) fn between(low: f64, high: f64) -> Range {
     Range { low: rounded(low.min(high)), high: rounded(high.max(low)) }
 }
 
 /// To three digits: it is a guess.
-fn rounded(x: f64) -> f64 {
+pub(crate) fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
@@ -252,6 +254,8 @@ pub(crate) fn plain(robot: &Robot) -> Spec {
         column: None,
         default: 0.0,
         armature: 0.0,
+        stiffness: 0.0,
+        rest: 0.0,
         limit: None,
         torque: 0.0,
         gain: None,

@@ -41,7 +41,7 @@ impl System {
             keys.retain(|key, _| !ELSEWHERE.contains(&key.as_str()));
         }
         for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
-            joint.retain(|key, _| !["column", "armature", "limit"].contains(&key.as_str()));
+            joint.retain(|key, _| !["column", "armature", "limit", "stiffness", "rest"].contains(&key.as_str()));
         }
         sha256(&json!([self.motion(), spec]))
     }
@@ -93,6 +93,9 @@ fn joint(joint: &Joint) -> Value {
         "armature": joint.armature,
     });
     // Said only where there is something to say: what moves as it always did has the hash it always had.
+    if joint.stiffness > 0.0 {
+        value["spring"] = json!([joint.stiffness, joint.rest]);
+    }
     if let Some(m) = joint.mimic() {
         value["mimic"] = json!([m.coordinate, m.multiplier, m.offset]);
     }

@@ -3,9 +3,11 @@
 pub mod articulated;
 pub mod batch;
 pub mod bodies;
+pub mod cable;
 #[cfg(feature = "calibrate")]
 pub mod calibrate;
 mod collider;
+mod columns;
 pub mod control;
 pub mod dataset;
 mod derive;

@@ -59,11 +59,15 @@ pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
 /// Draws after which a specification is said to ask for too much.
 pub(crate) const DRAWS: usize = 10_000;
 
-/// The first of so many starts that stands as clear of the data's scene as the specification asks.
+/// The first of so many starts that stands as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
+/// inside of it.
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, draws: usize) -> Option<Vec<f64>> {
-    let Some(least) = system.spec.root.as_ref().and_then(|root| of(root, which).clearance) else {
-        return Some(draw(system, which, rng));
+    let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
+    let least = match &system.spec.root {
+        Some(root) => of(root, which).clearance,
+        None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
     };
+    let Some(least) = least else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     (0..draws).map(|_| draw(system, which, rng)).find(|state| {

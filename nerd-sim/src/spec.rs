@@ -170,6 +170,12 @@ pub struct JointSpec {
     /// stiffness `I (0.2 / dt)^2`, or up to a hundred times that where the joint's effort would else push it 4 % of its range
     /// beyond an end; critically damped.
     pub limit: Option<LimitSpec>,
+    /// Stiffness of a spring that is always there (N m/rad or N/m).
+    #[serde(default, skip_serializing_if = "none")]
+    pub stiffness: f64,
+    /// Where it rests (rad or m).
+    #[serde(default, skip_serializing_if = "none")]
+    pub rest: f64,
     /// Amplitude of random torques (N m or N).
     #[serde(default)]
     pub torque: f64,
@@ -306,8 +312,42 @@ pub struct SceneSpec {
     pub name: String,
     /// Its plane.
     pub plane: PlaneSpec,
+    /// Boxes on it.
+    #[serde(default, rename = "box", skip_serializing_if = "Vec::is_empty")]
+    pub boxes: Vec<BoxSpec>,
+    /// Pegs on it: cylinders that stand up.
+    #[serde(default, rename = "peg", skip_serializing_if = "Vec::is_empty")]
+    pub pegs: Vec<PegSpec>,
     /// Its material [default: the robot's].
     pub material: Option<Material>,
+}
+
+/// A box, its third edge along the up axis.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxSpec {
+    /// Its edges (m).
+    #[serde(deserialize_with = "exactly")]
+    pub size: [f64; 3],
+    /// Its centre (m), world axes.
+    #[serde(deserialize_with = "exactly")]
+    pub at: [f64; 3],
+    /// Turn about the up axis (rad).
+    #[serde(default)]
+    pub turn: f64,
+}
+
+/// A cylinder along the up axis.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PegSpec {
+    /// Its radius (m).
+    pub radius: f64,
+    /// Its height (m).
+    pub height: f64,
+    /// The middle of its foot (m), world axes.
+    #[serde(deserialize_with = "exactly")]
+    pub at: [f64; 3],
 }
 
 /// A plane through (0, height, 0): the horizontal one turned by extrinsic x-y-z angles.
@@ -319,6 +359,11 @@ pub struct PlaneSpec {
     /// Angles (rad), `R = Rz Ry Rx`.
     #[serde(deserialize_with = "exactly")]
     pub angles: [f64; 3],
+}
+
+/// Whether there is nothing to say.
+fn none(x: &f64) -> bool {
+    *x == 0.0
 }
 
 /// The corners of a sole or a foot.

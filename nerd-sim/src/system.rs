@@ -1,21 +1,22 @@
 //! A system: a robot model together with its specification, built in or from files.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Joint, Link, Robot, UrdfError};
+use nerd_core::robot::{Link, Robot, UrdfError};
 use toml::Table;
 
+use crate::columns::name_columns;
 use crate::derive::{derived, floats, plain};
 use crate::limits::stiffen;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
-use crate::scene::{Collider, Scene, turned_plane};
+use crate::scene::Scene;
 use crate::spec::{ContactSpec, JointSpec, Spec, mesh_points};
-use crate::validate::{RESERVED, check};
-use crate::worlds::{WORLDS, world};
+use crate::validate::check;
+use crate::worlds::{WORLDS, described, world};
 
 /// Name, specification and URDF of a robot that comes with the crate.
 macro_rules! built_in {
@@ -44,7 +45,7 @@ const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
 #[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
-    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say)", known = System::built_in().join(", "))]
+    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = System::built_in().join(", "))]
     Unknown(String),
     /// No such scene.
     #[error("robot `{robot}` has no scene `{scene}`: known are {known}")]
@@ -96,16 +97,21 @@ impl System {
         BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
     }
 
-    /// A built-in robot by name, or the robot of a URDF file by path.
+    /// A built-in robot by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
         if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {
             return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
         }
         let path = Path::new(name);
-        if path.extension().is_none_or(|e| e != "urdf") {
+        let ending = path.extension().map(|e| e.to_string_lossy().into_owned());
+        let read = |path: &Path| crate::files::read_text(path).map_err(|source| SystemError::File { path: path.into(), source });
+        if ending.as_deref() == Some("toml") {
+            let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
+            return Self::from_toml(&stem, &read(path)?).map(Arc::new);
+        }
+        if ending.as_deref() != Some("urdf") {
             return Err(SystemError::Unknown(name.into()));
         }
-        let read = |path: &Path| crate::files::read_text(path).map_err(|source| SystemError::File { path: path.into(), source });
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
         let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
@@ -154,7 +160,8 @@ impl System {
         let urdf_error = |e| SystemError::Urdf(name.into(), e);
         let (floating, cannot) = match (own.get("floating").and_then(toml::Value::as_bool), read(true)) {
             (Some(said), _) => (said, None),
-            (None, Ok(robot)) => (floats(&robot), None),
+            // Where a fixed base cannot be had, a free one is what the file asks for.
+            (None, Ok(robot)) => (floats(&robot) || read(false).is_err(), None),
             (None, Err(e)) => (false, Some(e)),
         };
         // Where neither base can be had, what stands against the free one is what is wrong.
@@ -213,7 +220,7 @@ impl System {
     }
 
     /// `told`: whether the specification is somebody's word, not made up.
-    fn new(name: &str, mut robot: Robot, mut spec: Spec, told: bool) -> Result<Self, SystemError> {
+    pub(crate) fn new(name: &str, mut robot: Robot, mut spec: Spec, told: bool) -> Result<Self, SystemError> {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
@@ -236,9 +243,10 @@ impl System {
         }
         for which in [Start::Sample, Start::Reset] {
             if clear_start(&system, which, &mut stream(0, 0), DRAWS).is_none() {
+                let name = which.name();
+                let law = if system.spec.root.is_some() { format!("[root.{name}]") } else { format!("the joints' {name} boxes") };
                 return Err(wrong(format!(
-                    "none of {DRAWS} starts of [root.{}] has the clearance it asks for: raise its position along the up axis, or ask for less",
-                    which.name()
+                    "none of {DRAWS} starts of {law} stands clear of the data's scene: raise it along the up axis, or ask for less clearance"
                 )));
             }
         }
@@ -318,9 +326,7 @@ impl System {
                 world.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
                 return Ok(Arc::new(world));
             };
-            let plane = turned_plane(&scene.gravity, spec.plane.height, spec.plane.angles);
-            scene.name = name.into();
-            scene.colliders.push(Collider::plane(plane, spec.material.unwrap_or(self.spec.material)));
+            scene = described(spec, &scene.gravity, self.spec.material);
         }
         scene.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
         Ok(Arc::new(scene))
@@ -335,7 +341,7 @@ fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
         robot.mass_matrix_of = robot.links.iter().filter_map(|l| at(robot, &other(l))).collect();
     }
     for (joint, said) in robot.joints_mut().zip(&spec.joints) {
-        joint.armature = said.armature;
+        (joint.armature, joint.stiffness, joint.rest) = (said.armature, said.stiffness, said.rest);
         if let (Some(limit), Some(law)) = (&mut joint.limit, said.limit) {
             (limit.stiffness, limit.damping) = (law.stiffness, law.damping);
         }
@@ -364,36 +370,5 @@ fn upright(quaternion: &mut [f64; 4]) {
     let size = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (size - 1.0).abs() > 1e-12 {
         quaternion.iter_mut().for_each(|x| *x /= size);
-    }
-}
-
-/// Columns of tables that the specification leaves to us: joints by their names, with `q_` before those that would be
-/// taken for another column.
-fn name_columns(robot: &Robot, spec: &mut Spec) {
-    let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
-    let (pose, twist) = (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
-    let said: HashMap<&str, &String> = spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
-    let mut taken: HashSet<String> = pose.iter().chain(&twist).cloned().chain(RESERVED.map(String::from)).collect();
-    let mut column = |joint: &Joint| {
-        let clashes = |taken: &HashSet<String>, name: &str| {
-            name.is_empty() || name.starts_with("tau") || taken.contains(name) || taken.contains(&format!("d_{name}"))
-        };
-        let name = said.get(joint.name.as_str()).map(|column| column.to_string()).unwrap_or_else(|| {
-            let mut name = joint.name.trim().to_string();
-            while clashes(&taken, &name) {
-                name = format!("q_{name}");
-            }
-            name
-        });
-        taken.extend([name.clone(), format!("d_{name}")]);
-        name
-    };
-    let names: Vec<String> = robot.joints().map(&mut column).collect();
-    if spec.state_columns.is_empty() {
-        let rates = names.iter().map(|n| format!("d_{n}")).collect();
-        spec.state_columns = [pose, names.clone(), twist, rates].concat();
-    }
-    if spec.torque_columns.is_empty() {
-        spec.torque_columns = names.iter().map(|n| format!("tau_{n}")).collect();
     }
 }

@@ -124,8 +124,10 @@ fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String
     let (place, speed, force) = (unit("rad", "m"), unit("rad/s", "m/s"), unit("N m", "N"));
     let (stiffness, damping) = (unit("N m/rad", "N/m"), unit("N m s/rad", "N s/m"));
     within(at("default"), joint.default, -WIDE..=WIDE, place)?;
+    within(at("rest"), joint.rest, -WIDE..=WIDE, place)?;
     for (key, x, most, unit) in [
         ("armature", Some(joint.armature), 1e6, unit("kg m^2", "kg")),
+        ("stiffness", Some(joint.stiffness), STRONG, stiffness),
         ("limit.stiffness", joint.limit.map(|l| l.stiffness), STRONG, stiffness),
         ("limit.damping", joint.limit.map(|l| l.damping), STRONG, damping),
         ("torque", Some(joint.torque), STRONG, force),
@@ -183,6 +185,16 @@ fn scenes(spec: &Spec) -> Result<(), String> {
         }
         within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
         vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
+        for b in &scene.boxes {
+            b.size.iter().enumerate().try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
+            vector(&at("box.at"), &b.at, FAR, "m")?;
+            within(at("box.turn"), b.turn, -WIDE..=WIDE, "rad")?;
+        }
+        for peg in &scene.pegs {
+            within(at("peg.radius"), peg.radius, 1e-6..=WIDE, "m")?;
+            within(at("peg.height"), peg.height, 1e-6..=WIDE, "m")?;
+            vector(&at("peg.at"), &peg.at, FAR, "m")?;
+        }
         if let Some(m) = &scene.material {
             m.check().map_err(|e| at(&format!("material: {e}")))?;
         }

@@ -9,7 +9,8 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
-use crate::scene::{Collider, Material, Plane, Scene, up};
+use crate::scene::{Collider, Material, Plane, Scene, turned_plane, up};
+use crate::spec::SceneSpec;
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
@@ -26,10 +27,36 @@ const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
 /// The mesh of `hills`, made once and shared by every scene.
 static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(SharedShape::new));
 
+/// A scene that a robot's TOML describes; `material` where it names none.
+pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Scene {
+    let (upright, material) = (upright(gravity), spec.material.unwrap_or(material));
+    let plane = turned_plane(gravity, spec.plane.height, spec.plane.angles);
+    let solid = |shape, at: Vector3<f64>, turn: UnitQuaternion<f64>| {
+        Collider::new(shape, Isometry3::from_parts(at.into(), upright * turn), material)
+    };
+    let boxes = spec.boxes.iter().map(|b| {
+        let [x, y, z] = b.size.map(|edge| 0.5 * edge);
+        solid(SharedShape::cuboid(x, y, z), b.at.into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn))
+    });
+    // Parry's cylinders lie along y.
+    let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    let pegs = spec.pegs.iter().map(|p| {
+        let middle = Vector3::from(p.at) + up(gravity) * (0.5 * p.height);
+        solid(SharedShape::cylinder(0.5 * p.height, p.radius), middle, standing)
+    });
+    let colliders = std::iter::once(Collider::plane(plane, material)).chain(boxes).chain(pegs).collect();
+    Scene { name: spec.name.clone(), gravity: *gravity, colliders }
+}
+
+/// Turns z into the up direction.
+fn upright(gravity: &Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between(&Vector3::z(), &up(gravity))
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+}
+
 /// One of [`WORLDS`] under `gravity`, all of one material.
 pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
-    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &up(gravity));
-    let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let turn = upright(gravity);
     let flat = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
     let cuboid = |half: [f64; 3], centre: [f64; 3]| {
         let pose = Isometry3::from_parts((turn * Vector3::from(centre)).into(), turn);

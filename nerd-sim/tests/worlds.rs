@@ -94,6 +94,42 @@ fn a_plane_needs_no_gravity() {
     assert!(error.to_lowercase().contains("nan") && !error.contains('\n'), "{error}");
 }
 
+/// Boxes and pegs of a TOML stand where it says, whichever axis is up.
+#[test]
+fn boxes_and_pegs_stand_on_the_plane() {
+    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link></robot>"#;
+    for (gravity, turn) in [([0.0, 0.0, -9.81], None), ([0.0, -9.81, 0.0], Some([2, 0, 1]))] {
+        // World axes by those of a world whose up is z.
+        let turned =
+            |x: [f64; 3]| turn.map_or(x, |order: [usize; 3]| std::array::from_fn(|k| x[(0..3).find(|i| order[*i] == k).unwrap_or(k)]));
+        let text = format!(
+            "floating = true\nframe_time = \"1/60\"\ngravity = {gravity:?}\nsubsteps = 8\n[[scene]]\nname = \"table\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n\
+             box = [{{ size = [0.4, 0.4, 0.2], at = {:?} }}]\npeg = [{{ radius = 0.1, height = 0.5, at = {:?} }}]\n",
+            turned([1.0, 0.0, 0.1]),
+            turned([0.0, 1.0, 0.0])
+        );
+        let system = System::from_text("ball", urdf, Some(&text)).expect("a table");
+        let scene = system.scene("table").expect("it is there");
+        for (place, gap) in [
+            ([1.0, 0.0, 0.5], 0.3),
+            ([1.0, 0.5, 0.1], 0.1),
+            ([0.0, 1.0, 0.7], 0.2),
+            ([0.3, 1.0, 0.25], 0.2),
+            ([0.0, 1.3, 0.4], 0.2),
+            ([-3.0, 0.0, 0.5], 0.5),
+        ] {
+            let event = scene.contact(&Vector3::from(turned(place)));
+            assert!((event.distance - gap).abs() < 1e-9, "up against {gravity:?}, {place:?}: {} m, not {gap}", event.distance);
+        }
+        for (old, new) in
+            [("radius = 0.1", "radius = 0.0"), ("height = 0.5", "height = nan"), ("size = [0.4,", "size = [-0.4,"), ("peg =", "post =")]
+        {
+            let error = System::from_text("ball", urdf, Some(&text.replace(old, new))).expect_err(new).to_string();
+            assert!(!error.contains('\n'), "{error}");
+        }
+    }
+}
+
 #[test]
 fn a_robot_without_contact_points_is_told_so() {
     let refused = System::named("cartpole").expect("built in").scene("hills").err().expect("nothing to touch with");

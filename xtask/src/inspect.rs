@@ -59,8 +59,8 @@ fn known(robot: &str) -> Result<()> {
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
     println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
     system.robot.notes.iter().for_each(|note| println!("# {note}"));
-    // Of a built-in robot the file is there already, and says all.
-    if System::texts(&system.name).is_none() {
+    // Of a built-in robot the file is there already, and says all; of a cable it says what stands beside `[cable]`.
+    if System::texts(&system.name).is_none() && !robot.ends_with(".toml") {
         println!("like = \"urdf\"");
     }
     println!("{}", system.spec_text());

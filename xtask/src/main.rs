@@ -21,6 +21,7 @@ mod completions;
 mod conduct;
 mod crowd;
 mod dataset;
+mod device;
 mod evaluate;
 mod files;
 mod flags;
@@ -66,6 +67,7 @@ enum Verb {
     Evaluate(evaluate::EvaluateArgs),
     /// Draw speed against accuracy of every solver of a scene
     Chart(chart::ChartArgs),
+    Device(device::DeviceArgs),
     /// Time a frame of arms of more and more links, analytic and learned
     Grow(grow::GrowArgs),
     /// The main job: tables and charts of the shipped models
@@ -131,6 +133,7 @@ fn main() -> ExitCode {
         Verb::Rollout(args) => rollout::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Chart(args) => chart::run(args),
+        Verb::Device(args) => device::run(args),
         Verb::Grow(args) => grow::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),

@@ -51,7 +51,8 @@ fn every_key_of_a_robots_file_is_explained() {
     for key in keys {
         // Lists of tables are named by one of them.
         let key = match key {
-            "joints" | "contacts" | "scenes" => key.trim_end_matches('s'),
+            "joints" | "contacts" | "scenes" | "pegs" => key.trim_end_matches('s'),
+            "boxes" => "box",
             _ => key,
         };
         let named = [format!("`{key}`"), format!("`{key}."), format!("[{key}]"), format!(".{key}`")].iter().any(|form| page.contains(form));

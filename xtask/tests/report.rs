@@ -9,7 +9,7 @@ use common::{refused, xtask};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 /// Robots and tasks, a replay each, and of every calibration to measurements the best, a middling and the worst prediction.
-const REPLAYS: usize = 14 + 5 * 3;
+const REPLAYS: usize = 14 + 6 * 3;
 
 fn browser() -> Option<&'static str> {
     BROWSERS.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))

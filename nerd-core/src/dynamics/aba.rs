@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use super::{Data, Factor, bias, crba, inertias};
+use super::{Data, Factor, bias, crba, inertias, stack};
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
@@ -84,9 +84,4 @@ fn coupled(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
     }
     data.factor = Some(factor);
     sound
-}
-
-#[inline]
-fn stack(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector6<f64> {
-    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
 }

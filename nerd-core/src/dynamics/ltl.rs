@@ -35,6 +35,11 @@ impl Factor {
         Self { rows: DMatrix::zeros(nv, nv), parent: root.chain(joints).collect(), lost: 0 }
     }
 
+    /// The DoF above each DoF, whose columns its row may fill; none above a root.
+    pub fn above(&self) -> impl Iterator<Item = Option<usize>> {
+        self.parent.iter().map(|p| (*p != usize::MAX).then_some(*p))
+    }
+
     /// Factorises `mass` (its lower triangle is read). `false` if it is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
@@ -68,7 +73,12 @@ impl Factor {
 
     /// Why the last matrix was not positive definite.
     pub fn fault(&self, robot: &Robot) -> String {
-        let joint = self.lost.checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
+        self.fault_at(robot, None)
+    }
+
+    /// The same, but at a DoF that something else found wanting.
+    pub fn fault_at(&self, robot: &Robot, lost: Option<usize>) -> String {
+        let joint = lost.unwrap_or(self.lost).checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
         let place = joint.map_or_else(|| format!("the free root `{}`", robot.links[0].name), |j| format!("joint `{}`", j.name));
         format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }

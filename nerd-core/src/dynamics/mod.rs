@@ -7,7 +7,9 @@
 //! A floating root's first six velocities are here `(w, p_dot)` and their derivatives the spatial acceleration
 //! `(w_dot, p_ddot - w x p_dot)`; [`to_local`] and [`to_world`] convert from and to a state's twist.
 //!
-//! Nothing allocates but [`Data::new`], [`Factor::new`] and what makes [`Derivatives`].
+//! Nothing allocates but [`Data::new`], [`Factor::new`], [`TreeFactor::new`] and what makes [`Derivatives`].
+
+use nalgebra::{Vector3, Vector6};
 
 mod aba;
 mod crba;
@@ -18,6 +20,7 @@ mod kinematics;
 mod ltl;
 mod rnea;
 mod totals;
+mod tree;
 
 pub use aba::aba;
 pub use crba::crba;
@@ -31,3 +34,10 @@ pub use kinematics::{
 pub use ltl::Factor;
 pub use rnea::{bias, inverse_dynamics, rnea, velocities};
 pub use totals::{Totals, totals};
+pub use tree::TreeFactor;
+
+/// Both words of a spatial vector in one.
+#[inline]
+fn stack(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
+}

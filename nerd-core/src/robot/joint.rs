@@ -53,8 +53,8 @@ pub struct Joint {
     pub name: String,
     /// How it moves.
     pub kind: JointKind,
-    /// What it follows, if it does not move by itself. Its own limit, damping and friction then have no effect: reading a URDF adds the
-    /// latter two to the joint that it follows.
+    /// What it follows, if it does not move by itself. Its own limit, spring, damping and friction then have no effect: reading a URDF adds
+    /// the latter two to the joint that it follows.
     pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
@@ -62,6 +62,10 @@ pub struct Joint {
     pub damping: f64,
     /// Dry friction (N m or N): its size while the joint slips, and what it holds at most.
     pub friction: f64,
+    /// Stiffness of a spring at the joint (N m/rad or N/m), always there, as bending stiffness of a cable is; 0: none.
+    pub stiffness: f64,
+    /// Where that spring rests (rad or m).
+    pub rest: f64,
     /// Inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
     /// Largest effort (N m or N); infinite where none is given. Kept by drives (`nerd_sim::drive`), not by torques that are given.
@@ -84,6 +88,8 @@ impl Joint {
             limit: None,
             damping: 0.0,
             friction: 0.0,
+            stiffness: 0.0,
+            rest: 0.0,
             armature: 0.0,
             effort: free,
             velocity: free,
@@ -119,7 +125,7 @@ impl Joint {
 
     /// `R_origin (a a^T)`, `R_origin [a]x`, `R_origin (1 - a a^T)`: rotation = 1st + 2nd sin q + 3rd cos q.
     #[inline]
-    pub(crate) fn turn(&self) -> &[Matrix3<f64>; 3] {
+    pub fn turn(&self) -> &[Matrix3<f64>; 3] {
         &self.turn
     }
 
@@ -136,10 +142,10 @@ impl Joint {
     }
 
     /// Whether the coordinate is an angle kept in [-pi, pi): whether it turns without limits. A joint with limits, however
-    /// wide, knows its turns.
+    /// wide, knows its turns, and so does one with a spring.
     #[inline]
     pub fn wraps(&self) -> bool {
-        self.kind != JointKind::Prismatic && self.limit.is_none()
+        self.kind != JointKind::Prismatic && self.limit.is_none() && self.stiffness == 0.0
     }
 }
 

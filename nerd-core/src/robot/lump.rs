@@ -75,20 +75,13 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>, notes: &mut
         JointType::Revolute => JointKind::Revolute,
         JointType::Continuous => JointKind::Continuous,
         JointType::Prismatic => JointKind::Prismatic,
+        JointType::Floating => {
+            return Err(wrong("a floating joint is read only between a root without mass or shape and the one link that hangs on it"));
+        }
         ref other => return Err(wrong(&format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints"))),
     };
-    let axis = Vector3::from(*source.axis.xyz);
-    let usable = (1e-9..1e9).contains(&axis.norm());
-    let axis = Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| wrong("axis has no direction or is not finite"))?;
-    let mut joint = Joint::new(source.name.clone(), kind, origin, axis);
-    if let Some(dynamics) = &source.dynamics {
-        for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
-            if !(0.0..=FAR).contains(&value) {
-                return Err(wrong(&format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed")));
-            }
-        }
-        (joint.damping, joint.friction) = (dynamics.damping, dynamics.friction);
-    }
+    let mut joint = Joint::new(source.name.clone(), kind, origin, axis(source)?);
+    (joint.damping, joint.friction) = losses(source)?;
     let (limit, given) = (&source.limit, |x: f64| if x.is_finite() && x > 0.0 { x } else { f64::INFINITY });
     (joint.effort, joint.velocity) = (given(limit.effort), given(limit.velocity));
     if kind != JointKind::Continuous {
@@ -106,6 +99,24 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>, notes: &mut
         };
     }
     Ok(joint)
+}
+
+/// A joint's axis in its frame.
+pub(super) fn axis(source: &urdf_rs::Joint) -> Result<Unit<Vector3<f64>>, UrdfError> {
+    let axis = Vector3::from(*source.axis.xyz);
+    let usable = (1e-9..1e9).contains(&axis.norm());
+    Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| UrdfError::joint(&source.name, "axis has no direction or is not finite"))
+}
+
+/// A joint's damping and dry friction.
+pub(super) fn losses(source: &urdf_rs::Joint) -> Result<(f64, f64), UrdfError> {
+    let Some(dynamics) = &source.dynamics else { return Ok((0.0, 0.0)) };
+    for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
+        if !(0.0..=FAR).contains(&value) {
+            return Err(UrdfError::joint(&source.name, format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed")));
+        }
+    }
+    Ok((dynamics.damping, dynamics.friction))
 }
 
 /// `None` for a mesh, which is no primitive.

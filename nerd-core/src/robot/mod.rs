@@ -5,6 +5,7 @@ mod lump;
 mod mimic;
 mod model;
 mod scale;
+mod several;
 mod shape;
 mod urdf;
 mod words;

@@ -205,6 +205,12 @@ impl Robot {
         self.joints().any(|j| j.friction > 0.0)
     }
 
+    /// Whether some joint has a spring.
+    #[inline]
+    pub fn sprung(&self) -> bool {
+        self.joints().any(|j| j.stiffness > 0.0)
+    }
+
     /// The frame of this name: that of a moving link, or one fixed on it (sole, IMU, tool) or on the base.
     pub fn frame(&self, name: &str) -> Option<FixedFrame> {
         let link = self.links.iter().position(|l| l.name == name);

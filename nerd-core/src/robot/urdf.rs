@@ -4,7 +4,7 @@
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
 //! pose. A fixed base drops the root link's own inertia and shapes (it is bolted to the world, at the world's origin)
 //! and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
-//! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`].
+//! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`]. Planar and floating joints: `several.rs`.
 
 use std::collections::{HashMap, HashSet};
 
@@ -13,6 +13,7 @@ use urdf_rs::JointType;
 
 use super::lump::{isometry, joint, lump, sound};
 use super::mimic::follow;
+use super::several::{TURN, freed, planar, unnamed};
 use super::xml::without_materials;
 use super::{Base, FixedFrame, Link, Robot};
 use crate::spatial::BodyInertia;
@@ -82,15 +83,22 @@ impl Robot {
         // urdf-rs may panic on text that is no URDF at all; user input never does here.
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
+        unnamed(&file)?;
         let robot = Self::of(&file, floating)?;
         let idle = if alone { robot.idle() } else { Vec::new() };
         if idle.is_empty() {
             return Ok(robot);
         }
         let mut file = file;
-        file.joints.iter_mut().filter(|j| idle.contains(&j.name)).for_each(|j| j.joint_type = JointType::Fixed);
+        // Of a planar joint the last of its three carries what it carries.
+        let own = |j: &urdf_rs::Joint| if j.joint_type == JointType::Planar { format!("{}.{TURN}", j.name) } else { j.name.clone() };
+        let mut notes = Vec::new();
+        for joint in file.joints.iter_mut().filter(|j| idle.contains(&own(j))) {
+            joint.joint_type = JointType::Fixed;
+            notes.push(format!("joint `{}`: it carries no mass, and is fixed at zero", joint.name));
+        }
         let mut robot = Self::of(&file, floating)?;
-        robot.notes.extend(idle.iter().map(|name| format!("joint `{name}`: it carries no mass, and is fixed at zero")));
+        robot.notes.extend(notes);
         Ok(robot)
     }
 
@@ -110,13 +118,22 @@ impl Robot {
     }
 
     fn of(file: &urdf_rs::Robot, floating: bool) -> Result<Self, UrdfError> {
-        let tree = Tree::new(file)?;
+        let tree = Tree::new(file, floating)?;
         let base = if floating { Base::Floating } else { Base::Fixed(Isometry3::identity()) };
         let mut robot = Self::new(file.name.clone(), base);
         if floating {
             robot.links.push(bare(&file.links[tree.root], None, None));
         }
         tree.add(floating.then_some(0), &mut robot)?;
+        for joint in file.joints.iter().filter(|j| tree.world.is_some_and(|world| file.links[world].name == j.parent.link)) {
+            let said = joint.origin.xyz.iter().chain(&*joint.origin.rpy).any(|x| *x != 0.0) || joint.dynamics.is_some();
+            if said || joint.mimic.is_some() {
+                robot.notes.push(format!(
+                    "joint `{}`: its <origin>, <dynamics> and <mimic> are passed over, since it makes the base a free one",
+                    joint.name
+                ));
+            }
+        }
         if robot.nv() == 0 {
             return Err(UrdfError::Still);
         }
@@ -130,11 +147,13 @@ impl Robot {
 struct Tree<'a> {
     file: &'a urdf_rs::Robot,
     root: usize,
+    /// The link above the root by a floating joint: a name for the world.
+    world: Option<usize>,
     children: Vec<Vec<(usize, usize)>>,
 }
 
 impl<'a> Tree<'a> {
-    fn new(file: &'a urdf_rs::Robot) -> Result<Self, UrdfError> {
+    fn new(file: &'a urdf_rs::Robot, floating: bool) -> Result<Self, UrdfError> {
         let mut index = HashMap::new();
         for (i, link) in file.links.iter().enumerate() {
             if index.insert(link.name.as_str(), i).is_some() {
@@ -160,7 +179,13 @@ impl<'a> Tree<'a> {
         let roots: Vec<usize> = (0..file.links.len()).filter(|i| parents[*i] == 0).collect();
         let name = |i: usize| &file.links[i].name;
         match roots[..] {
-            [root] => Ok(Self { file, root, children }),
+            [root] => match freed(file, root, &children[root]) {
+                Some((joint, _)) if !floating => {
+                    Err(UrdfError::joint(&file.joints[joint].name, "it is floating, and makes the base a free one: say `floating = true`"))
+                }
+                Some((_, child)) => Ok(Self { file, root: child, world: Some(root), children }),
+                None => Ok(Self { file, root, world: None, children }),
+            },
             [] if file.links.is_empty() => Err(UrdfError::Tree("there is no link at all".into())),
             [] => Err(UrdfError::Tree("every link hangs on another (a cycle)".into())),
             [a, b, ..] => Err(UrdfError::Tree(one_line(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b))))),
@@ -172,15 +197,22 @@ impl<'a> Tree<'a> {
         // An explicit stack, so that a deep file cannot overflow the program's. An entry: link, the moving link above
         // it, its pose there, and the joint it moves by, if it does.
         let mut stack = vec![(self.root, host, Isometry3::identity(), None)];
-        let mut seen = vec![false; self.file.links.len()];
+        let mut seen: Vec<bool> = (0..self.file.links.len()).map(|i| Some(i) == self.world).collect();
         let mut followers = Vec::new();
         while let Some((link, mut host, mut pose, moving)) = stack.pop() {
             seen[link] = true;
             let source = &self.file.links[link];
             if let Some(j) = moving {
-                let of = &self.file.joints[j];
-                let joint = Some(joint(of, pose, &mut robot.notes)?);
-                robot.links.push(bare(source, host, joint));
+                let of: &urdf_rs::Joint = &self.file.joints[j];
+                let joint = if of.joint_type == JointType::Planar {
+                    let (slides, turn) = planar(of, &source.name, pose, (host, robot.links.len()), &mut robot.notes)?;
+                    robot.links.extend(slides);
+                    host = Some(robot.links.len() - 1);
+                    turn
+                } else {
+                    joint(of, pose, &mut robot.notes)?
+                };
+                robot.links.push(bare(source, host, Some(joint)));
                 (host, pose) = (Some(robot.links.len() - 1), Isometry3::identity());
                 followers.extend(of.mimic.as_ref().map(|mimic| (robot.links.len() - 1, mimic)));
             } else if host.is_none() || link != self.root {

@@ -17,13 +17,14 @@
 //! touch without friction that may pull, its own damper one that always acts, with the share that makes a damper alone
 //! exact, `a = 1 / (1 - exp(-z)) - 1 / z`, where `z = h d w` is beyond 1; a joint's dry friction is one that rubs under a constant force, and holds up to
 //! 1 mm/s of creep. A drive ([`crate::drive`]) is one that may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
-//! the factorisation its cost.
+//! the factorisation its cost. Where chains are long, the same equations are solved along the tree (`along.rs`).
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{DVector, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{bias, crba, kinematics, to_local, to_world};
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
+use super::along::Tree;
 use super::force::drag;
 use super::frame::Workspace;
 use super::touches::Touches;
@@ -33,9 +34,30 @@ use crate::solver::gone;
 use crate::system::System;
 
 /// Solves of a substep at most.
-const PASSES: usize = 6;
+pub(super) const PASSES: usize = 6;
 /// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
-const SETTLED: f64 = 0.02;
+pub(super) const SETTLED: f64 = 0.02;
+
+/// Change of a joint's way over half a substep (rad or m), by what its rate was thought to be, that asks for another solve; and after that
+/// solve, for shorter substeps. Of chains alone.
+const OFF: f64 = 1e-3;
+const LOST: f64 = 1e-2;
+/// How often a substep is halved at most.
+const HALVINGS: usize = 6;
+
+/// What a substep of length h (s) is made of.
+#[derive(Clone, Copy)]
+struct Substep<'a> {
+    system: &'a System,
+    scene: &'a Scene,
+    config: &'a ArticulatedConfig,
+    /// Whether contacts are held as they were found.
+    held: bool,
+    /// See [`SETTLED`].
+    settled: f64,
+    tau: &'a [f64],
+    h: f64,
+}
 
 impl Workspace {
     /// A frame of so many substeps; contacts are looked for in each, or `held` as they were found before.
@@ -51,74 +73,115 @@ impl Workspace {
         tau: &[f64],
     ) -> Result<(), String> {
         let robot = &system.robot;
-        let h = system.frame_time / substeps as f64;
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
+        let all = Substep { system, scene, config, held, settled: SETTLED / substeps as f64, tau, h: system.frame_time / substeps as f64 };
         for substep in 0..substeps {
-            drift(robot, q, qd, 0.5 * h);
-            kinematics(robot, q, &mut self.data);
-            if !held {
-                self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
-            }
-            self.find(robot, scene, q, qd, h);
-            crba(robot, &mut self.data);
-            if substep == 0 {
-                self.damp(robot, h)?;
-            }
-            self.weigh(robot, h, config.friction)?;
-            // The first substep of a frame knows no rate yet, and finds its middle by a second solve.
-            if substep == 0 {
-                self.touches.rate.fill(0.0);
-            }
-            self.accelerate_ahead(robot, scene, qd, tau, h, substep == 0, SETTLED / substeps as f64, config.friction)?;
-            qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
-            self.touches.tell(scene, 1.0 / substeps as f64, &mut self.forces);
-            drift(robot, q, qd, 0.5 * h);
+            self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
         to_world(robot, q, qd);
         Ok(())
     }
 
-    /// Shares of the joints' own dampers.
+    /// One substep, in halves if it is too long to be solved.
+    fn substep(&mut self, own: &Substep, first: bool, halvings: usize, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
+        let Substep { system, scene, config, held, h, .. } = *own;
+        let robot = &system.robot;
+        let half = 0.5 * h;
+        if self.touches.tree.is_some() {
+            self.touches.before.copy_from_slice(q);
+        }
+        drift(robot, q, qd, half);
+        kinematics(robot, q, &mut self.data);
+        if !held {
+            self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
+        }
+        self.find(robot, scene, q, qd, h);
+        match self.touches.tree {
+            Some(_) => Tree::begin(robot, &mut self.data),
+            None => crba(robot, &mut self.data),
+        }
+        if self.touches.shared != h {
+            self.damp(robot, h)?;
+        }
+        self.weigh(robot, h, config.friction)?;
+        // The first substep of a frame knows no rate yet, and finds its middle by a second solve.
+        if first {
+            self.touches.rate.fill(0.0);
+        }
+        if !self.accelerate_ahead(own, qd, first)? && halvings > 0 {
+            q.copy_from_slice(&self.touches.before);
+            let halved = Substep { h: half, ..*own };
+            self.substep(&halved, first, halvings - 1, q, qd)?;
+            return self.substep(&halved, false, halvings - 1, q, qd);
+        }
+        qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
+        self.touches.tell(scene, h / system.frame_time, &mut self.forces);
+        drift(robot, q, qd, half);
+        Ok(())
+    }
+
+    /// Shares of the joints' own dampers and springs.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
-        let Touches { dampers, right, .. } = &mut self.touches;
+        self.touches.shared = h;
         let mut factored = false;
-        for (i, (joint, share)) in robot.joints().zip(dampers).enumerate() {
-            *share = 0.5;
-            if h * joint.damping <= self.stiff.bounds.least[i] {
+        for (i, joint) in robot.joints().enumerate() {
+            (self.touches.dampers[i], self.touches.springs[i]) = (0.5, 0.0);
+            if h * joint.damping.max(h * joint.stiffness) <= self.stiff.bounds.least[i] {
                 continue;
             }
-            if !factored && !self.factor.refill(&self.data.mass) {
-                return Err(self.factor.fault(robot));
-            }
-            factored = true;
-            let k = robot.root_dofs() + i;
-            right.fill(0.0);
-            right[k] = 1.0;
-            self.factor.solve(right);
-            *share = exponential(h * joint.damping * right[k]);
+            self.plain(robot, &mut factored)?;
+            let Touches { right, tree, .. } = &mut self.touches;
+            let w = match tree {
+                Some(tree) => tree.ease(robot, i),
+                None => {
+                    let k = robot.root_dofs() + i;
+                    right.fill(0.0);
+                    right[k] = 1.0;
+                    self.factor.solve(right);
+                    right[k]
+                }
+            };
+            self.touches.dampers[i] = exponential(h * joint.damping * w);
+            self.touches.springs[i] = ahead(h * h * joint.stiffness * w);
         }
         Ok(())
     }
 
+    /// The inverse of the mass matrix alone, if it is not there yet.
+    fn plain(&mut self, robot: &Robot, there: &mut bool) -> Result<(), String> {
+        if std::mem::replace(there, true) {
+            return Ok(());
+        }
+        let (sound, lost) = match &mut self.touches.tree {
+            Some(tree) => (tree.plain(robot, &self.data), Some(tree.lost())),
+            None => (self.factor.refill(&self.data.mass), None),
+        };
+        if sound { Ok(()) } else { Err(self.factor.fault_at(robot, lost)) }
+    }
+
     /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
     fn weigh(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
-        let Touches { touches, columns, weights, right, .. } = &mut self.touches;
         let mut factored = false;
+        if self.touches.touches.iter().any(|t| self.touches.weights[t.index].is_none()) {
+            self.plain(robot, &mut factored)?;
+        }
+        let Touches { touches, columns, weights, right, tree, .. } = &mut self.touches;
         for touch in touches.iter_mut() {
             let columns = &columns[touch.columns.clone()];
             if weights[touch.index].is_none() {
-                if !factored && !self.factor.refill(&self.data.mass) {
-                    return Err(self.factor.fault(robot));
-                }
-                factored = true;
-                right.fill(0.0);
-                // Joints that follow one share its column.
-                columns.iter().for_each(|(k, a)| right[*k] += touch.normal.dot(a));
-                self.factor.solve(right);
+                let w: f64 = match tree {
+                    Some(tree) => tree.eased(robot, touch, columns),
+                    None => {
+                        right.fill(0.0);
+                        // Joints that follow one share its column.
+                        columns.iter().for_each(|(k, a)| right[*k] += touch.normal.dot(a));
+                        self.factor.solve(right);
+                        columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum()
+                    }
+                };
                 // What only rubs, as dry friction does, always looks all the way ahead.
-                let w: f64 = columns.iter().map(|(k, a)| right[*k] * touch.normal.dot(a)).sum();
                 weights[touch.index] = Some(if w > 0.0 { w } else { f64::INFINITY });
             }
             let Some(w) = weights[touch.index] else { continue };
@@ -130,42 +193,52 @@ impl Workspace {
             let damper = |d: f64| (1.0 - 1.0 / (h * d * w)).max(0.5);
             let normal = (-(m.stiffness * touch.gap + m.damping * vn)).max(0.0);
             touch.across = drag(normal, (touch.velocity - touch.normal * vn).norm(), m, friction);
-            touch.ahead = [(0.5 - 0.5 / (h * h * m.stiffness * w)).max(0.0), damper(m.damping), damper(touch.across)];
+            touch.ahead = [ahead(h * h * m.stiffness * w), damper(m.damping), damper(touch.across)];
         }
         Ok(())
     }
 
-    /// `rate`, the change of local velocities over h, from forces in the substep's middle.
-    #[allow(clippy::too_many_arguments)]
-    fn accelerate_ahead(
-        &mut self,
-        robot: &Robot,
-        scene: &Scene,
-        qd: &[f64],
-        tau: &[f64],
-        h: f64,
-        correct: bool,
-        settled: f64,
-        friction: Friction,
-    ) -> Result<(), String> {
+    /// `rate`, the change of local velocities over h, from forces in the substep's middle; `false` if the substep is too long to find it.
+    fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
+        let Substep { system, scene, config, tau, h, settled, .. } = *own;
+        let robot = &system.robot;
         let dofs = robot.root_dofs();
-        for (i, (joint, share)) in robot.joints().zip(&self.touches.dampers).enumerate() {
-            self.data.mass[(dofs + i, dofs + i)] += share * h * joint.damping;
+        let Touches { dampers, springs, mass, tree, .. } = &mut self.touches;
+        let shares = robot.joints().zip(dampers).zip(springs);
+        let shares = shares.map(|((joint, damper), spring)| *damper * h * joint.damping + *spring * h * h * joint.stiffness);
+        if let Some(tree) = tree {
+            tree.damp(shares);
+        } else {
+            shares.enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
+            mass.copy_from(&self.data.mass);
         }
-        self.touches.mass.copy_from(&self.data.mass);
-        let (mut stale, mut correct) = (true, correct);
+        let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
         for _ in 0..PASSES {
-            let Touches { middle, rate, right, .. } = &mut self.touches;
+            let Touches { middle, rate, right, pull, .. } = &mut self.touches;
             if stale {
                 middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
                 bias(robot, middle, &scene.gravity, &mut self.data);
                 right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
                 for (i, joint) in robot.joints().enumerate() {
-                    right[dofs + i] += tau[i] - joint.damping * qd[dofs + i];
+                    right[dofs + i] += tau[i] + pull[i] - joint.damping * qd[dofs + i];
                 }
             }
-            let changed = self.solve(robot, h, settled, friction)?;
-            let Touches { middle, rate, .. } = &mut self.touches;
+            let changed = self.solve(robot, h, settled, config.friction)?;
+            // The rate that an unbounded drive would give says nothing of the middle.
+            let wait = changed && !self.drives.is_empty();
+            let Touches { middle, rate, tree, .. } = &mut self.touches;
+            if tree.is_some() {
+                // A chain may whip: then the rate of the substep before says little of this one's middle.
+                let joints = middle.iter().zip(qd.iter().zip(self.data.qdd.iter())).skip(dofs);
+                let jump = joints.fold(0.0f64, |most, (m, (v, a))| most.max((v + 0.5 * h * a - m).abs())) * h;
+                found = jump <= LOST;
+                // What changed because a point has parted is no whip.
+                if !jump.is_finite() || corrected && quiet && !found {
+                    return Ok(false);
+                }
+                correct |= jump > if corrected { LOST } else { OFF };
+                quiet = !changed;
+            }
             rate.copy_from_slice(self.data.qdd.as_slice());
             if robot.floating() {
                 // The derivative of a velocity that moves along is the spatial acceleration and w x v.
@@ -173,19 +246,23 @@ impl Workspace {
                 (0..3).for_each(|k| rate[3 + k] += turn[k]);
             }
             if !changed && !correct {
-                break;
+                return Ok(true);
             }
-            stale = correct;
-            correct = false;
+            stale = correct && !wait;
+            correct &= wait;
+            corrected |= stale;
         }
-        Ok(())
+        Ok(found)
     }
 
     /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
     /// end, and a point that would pull has parted; whether that changes anything.
     fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction) -> Result<bool, String> {
-        let Touches { touches, columns, mass, right, .. } = &mut self.touches;
-        self.data.mass.copy_from(mass);
+        let Touches { touches, columns, mass, right, tree, .. } = &mut self.touches;
+        match tree {
+            Some(tree) => tree.clear(),
+            None => self.data.mass.copy_from(mass),
+        }
         self.data.qdd.as_mut_slice().copy_from_slice(right);
         for touch in touches.iter().filter(|t| !t.parted) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
@@ -196,23 +273,42 @@ impl Workspace {
             }
             let force = n * -(m.stiffness * touch.gap + m.damping * vn) - (touch.velocity - n * vn) * touch.across;
             let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * touch.across);
+            if let (Some(tree), Some(link)) = (&mut *tree, touch.link) {
+                tree.point(link, touch, force, (along, across), h);
+                continue;
+            }
             for (i, a) in &columns[touch.columns.clone()] {
                 self.data.qdd[*i] += a.dot(&force);
                 // h D a
                 let d = (n * ((along - across) * n.dot(a)) + a * across) * h;
+                if let Some(tree) = &mut *tree {
+                    tree.joint(i - robot.root_dofs(), a.dot(&d));
+                    continue;
+                }
                 for (j, b) in &columns[touch.columns.clone()] {
                     self.data.mass[(*i, *j)] += b.dot(&d);
                 }
             }
         }
-        if !self.factor.refill(&self.data.mass) {
-            return Err(self.factor.fault(robot));
+        let mut qdd = std::mem::replace(&mut self.data.qdd, DVector::zeros(0));
+        let (sound, lost) = match tree {
+            Some(tree) => (tree.solve(robot, &self.data, qdd.as_mut_slice()), Some(tree.lost())),
+            None => (self.factor.refill(&self.data.mass), None),
+        };
+        self.data.qdd = qdd;
+        if !sound {
+            return Err(self.factor.fault_at(robot, lost));
         }
-        self.factor.solve(self.data.qdd.as_mut_slice());
+        if tree.is_none() {
+            self.factor.solve(self.data.qdd.as_mut_slice());
+        }
         let mut changed = false;
         for touch in touches.iter_mut().filter(|t| !t.parted && t.held.is_none() && (!t.sticky || t.bounds.is_some())) {
             let (n, m, [spring, damper, slide]) = (&touch.normal, &touch.material, touch.ahead);
-            let change: Vector3<f64> = columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum();
+            let change: Vector3<f64> = match (&*tree, touch.link) {
+                (Some(tree), Some(link)) => tree.at(link, &touch.x) * h,
+                _ => columns[touch.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
+            };
             let (vn, dn) = (n.dot(&touch.velocity), n.dot(&change));
             let normal = -(m.stiffness * (touch.gap + spring * h * dn) + m.damping * (vn + damper * dn));
             if let Some([least, most]) = touch.bounds {
@@ -230,6 +326,11 @@ impl Workspace {
         }
         Ok(changed)
     }
+}
+
+/// The share of a spring with `z = h^2 k w` that keeps it stable.
+fn ahead(z: f64) -> f64 {
+    (0.5 - 0.5 / z).max(0.0)
 }
 
 /// The share of a damper with `z = h d w` beyond 1 that makes its decay, `1 - z / (1 + a z)`, exact: `exp(-z)`.

@@ -6,7 +6,9 @@
 //! Preset `accurate` is what models and policies learn from, `paper` does what the reference simulator does, `converged` is as
 //! accurate as can be. An environment without collider or contact point runs no contact code.
 
+mod along;
 mod config;
+pub mod device;
 mod draft;
 pub mod force;
 mod frame;

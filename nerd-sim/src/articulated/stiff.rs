@@ -19,22 +19,22 @@ use nerd_core::spatial::{BodyInertia, parallel_axis};
 use super::Integrator;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
-const MOST: f64 = 2.0;
+pub(super) const MOST: f64 = 2.0;
 /// Largest r of limits under Runge-Kutta. The Ant's comes to 5.0 with all its joints beyond their limits.
-const MOST_RK4: f64 = 5.2;
+pub(super) const MOST_RK4: f64 = 5.2;
 /// Largest `h c w` of friction, by the bound on w. That of ANYmal's shins comes to 8.4, with the reference's substeps.
-const MOST_DRAG: f64 = 12.0;
+pub(super) const MOST_DRAG: f64 = 12.0;
 /// Steps of the power iteration.
-const POWERS: usize = 12;
+pub(super) const POWERS: usize = 12;
 
 /// Bounds that a robot's numbers set, in any pose.
 pub(super) struct Bounds {
     /// The least inertia of each joint (kg m^2 or kg).
     pub(super) least: Vec<f64>,
     /// A bound from above on w of each contact point in any direction (1/kg).
-    ease: Vec<f64>,
+    pub(super) ease: Vec<f64>,
     /// Sum of 2 d over the least inertia (1/s).
-    damped: f64,
+    pub(super) damped: f64,
 }
 
 impl Bounds {

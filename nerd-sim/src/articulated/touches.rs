@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::velocities;
 use nerd_core::robot::Robot;
 
+use super::along::Tree;
 use super::frame::Workspace;
 use crate::scene::{Material, Scene};
 
@@ -12,7 +13,10 @@ use crate::scene::{Material, Scene};
 pub(super) struct Touch {
     /// Its number among points and joints.
     pub(super) index: usize,
-    /// Its columns among all: `J = [.. column ..]` by DoF.
+    /// The link of a point, and where it touches (m, from the root).
+    pub(super) link: Option<usize>,
+    pub(super) x: Vector3<f64>,
+    /// Its columns among all, `J = [.. column ..]` by DoF; of a point only where the matrix is at hand.
     pub(super) columns: std::ops::Range<usize>,
     pub(super) material: Material,
     /// Whether it may pull and is damped both ways, as limits are.
@@ -40,13 +44,21 @@ pub(super) struct Touches {
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
     /// w of every point with every collider and of every joint, found once a frame.
     pub(super) weights: Vec<Option<f64>>,
-    /// Shares a of the joints' own dampers.
+    /// Shares a of the joints' own dampers and springs, and the springs' torques in the middle of the substep.
     pub(super) dampers: Vec<f64>,
+    /// The substep for which they were found (s); 0: for none.
+    pub(super) shared: f64,
+    pub(super) springs: Vec<f64>,
+    pub(super) pull: Vec<f64>,
     pub(super) mass: DMatrix<f64>,
+    /// Where the tree is too deep for the matrix.
+    pub(super) tree: Option<Tree>,
     /// Velocity in the middle of the substep, as the bias sees it, and the rate of change of velocities in the last one.
     pub(super) middle: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) right: Vec<f64>,
+    /// Coordinates before the substep.
+    pub(super) before: Vec<f64>,
 }
 
 impl Touches {
@@ -57,10 +69,15 @@ impl Touches {
             columns: Vec::with_capacity(points * nv + 3 * joints),
             weights: vec![None; points + 3 * joints],
             dampers: vec![0.5; joints],
+            shared: 0.0,
+            springs: vec![0.0; joints],
+            pull: vec![0.0; joints],
             mass: DMatrix::zeros(nv, nv),
+            tree: Tree::new(robot),
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
             right: vec![0.0; nv],
+            before: vec![0.0; robot.nq()],
         }
     }
 
@@ -75,6 +92,7 @@ impl Touches {
     /// A frame begins; room for every point to touch every collider.
     pub(super) fn begin(&mut self, robot: &Robot, scene: &Scene) {
         let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
+        self.shared = 0.0;
         self.weights.clear();
         self.weights.resize(pairs + 3 * joints, None);
         self.touches.clear();
@@ -85,22 +103,25 @@ impl Touches {
 }
 
 /// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
-const CREEP: f64 = 1e-3;
+pub(super) const CREEP: f64 = 1e-3;
 impl Workspace {
     /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
     pub(super) fn find(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
         velocities(robot, qd, &mut self.data);
-        let Touches { touches, columns, .. } = &mut self.touches;
+        let Touches { touches, columns, tree, pull, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
         let (data, dofs) = (&self.data, robot.root_dofs());
+        for ((pull, joint), x) in pull.iter_mut().zip(robot.joints()).zip(&q[robot.root_coords()..]) {
+            *pull = joint.stiffness * (joint.rest - x);
+        }
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
             let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
             let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
             let start = columns.len();
-            let mut link = Some(point.link);
+            let mut link = tree.is_none().then_some(point.link);
             while let Some(i) = link {
                 if robot.links[i].joint.is_some() {
                     columns.push((data.dof[i], data.axis[i].at(&x)));
@@ -114,7 +135,8 @@ impl Workspace {
             }
             let material = part_of(&self.materials[event.collider], part);
             let (index, columns) = (owner * scene.colliders.len() + event.collider, start..columns.len());
-            touches.push(Touch { index, columns, material, normal: n, gap, velocity, ..Default::default() });
+            let link = Some(point.link);
+            touches.push(Touch { index, link, x, columns, material, normal: n, gap, velocity, ..Default::default() });
         }
         let (points, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
         for (i, joint) in robot.joints().enumerate().filter(|(_, j)| j.friction > 0.0) {

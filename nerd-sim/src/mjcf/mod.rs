@@ -17,7 +17,7 @@ pub use text::mjcf;
 #[non_exhaustive]
 pub enum MjcfError {
     /// The scene of this name holds what MuJoCo would need a mesh for.
-    #[error("scene `{0}` is more than planes, MuJoCo would need a mesh")]
+    #[error("scene `{0}` is more than planes, boxes and cylinders; MuJoCo would need a mesh")]
     Scene(String),
     /// The robot's mass matrix is none; one line that says where.
     #[error("{0}")]

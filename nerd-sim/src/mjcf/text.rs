@@ -2,7 +2,7 @@
 //!
 //! A link's frame is its joint's frame, so bodies nest with the joints' origins and every joint sits at its body's origin.
 //! Limits are our spring and damper (see [`limit`]); contacts are MuJoCo's own, soft constraints with its default
-//! settings, with the friction of the pair. What MuJoCo cannot hold (a scene that is no plane) is refused.
+//! settings, with the friction of the pair. What it would need a mesh for is refused.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, Factor, crba, kinematics};
@@ -29,7 +29,7 @@ const ROBOT: &str = r#"contype="0" conaffinity="1""#;
 /// ```
 ///
 /// # Errors
-/// [`MjcfError::Scene`] if the scene is more than planes, [`MjcfError::Robot`] if its mass matrix is none.
+/// [`MjcfError::Scene`] if the scene is more than planes, boxes and cylinders, [`MjcfError::Robot`] if its mass matrix is none.
 pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     driven(system, scene, &[])
 }
@@ -51,19 +51,15 @@ pub(super) fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result
         numbers(scene.gravity.as_slice())
     );
     for collider in &scene.colliders {
-        let Some(plane) = collider.plane else { return Err(MjcfError::Scene(scene.name.clone())) };
-        // Its geom's z axis points out of a plane.
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-        let pose = pose(&Isometry3::from_parts((plane.normal * plane.offset).into(), turn));
+        let (kind, size, place) = geom(collider).ok_or_else(|| MjcfError::Scene(scene.name.clone()))?;
         // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's have none.
         let friction = collider.material.mean(&system.spec.material).friction;
-        text += &format!("<geom type=\"plane\" size=\"0 0 1\" {pose} friction=\"{friction}\" {SCENE}/>\n");
+        text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} friction=\"{friction}\" {SCENE}/>\n", pose(&place));
     }
     let weight = weights(robot)?;
     for (i, link) in robot.links.iter().enumerate().filter(|(_, l)| l.parent.is_none()) {
         let base = if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
-        body(&mut text, robot, scene, &weight, i, &base);
+        body(&mut text, robot, scene, &weight, i, &base, &[]);
     }
     text += "</worldbody>\n<actuator>\n";
     robot.joints().zip(drives).for_each(|(joint, drive)| text += &actuator(joint, drive));
@@ -71,13 +67,51 @@ pub(super) fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result
     Ok(text)
 }
 
+/// Kind, size and pose of a geom of the scene.
+fn geom(collider: &Collider) -> Option<(&'static str, String, Isometry3<f64>)> {
+    let quarter = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -std::f64::consts::FRAC_PI_2);
+    if let Some(plane) = collider.plane {
+        // Its geom's z axis points out of a plane.
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+        return Some(("plane", "0 0 1".into(), Isometry3::from_parts((plane.normal * plane.offset).into(), turn)));
+    }
+    if let Some(cuboid) = collider.shape.as_cuboid() {
+        let half = cuboid.half_extents;
+        return Some(("box", numbers(&[half.x, half.y, half.z]), collider.pose));
+    }
+    // Parry's cylinders lie along y, MuJoCo's along z.
+    let cylinder = collider.shape.as_cylinder()?;
+    Some(("cylinder", numbers(&[cylinder.radius, cylinder.half_height]), collider.pose * quarter))
+}
+
 /// Link `i` and all that hangs on it; `base` is where its parent's frame stands in the body it is nested in. Links stand
 /// depth-first in the robot, as MuJoCo counts its bodies, so the joints keep their order.
-fn body(text: &mut String, robot: &Robot, scene: &Scene, weight: &[f64], i: usize, base: &Isometry3<f64>) {
+///
+/// MuJoCo has no body that weighs nothing, but bodies with several joints: a link that weighs nothing between two joints is left out, and its
+/// joint becomes one of the next link's. `before` are such links, with their frames as `base` is.
+fn body(
+    text: &mut String,
+    robot: &Robot,
+    scene: &Scene,
+    weight: &[f64],
+    i: usize,
+    base: &Isometry3<f64>,
+    before: &[(usize, Isometry3<f64>)],
+) {
     let link = &robot.links[i];
     let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
+    let mut children = (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i));
+    let nothing = link.inertia.mass == 0.0 && link.inertia.inertia.amax() == 0.0 && !robot.contact_points.iter().any(|p| p.link == i);
+    if let (true, Some(_), Some(child), None) = (nothing, &link.joint, children.next(), children.next()) {
+        let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
+        return body(text, robot, scene, weight, child, &origin, &before);
+    }
     *text += &format!("<body name=\"{}\" {}>\n", escape(&link.name), pose(&origin));
-    *text += &link.joint.as_ref().map_or_else(|| "<freejoint/>\n".into(), |j| joint(j, weight[i - usize::from(robot.floating())]));
+    for (i, place) in before.iter().copied().chain([(i, origin)]) {
+        let own = |j| joint(j, &(origin.inverse() * place), weight[i - usize::from(robot.floating())]);
+        *text += &robot.links[i].joint.as_ref().map_or_else(|| "<freejoint/>\n".into(), own);
+    }
     *text += &inertial(link);
     // Without anything to touch the robot needs no shapes.
     if !scene.colliders.is_empty() {
@@ -96,18 +130,25 @@ fn body(text: &mut String, robot: &Robot, scene: &Scene, weight: &[f64], i: usiz
         }
     }
     for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
-        body(text, robot, scene, weight, child, &Isometry3::identity());
+        body(text, robot, scene, weight, child, &Isometry3::identity(), &[]);
     }
     *text += "</body>\n";
 }
 
-fn joint(joint: &Joint, weight: f64) -> String {
+/// `place` is the joint's frame in its body's.
+fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
-    let (axis, limit) = (numbers(joint.axis().as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
+    let axis = if *place == Isometry3::identity() { joint.axis().into_inner() } else { place.rotation * joint.axis().into_inner() };
+    let at = place.translation.vector;
+    let at = if at.amax() == 0.0 { String::new() } else { format!(" pos=\"{}\"", numbers(at.as_slice())) };
+    let (axis, limit) = (numbers(axis.as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
     let name = escape(&joint.name);
-    let Joint { armature, damping, friction, .. } = joint;
-    let forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");
-    format!("<joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" {forces} {limit}/>\n")
+    let Joint { armature, damping, friction, stiffness, rest, .. } = joint;
+    let mut forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");
+    if *stiffness > 0.0 {
+        forces += &format!(" stiffness=\"{stiffness}\" springref=\"{rest}\"");
+    }
+    format!("<joint name=\"{name}\" type=\"{kind}\"{at} axis=\"{axis}\" {forces} {limit}/>\n")
 }
 
 /// A drive: `b_0 + b_1 q + b_2 qd` of MuJoCo's affine bias, kept within its effort.

@@ -183,12 +183,18 @@ impl Workspace {
         let dofs = robot.root_dofs();
         let Some((multibody, _)) = self.multibody() else { return Ok(()) };
         for (i, joint) in robot.joints().enumerate() {
-            let Some(limit) = joint.limit else { continue };
+            if joint.limit.is_none() && joint.stiffness == 0.0 {
+                continue;
+            }
             let link = multibody.link_mut(i + 1).ok_or("no link")?;
             let q = link.joint.coords()[axis(joint)];
-            let end = q.clamp(limit.lower, limit.upper);
-            let (stiffness, damping) = if end == q { (0.0, 0.0) } else { (limit.stiffness, limit.damping) };
-            link.joint.set_spring(axis(joint), stiffness, end);
+            let end = joint.limit.map_or(q, |l| q.clamp(l.lower, l.upper));
+            let limit = joint.limit.filter(|_| end != q);
+            let (stiffness, damping) = limit.map_or((0.0, 0.0), |l| (l.stiffness, l.damping));
+            // Rapier knows one spring a joint: where a limit acts beside the joint's own, it rests between.
+            let all = stiffness + joint.stiffness;
+            let rest = if joint.stiffness == 0.0 { end } else { (stiffness * end + joint.stiffness * joint.rest) / all };
+            link.joint.set_spring(axis(joint), all, rest);
             multibody.damping_mut()[dofs + i] = joint.damping + damping;
         }
         Ok(())

@@ -63,10 +63,10 @@ impl Workspace {
         })
     }
 
-    /// Torque of limit and damping at the joint of link `i` now.
+    /// Torque of limit, spring and damping at the joint of link `i` now.
     pub(super) fn passive(&mut self, robot: &Robot, i: usize) -> f64 {
         let Some(([q, qd], joint)) = self.turned(robot, i).zip(robot.links[i].joint.as_ref()) else { return 0.0 };
-        joint.limit.map_or(0.0, |l| l.force(q, qd)) - joint.damping * qd
+        joint.limit.map_or(0.0, |l| l.force(q, qd)) + joint.stiffness * (joint.rest - q) - joint.damping * qd
     }
 
     /// Position and velocity of the joint of link `i`; of the angles of one pose the one nearest to the last seen.

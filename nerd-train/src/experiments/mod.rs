@@ -12,6 +12,8 @@ pub mod calibrated;
 pub mod changes;
 pub mod chart;
 pub mod cost;
+#[cfg(feature = "cuda")]
+pub mod device;
 pub mod games;
 pub mod grow;
 pub mod horizons;

@@ -151,6 +151,13 @@ pub fn validation_rows(windows: usize, wanted: usize) -> Vec<u64> {
     (0..count).map(|k| (u128::from(k) * windows as u128 / u128::from(count)) as u64).collect()
 }
 
+#[cfg(feature = "cuda")]
+impl From<nerd_cuda::DeviceError> for LearnError {
+    fn from(nerd_cuda::DeviceError(said): nerd_cuda::DeviceError) -> Self {
+        Self::Device(said)
+    }
+}
+
 /// Refuses settings, a state or windows that do not fit the network or each other.
 fn check(config: &LearnerConfig, state: &LearnerState, sets: [(&str, &Windows); 2]) -> Result<(), LearnError> {
     let (network, mismatch) = (state.weights.config, LearnError::Mismatch);

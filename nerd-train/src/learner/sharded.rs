@@ -152,7 +152,7 @@ impl<P: Pass> Sharded<P> {
                 let i = next.fetch_add(1, Ordering::Relaxed);
                 let Some(rows) = shards.get(i) else {
                     self.pass.rest(worker);
-                    return Ok(done);
+                    return Ok::<_, LearnError>(done);
                 };
                 done.push((i, work(&mut worker, rows)?));
             }

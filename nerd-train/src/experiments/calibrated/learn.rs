@@ -45,6 +45,8 @@ pub struct Effort {
     pub layers: usize,
     /// Frames of a rollout in training.
     pub sequence: usize,
+    /// Frames that the network sees.
+    pub history: usize,
     /// Updates over many frames.
     pub updates: u64,
     /// Updates on single frames.
@@ -75,9 +77,9 @@ impl Calibration {
 
     /// How long networks are trained, where, and how large they are.
     pub(super) fn effort(&self, seed: u64) -> Effort {
-        let Self { embedding, layers, updates, singles, device, .. } = *self;
+        let Self { embedding, layers, history, updates, singles, device, .. } = *self;
         let sequence = self.sequence.unwrap_or(self.frames - 1);
-        Effort { embedding, layers, sequence, updates, singles, device, seed }
+        Effort { embedding, layers, sequence, history, updates, singles, device, seed }
     }
 
     /// What is learned beyond the first solver's calibration, and the models of the first split.

@@ -21,6 +21,10 @@ const NEAR: f64 = 0.1;
 /// Simulations that differ behind a pretraining, and by how much of their bounds parameters differ in them.
 const WORLDS: usize = 24;
 const SPREAD: f64 = 0.03;
+/// Rates at which a network that knows something is tuned, one after the other, each from the best weights so far.
+const TUNED: [f64; 3] = [3e-4, 1e-4, 3e-5];
+/// Ways of learning with updates over many frames.
+const MANY: [&str; 3] = ["residual", "fine-tuned", "real-only"];
 /// Ways of learning that begin in simulation.
 const SIMULATED: [&str; 3] = ["pretrained", "paper", "fine-tuned"];
 
@@ -40,12 +44,20 @@ impl Learning<'_> {
     /// # Errors
     /// One line.
     pub fn check(&self, ways: &[String]) -> Result<()> {
-        let Effort { sequence, .. } = self.effort;
+        let Effort { sequence, history, .. } = self.effort;
         if self.parts.validation.is_empty() {
             refuse!("--learn: no rollout is left to choose the best weights by; take a smaller --train, or more trajectories");
         }
         if self.log_trials(sequence + 1).is_empty() {
             refuse!("--sequence {sequence}: no trajectory that is trained on has as many frames; take a smaller one");
+        }
+        if let Some(way) = ways.iter().find(|way| history > 1 && MANY.contains(&way.as_str())) {
+            refuse!("--history {history}: {way} trains over many frames, which only a network that sees one can");
+        }
+        if history > sequence {
+            refuse!(
+                "--history {history} is more than the {sequence} frames of a rollout in training; take a smaller one, or a larger --sequence"
+            );
         }
         if ways.iter().any(|way| way.starts_with("residual")) && !(1..=Draft::MOST).contains(&self.substeps()) {
             refuse!("--learn residual stands on at most {} substeps, --substeps says {}", Draft::MOST, self.substeps());
@@ -65,14 +77,16 @@ impl Learning<'_> {
         let pretrained = ways.iter().any(|way| SIMULATED.contains(&way.as_str())).then(|| self.pretrained()).transpose()?;
         let first = || pretrained.clone().map_or_else(|| refuse!("nothing was learned in simulation"), Ok);
         let (solver, contact) = (Base::Draft(self.substeps()), Base::ExactFlight);
+        let tuned =
+            |model: Model, train: &dyn Fn(&Model, f64) -> Result<Model>| TUNED.iter().try_fold(model, |model, rate| train(&model, *rate));
         let learn = |way: &String| match way.as_str() {
             "residual" => self.many(&self.silent(solver)?, 2e-3),
             "residual-single" => self.singles(&self.silent(solver)?, 1e-3),
             "pretrained" => first(),
-            "paper" => self.singles(&first()?, 1e-4),
-            "fine-tuned" => self.many(&first()?, 3e-4),
+            "paper" => tuned(first()?, &|model, rate| self.singles(model, rate)),
+            "fine-tuned" => tuned(first()?, &|model, rate| self.many(model, rate)),
             // Which word it is was looked at before.
-            _ => self.many(&self.singles(&self.silent(contact)?, 3e-3)?, 3e-4),
+            _ => tuned(self.singles(&self.silent(contact)?, 3e-3)?, &|model, rate| self.many(model, rate)),
         };
         ways.iter().map(learn).collect()
     }
@@ -98,8 +112,8 @@ impl Learning<'_> {
     }
 
     fn small(&self, base: Base, scale: f64) -> SmallModel {
-        let Effort { embedding, layers, sequence, .. } = self.effort;
-        SmallModel { base, embedding, layers, history: 1, sequence, scale }
+        let Effort { embedding, layers, sequence, history, .. } = self.effort;
+        SmallModel { base, embedding, layers, history, sequence, scale }
     }
 
     /// Training over many frames, the best weights by the validation part.

@@ -77,6 +77,8 @@ settings! {
         layers: usize = 2, Whole(1..=16);
         /// With --learn: frames of a rollout in training [default: one less than --frames]
         sequence: Option<usize> = None, Whole(2..=1000);
+        /// With --learn: frames that the network sees, its own among them; more than 1 only for ways that train on single frames
+        history: usize = 1, Whole(1..=1000);
         /// With --learn: updates over many frames
         updates: u64 = 700, Whole(1..=1_000_000);
         /// With --learn: updates on single frames

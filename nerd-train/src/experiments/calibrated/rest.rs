@@ -142,7 +142,8 @@ fn by_frame(system: &System, motions: &[Vec<Vec<f64>>], trials: &[Trial]) -> Vec
 /// What a model adds to its base along its own rollouts.
 fn acts(name: &str, subject: &Subject, model: &Model, trials: &[Trial]) -> Result<Vec<Acts>> {
     let (system, scene, robot) = (&subject.system, &subject.scene, &subject.system.robot);
-    if !robot.floating() {
+    // Each state is looked at on its own, which says nothing of a network that remembers others.
+    if !robot.floating() || model.weights.config.history > 1 {
         return Ok(Vec::new());
     }
     let mut mute = model.clone();

@@ -4,7 +4,7 @@ use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Recorder, Replay};
 use nerd_sim::prelude::*;
 
-use super::{Chart, ChartData, Method, Point};
+use super::{Chart, ChartData, Method, Point, only_implicit};
 use crate::error::Result;
 use crate::evaluate::{PassiveReport, passive};
 use crate::experiments::cost::timed;
@@ -17,8 +17,9 @@ type Frames = Vec<Vec<f64>>;
 /// Every method's point, and the frames of the reference.
 pub(super) fn all(chart: &Chart) -> Result<(ChartData, Frames)> {
     let Chart { system, scene, methods, protocol, settings, .. } = chart;
-    let (finest, reference) = if chart.contact() { (4 * settings.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
-    let exact = |n: usize| if chart.contact() { Setting::Implicit(n) } else { Setting::Rk4(n) };
+    let implicit = chart.contact() || only_implicit(system);
+    let (finest, reference) = if implicit { (4 * settings.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
+    let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
     let solvers = methods.iter().map(|m| Ok(m.setting.solver(system)?)).collect::<Result<Vec<_>>>()?;
     let bar = progress::bar("solvers", solvers.len() as u64 + 1);
     let mut truth = Recorder::new(exact(finest).solver(system)?);

@@ -149,7 +149,7 @@ impl Chart {
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let truth = system.spec.truth;
-        let methods = methods(!scene.colliders.is_empty(), substeps).into_iter().chain([truth.into()]);
+        let methods = methods(!scene.colliders.is_empty(), only_implicit(&system), substeps).into_iter().chain([truth.into()]);
         let methods = methods.chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
         let methods = methods.collect::<Result<_>>()?;
         let protocol = PassiveConfig { starts, steps: horizon, seed, action: Action::Limp };
@@ -163,14 +163,21 @@ impl Chart {
     }
 }
 
+/// Whether a robot is stepped by the implicit step, whatever is asked for.
+fn only_implicit(system: &System) -> bool {
+    system.robot.sprung() || system.robot.dry()
+}
+
 /// Analytic solvers at powers of two of substeps.
-fn methods(contact: bool, most: usize) -> Vec<Setting> {
+fn methods(contact: bool, implicit: bool, most: usize) -> Vec<Setting> {
     let powers = |last: usize| std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last);
-    let mut methods: Vec<Setting> = powers(most).map(Setting::Euler).collect();
-    if contact {
+    let mut methods: Vec<Setting> = if implicit { Vec::new() } else { powers(most).map(Setting::Euler).collect() };
+    if contact || implicit {
         methods.extend(powers(most / 2).map(Setting::Implicit));
+    }
+    if contact {
         methods.extend(powers(most / 4).map(Setting::RapierSteps));
-    } else {
+    } else if !implicit {
         methods.extend(powers(most.min(32)).map(Setting::Rk4));
     }
     methods.extend(powers(most).map(Setting::Rapier));

@@ -3,12 +3,12 @@
 use nerd_model::transformer::{Forward, ForwardError, Positions, Weights};
 
 use super::Precision;
-use super::device::Arg::Ptr;
-use super::device::Buffer;
-use super::graph::Graph;
 use super::layout::Layout;
 use super::network::Network;
 use crate::learner::LearnError;
+use nerd_cuda::Arg::Ptr;
+use nerd_cuda::Buffer;
+use nerd_cuda::Graph;
 
 /// Inference on GPU 0.
 pub struct CudaForward {
@@ -99,7 +99,7 @@ impl CudaForward {
         net.windows(w, windows)?;
         net.device.launch("select_rows", (windows, 1), (128, 1), 0, &[Ptr(net.x.ptr), Ptr(self.last.ptr), Ptr(self.selected.ptr)])?;
         net.top(w, self.selected.ptr, windows)?;
-        net.predict(w, windows, self.predictions.ptr)
+        Ok(net.predict(w, windows, self.predictions.ptr)?)
     }
 }
 

@@ -6,9 +6,7 @@
 //! [`LearnError::Device`](super::LearnError::Device). All sums have a fixed order and cuBLAS a fixed workspace, so a
 //! run that is stopped and taken up again from its state gives the same bits as an unbroken one on the same device.
 
-mod device;
 mod forward;
-mod graph;
 mod layout;
 mod muon;
 mod network;
@@ -16,9 +14,9 @@ mod stream;
 mod trainer;
 
 use nerd_model::transformer::{Positions, Stream, Weights, Windowed};
-use serde::{Deserialize, Serialize};
 
 pub use forward::CudaForward;
+pub use nerd_cuda::Precision;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 
@@ -34,15 +32,4 @@ pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Bo
         Positions::Table => Box::new(Windowed::new(CudaForward::new(weights, precision, envs)?, weights.config)),
         Positions::Rotary => Box::new(CudaStream::new(weights, precision, envs)?),
     })
-}
-
-/// Arithmetic of the matrix products; everything is stored, summed and normalised in f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// f32 throughout.
-    F32,
-    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
-    #[default]
-    Tf32,
 }

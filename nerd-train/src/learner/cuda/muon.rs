@@ -4,12 +4,12 @@
 //! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. The two shapes run
 //! side by side on the two streams.
 
-use cudarc::driver::CudaEvent;
+use nerd_cuda::Event;
 
-use super::device::Arg::{Float, Int, Ptr};
-use super::device::{Batch, Buffer, Device, Lane, Op};
 use crate::learner::LearnError;
 use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM};
+use nerd_cuda::Arg::{Float, Int, Ptr};
+use nerd_cuda::{Batch, Buffer, Device, DeviceError, Lane, Op};
 
 /// All hidden matrices of one shape.
 struct Group {
@@ -27,8 +27,8 @@ struct Group {
 /// Memory of both groups.
 pub(super) struct Muon {
     groups: Vec<Group>,
-    fork: CudaEvent,
-    join: CudaEvent,
+    fork: Event,
+    join: Event,
 }
 
 /// Vectors an update reads and writes, by address.
@@ -68,7 +68,7 @@ impl Muon {
     }
 
     /// The update of all hidden matrices, after the work before it on the main stream.
-    pub fn update(&self, d: &Device, v: &Vectors) -> Result<(), LearnError> {
+    pub fn update(&self, d: &Device, v: &Vectors) -> Result<(), DeviceError> {
         d.mark(Lane::Main, &self.fork)?;
         d.after(Lane::Side, &self.fork)?;
         self.groups.iter().try_for_each(|g| g.update(d, v))?;
@@ -78,7 +78,7 @@ impl Muon {
 }
 
 impl Group {
-    fn update(&self, d: &Device, v: &Vectors) -> Result<(), LearnError> {
+    fn update(&self, d: &Device, v: &Vectors) -> Result<(), DeviceError> {
         let (r, c, n) = (self.rows, self.columns, self.count);
         let grid = |len: usize| (len.div_ceil(256), n);
         let [a, b, k] = COEFFICIENTS;

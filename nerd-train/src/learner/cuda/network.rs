@@ -5,13 +5,13 @@
 //! `x += Attn(LN(x) W_qkv') W_proj`, `x += gelu(LN(x) W_up') W_down`. Backward keeps the residual gradient in two
 //! buffers turn about, so that weight gradients run on the side stream while the main stream goes on.
 
-use cudarc::driver::CudaEvent;
+use nerd_cuda::Event;
 
 use super::Precision;
-use super::device::Arg::{Float, Int, Ptr};
-use super::device::{Buffer, Device, Lane, Op};
 use super::layout::Layout;
 use crate::learner::LearnError;
+use nerd_cuda::Arg::{Float, Int, Ptr};
+use nerd_cuda::{Buffer, Device, DeviceError, Lane, Op};
 
 /// Every kernel of `kernels.cu`.
 const KERNELS: [&str; 23] = [
@@ -64,9 +64,9 @@ struct Backward {
     dqkv: Buffer<f32>,
     positions: Buffer<f32>,
     /// Main stream's progress, and the side stream's per half block.
-    fork: CudaEvent,
-    mlp: CudaEvent,
-    attention: CudaEvent,
+    fork: Event,
+    mlp: Event,
+    attention: Event,
 }
 
 /// A network shape on a device, with memory for `rows` windows.
@@ -100,7 +100,7 @@ impl Network {
         if !(1..=most).contains(&rows) {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
-        let device = Device::open(&layout.source(), &KERNELS, precision)?;
+        let device = Device::open(&layout.source(), &KERNELS)?.with_products(precision)?;
         let (n, e) = (rows * layout.tokens, c.embedding);
         let zeros = |len| device.zeros::<f32>(len);
         let kept = |_| -> Result<Kept, LearnError> {
@@ -150,14 +150,14 @@ impl Network {
     }
 
     /// Folds the LayerNorm weights of the parameters at `w` into the matrices behind them.
-    pub fn fold(&self, w: u64) -> Result<(), LearnError> {
+    pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
         let args = [Ptr(w), Ptr(self.folded.ptr), Ptr(self.table.ptr)];
         self.device.launch("fold", (self.layout.config.embedding, self.layout.table.len()), (256, 1), 0, &args)
     }
 
     /// Inputs of `n` tokens to the residual stream behind the last block. `attend` is told the block, `qkv` and where
     /// the mixed values go.
-    pub fn trunk(&self, w: u64, n: usize, attend: impl Fn(usize, u64, u64) -> Result<(), LearnError>) -> Result<(), LearnError> {
+    pub fn trunk(&self, w: u64, n: usize, attend: impl Fn(usize, u64, u64) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
         let l = &self.layout;
         let e = l.config.embedding;
         self.linear((self.inputs.ptr, l.padded), l.at(w, l.embed), self.x.ptr, (n, l.config.inputs, e), 0.0)?;
@@ -177,7 +177,7 @@ impl Network {
     }
 
     /// [`Network::trunk`] of whole windows.
-    pub fn windows(&self, w: u64, rows: usize) -> Result<(), LearnError> {
+    pub fn windows(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
         let l = &self.layout;
         let (threads, shared, _) = l.attention();
         let grid = (rows, l.config.heads / l.group);
@@ -187,7 +187,7 @@ impl Network {
     }
 
     /// Final norm, map and first layer of the head of the `n` tokens at `x`; leaves `z` before its bias.
-    pub fn top(&self, w: u64, x: u64, n: usize) -> Result<(), LearnError> {
+    pub fn top(&self, w: u64, x: u64, n: usize) -> Result<(), DeviceError> {
         let (l, e) = (&self.layout, self.layout.config.embedding);
         self.normalise(x, 0, 0, &self.norm, &self.rstd, n)?;
         self.linear((self.norm.ptr, e), self.folded.at(l.out.folded), self.mapped.ptr, (n, e, e), 0.0)?;
@@ -195,7 +195,7 @@ impl Network {
     }
 
     /// Predictions of the `n` tokens last through [`Network::top`], to `out [n][outputs]`.
-    pub fn predict(&self, w: u64, n: usize, out: u64) -> Result<(), LearnError> {
+    pub fn predict(&self, w: u64, n: usize, out: u64) -> Result<(), DeviceError> {
         let l = &self.layout;
         let args = [Ptr(self.z.ptr), Ptr(l.at(w, l.hidden_bias)), Ptr(l.at(w, l.head_out)), Ptr(l.at(w, l.head_bias)), Ptr(out), Int(n)];
         self.device.launch("head_predict", (n.div_ceil(8), 1), (256, 1), 0, &args)
@@ -203,7 +203,7 @@ impl Network {
 
     /// Squared error of the first `n` tokens against the targets. `sums` gets the gradients of the head's biases
     /// and output matrix, then the squared error; `z` becomes its own gradient ([`crate::learner::LearnerConfig::huber`]).
-    pub fn loss(&self, w: u64, n: usize, huber: Option<f32>, sums: u64) -> Result<(), LearnError> {
+    pub fn loss(&self, w: u64, n: usize, huber: Option<f32>, sums: u64) -> Result<(), DeviceError> {
         let l = &self.layout;
         let blocks = n.div_ceil(8).min(HEAD_ROWS);
         let gain = 2.0 / (n * l.config.outputs) as f32;
@@ -215,8 +215,8 @@ impl Network {
 
     /// Gradient of the loss of all windows with respect to the parameters at `w`, to `g`; behind its end the
     /// squared error. Needs [`Network::trunk`] and [`Network::top`] before it.
-    pub fn backward(&self, w: u64, huber: Option<f32>, g: u64) -> Result<(), LearnError> {
-        let Some(m) = &self.backward else { return Err(LearnError::Device("the network was built without a backward pass".into())) };
+    pub fn backward(&self, w: u64, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
+        let Some(m) = &self.backward else { return Err(DeviceError("the network was built without a backward pass".into())) };
         let (l, d) = (&self.layout, &self.device);
         let (e, n, hidden) = (l.config.embedding, self.rows * l.tokens, l.config.head);
         let (threads, _, shared) = l.attention();
@@ -278,12 +278,12 @@ impl Network {
     }
 
     /// The side stream goes on after what the main stream has been given.
-    fn fork(&self, m: &Backward) -> Result<(), LearnError> {
+    fn fork(&self, m: &Backward) -> Result<(), DeviceError> {
         self.device.mark(Lane::Main, &m.fork)?;
         self.device.after(Lane::Side, &m.fork)
     }
 
-    fn normalise(&self, x: u64, bias: u64, position: u64, out: &Buffer<f32>, rstd: &Buffer<f32>, n: usize) -> Result<(), LearnError> {
+    fn normalise(&self, x: u64, bias: u64, position: u64, out: &Buffer<f32>, rstd: &Buffer<f32>, n: usize) -> Result<(), DeviceError> {
         self.device.launch(
             "norm_forward",
             (n.div_ceil(8), 1),
@@ -302,27 +302,27 @@ impl Network {
         from: Option<&Buffer<f32>>,
         to: &Buffer<f32>,
         n: usize,
-    ) -> Result<(), LearnError> {
+    ) -> Result<(), DeviceError> {
         let args = [Ptr(m.narrow.ptr), Ptr(norm.ptr), Ptr(rstd.ptr), Ptr(from.map_or(0, |b| b.ptr)), Ptr(to.ptr), Int(n)];
         self.device.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)
     }
 
-    fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> Result<(), LearnError> {
+    fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> Result<(), DeviceError> {
         self.device.launch("column_sum", (width.div_ceil(32), 1), (32, 8), 0, &[Ptr(src), Int(rows), Int(width), Ptr(out)])
     }
 
     /// `y = x W + beta y`, `x [n, i]` with rows `ld` apart, `W [i, o]`.
-    fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): (usize, usize, usize), beta: f32) -> Result<(), LearnError> {
+    fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): (usize, usize, usize), beta: f32) -> Result<(), DeviceError> {
         self.device.product(Lane::Main, (Op::Plain, Op::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
     }
 
     /// `dx = dy W^T`.
-    fn linear_dx(&self, dy: u64, w: u64, dx: u64, (n, i, o): (usize, usize, usize)) -> Result<(), LearnError> {
+    fn linear_dx(&self, dy: u64, w: u64, dx: u64, (n, i, o): (usize, usize, usize)) -> Result<(), DeviceError> {
         self.device.product(Lane::Main, (Op::Transposed, Op::Plain), (i, n, o), (w, o), (dy, o), 0.0, (dx, i))
     }
 
     /// `dW = x^T dy`, on the side stream.
-    fn linear_dw(&self, (x, ld): (u64, usize), dy: u64, dw: u64, (n, i, o): (usize, usize, usize)) -> Result<(), LearnError> {
+    fn linear_dw(&self, (x, ld): (u64, usize), dy: u64, dw: u64, (n, i, o): (usize, usize, usize)) -> Result<(), DeviceError> {
         self.device.product(Lane::Side, (Op::Plain, Op::Transposed), (o, i, n), (dy, o), (x, ld), 0.0, (dw, o))
     }
 }

@@ -3,12 +3,12 @@
 use nerd_model::transformer::{ForwardError, Stream, Weights};
 
 use super::Precision;
-use super::device::Arg::{Int, Ptr};
-use super::device::Buffer;
-use super::graph::Graph;
 use super::layout::Layout;
 use super::network::Network;
 use crate::learner::LearnError;
+use nerd_cuda::Arg::{Int, Ptr};
+use nerd_cuda::Buffer;
+use nerd_cuda::Graph;
 
 /// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
 pub struct CudaStream {
@@ -64,7 +64,7 @@ impl CudaStream {
         }
         let d = &self.network.device;
         d.write(&self.network.inputs, &self.staging)?;
-        d.write(&self.taken.0, &self.taken.1)
+        Ok(d.write(&self.taken.0, &self.taken.1)?)
     }
 
     /// What of a frame the device does: the tokens last loaded to `predictions`.
@@ -77,7 +77,7 @@ impl CudaStream {
             net.device.launch("attention_stream", ((rows * c.heads).div_ceil(8), 1), (256, 1), 0, &args)
         })?;
         net.top(w, net.x.ptr, rows)?;
-        net.predict(w, rows, self.predictions.0.ptr)
+        Ok(net.predict(w, rows, self.predictions.0.ptr)?)
     }
 
     /// Evaluates the tokens last loaded, without copies. For timing.
@@ -91,7 +91,7 @@ impl CudaStream {
             self.network.device.wait()?;
             self.graph = Some(self.network.device.capture(|| self.pass())?);
         }
-        self.graph.as_ref().map_or(Ok(()), |graph| graph.launch("forward pass"))
+        self.graph.as_ref().map_or(Ok(()), |graph| Ok(graph.launch("forward pass")?))
     }
 
     /// Waits for the device.
@@ -99,7 +99,7 @@ impl CudaStream {
     /// # Errors
     /// [`LearnError::Device`] if the device fails.
     pub fn wait(&self) -> Result<(), LearnError> {
-        self.network.device.wait()
+        Ok(self.network.device.wait()?)
     }
 
     fn frame(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), LearnError> {

@@ -7,15 +7,15 @@
 use nerd_model::transformer::Weights;
 
 use super::Precision;
-use super::device::Arg::{Double, Float, Int, Long, Ptr};
-use super::device::Buffer;
-use super::graph::Graph;
 use super::layout::Layout;
 use super::muon::{Muon, Vectors};
 use super::network::Network;
 use crate::learner::muon::hidden;
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
 use crate::windows::Windows;
+use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
+use nerd_cuda::Buffer;
+use nerd_cuda::Graph;
 
 /// Blocks of the gradient norm's first stage.
 const NORM_BLOCKS: usize = 528;
@@ -168,7 +168,7 @@ impl CudaLearner {
         if flat.len() != self.weights.len {
             return Err(LearnError::Mismatch(format!("{} weights for a network of {}", flat.len(), self.weights.len)));
         }
-        self.network.device.write(&self.weights, flat)
+        Ok(self.network.device.write(&self.weights, flat)?)
     }
 
     /// Makes the next update kernel by kernel, without the graph. For profilers.
@@ -214,7 +214,7 @@ impl CudaLearner {
 impl Learner for CudaLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         self.set_lr(lr)?;
-        self.graph.launch("update")
+        Ok(self.graph.launch("update")?)
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
@@ -222,7 +222,7 @@ impl Learner for CudaLearner {
         let trajectories = data.windows / data.per;
         fresh.fits(first, [c.inputs, c.outputs, data.frames, c.sequence()], trajectories).map_err(LearnError::Mismatch)?;
         self.network.device.write_at(&data.x, first * data.frames * c.inputs, &fresh.x)?;
-        self.network.device.write_at(&data.y, first * data.frames * c.outputs, &fresh.y)
+        Ok(self.network.device.write_at(&data.y, first * data.frames * c.outputs, &fresh.y)?)
     }
 
     fn progress(&mut self) -> Result<Progress, LearnError> {
@@ -296,7 +296,7 @@ impl Step<'_> {
         net.fold(w)?;
         net.windows(w, self.config.batch)?;
         net.top(w, net.x.ptr, self.config.batch * net.layout.tokens)?;
-        net.backward(w, self.config.huber, self.gradients.ptr)
+        Ok(net.backward(w, self.config.huber, self.gradients.ptr)?)
     }
 
     fn all(&self) -> Result<(), LearnError> {
@@ -325,7 +325,7 @@ impl Step<'_> {
             average: address(self.average),
             scalars: self.scalars.ptr,
         };
-        self.muon.map_or(Ok(()), |muon| muon.update(d, &vectors))
+        self.muon.map_or(Ok(()), |muon| Ok(muon.update(d, &vectors)?))
     }
 
     /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs.
@@ -352,5 +352,5 @@ fn gather(net: &Network, data: &Data, rows: usize, choice: Choice) -> Result<(),
         Choice::These(numbers) => (0, 0, numbers),
     };
     let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.inputs.ptr), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
-    net.device.launch("gather", (rows, 1), (128, 1), 0, &[&from[..], &[windows, per, frames, Ptr(numbers)]].concat())
+    Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &[&from[..], &[windows, per, frames, Ptr(numbers)]].concat())?)
 }

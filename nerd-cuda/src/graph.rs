@@ -2,8 +2,7 @@
 
 use cudarc::driver::CudaGraph;
 
-use super::device::failed;
-use crate::learner::LearnError;
+use crate::error::{DeviceError, failed};
 
 /// Work recorded once, and launched again as a whole.
 pub struct Graph(CudaGraph);
@@ -13,12 +12,15 @@ pub struct Graph(CudaGraph);
 unsafe impl Send for Graph {}
 
 impl Graph {
-    pub(super) fn new(graph: CudaGraph) -> Self {
+    pub(crate) fn new(graph: CudaGraph) -> Self {
         Self(graph)
     }
 
     /// Launches it; `what` names it in an error.
-    pub fn launch(&self, what: &'static str) -> Result<(), LearnError> {
+    ///
+    /// # Errors
+    /// What the driver says.
+    pub fn launch(&self, what: &'static str) -> Result<(), DeviceError> {
         self.0.launch().map_err(failed(what))
     }
 }

@@ -1,0 +1,223 @@
+//! One GPU: context, two streams, compiled kernels.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use cudarc::cublas::{CudaBlas, sys as blas};
+use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaStream, sys};
+use cudarc::nvrtc::{self, CompileOptions};
+
+use crate::error::{DeviceError, failed};
+use crate::graph::Graph;
+use crate::memory::{Buffer, allocate, check_fit};
+use crate::products::Precision;
+
+/// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
+const WORKSPACE: usize = 32 << 20;
+
+/// Which of the two streams.
+#[derive(Clone, Copy)]
+pub enum Lane {
+    /// The one that all else runs on.
+    Main,
+    /// Beside it.
+    Side,
+}
+
+/// A kernel argument.
+#[derive(Clone, Copy)]
+pub enum Arg {
+    /// An address on the device.
+    Ptr(u64),
+    /// A 32-bit integer.
+    Int(usize),
+    /// A 64-bit one.
+    Long(u64),
+    /// f32.
+    Float(f32),
+    /// f64.
+    Double(f64),
+}
+
+pub(crate) struct Queue {
+    stream: Arc<CudaStream>,
+    /// Of a device that multiplies matrices, with its workspace.
+    pub(crate) blas: Option<(CudaBlas, Buffer<u8>)>,
+}
+
+/// A device with the kernels of one text.
+pub struct Device {
+    context: Arc<CudaContext>,
+    kernels: HashMap<&'static str, CudaFunction>,
+    pub(crate) queues: [Queue; 2],
+    /// Arithmetic of products.
+    pub precision: Precision,
+}
+
+impl Device {
+    /// Opens GPU 0 and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
+    ///
+    /// # Errors
+    /// A library that is missing, no GPU, kernels that do not compile.
+    pub fn open(source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
+        // cudarc panics when a library is absent, so look first.
+        present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
+        present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
+        let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
+        let (major, minor) = context.compute_capability().map_err(failed("compute capability"))?;
+        let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}")], ..Default::default() };
+        let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(failed("kernels do not compile"))?;
+        let module = context.load_module(ptx).map_err(failed("kernels do not load"))?;
+        let load = |&name: &&'static str| Ok((name, module.load_function(name).map_err(failed(name))?));
+        let kernels = kernels.iter().map(load).collect::<Result<_, DeviceError>>()?;
+        let queue = || -> Result<Queue, DeviceError> {
+            let stream = context.new_stream().map_err(failed("stream"))?;
+            Ok(Queue { stream, blas: None })
+        };
+        let queues = [queue()?, queue()?];
+        Ok(Self { context, kernels, queues, precision: Precision::default() })
+    }
+
+    /// The same device, with cuBLAS.
+    ///
+    /// # Errors
+    /// If that is missing, or has no memory.
+    pub fn with_products(mut self, precision: Precision) -> Result<Self, DeviceError> {
+        present("cuBLAS (libcublas)", unsafe { blas::is_culib_present() })?;
+        for queue in &mut self.queues {
+            let blas = CudaBlas::new(queue.stream.clone()).map_err(failed("cuBLAS"))?;
+            let workspace = allocate::<u8>(&self.context, WORKSPACE)?;
+            unsafe { blas::cublasSetWorkspace_v2(*blas.handle(), workspace.ptr as *mut _, WORKSPACE) }
+                .result()
+                .map_err(failed("cuBLAS workspace"))?;
+            queue.blas = Some((blas, workspace));
+        }
+        self.precision = precision;
+        Ok(self)
+    }
+
+    /// Zeroed memory for `len` values.
+    pub fn zeros<T: Copy>(&self, len: usize) -> Result<Buffer<T>, DeviceError> {
+        allocate(&self.context, len)
+    }
+
+    /// Memory holding `values`.
+    pub fn upload<T: Copy>(&self, values: &[T]) -> Result<Buffer<T>, DeviceError> {
+        let buffer = self.zeros(values.len())?;
+        self.write(&buffer, values)?;
+        Ok(buffer)
+    }
+
+    /// Copies `values` to the start of `buffer`, after the work before it.
+    pub fn write<T: Copy>(&self, buffer: &Buffer<T>, values: &[T]) -> Result<(), DeviceError> {
+        self.write_at(buffer, 0, values)
+    }
+
+    /// Copies `values` to `buffer` from entry `first` on, after the work before it.
+    pub fn write_at<T: Copy>(&self, buffer: &Buffer<T>, first: usize, values: &[T]) -> Result<(), DeviceError> {
+        check_fit(buffer, first + values.len())?;
+        if values.is_empty() {
+            return Ok(());
+        }
+        self.wait()?;
+        unsafe { driver::result::memcpy_htod_sync(buffer.at(first), values) }.map_err(failed("copy to the device"))
+    }
+
+    /// Copies the start of `buffer` to `values`, after the work before it.
+    pub fn read<T: Copy>(&self, buffer: &Buffer<T>, values: &mut [T]) -> Result<(), DeviceError> {
+        check_fit(buffer, values.len())?;
+        self.wait()?;
+        unsafe { driver::result::memcpy_dtoh_sync(values, buffer.ptr) }.map_err(failed("copy from the device"))
+    }
+
+    /// Sets one 32-bit word in stream order, without waiting.
+    pub fn set_word(&self, at: u64, bits: u32) -> Result<(), DeviceError> {
+        self.context.bind_to_thread().map_err(failed("context"))?;
+        unsafe { sys::cuMemsetD32Async(at, bits, 1, self.stream(Lane::Main).cu_stream()) }.result().map_err(failed("memset"))
+    }
+
+    /// Waits for all work.
+    pub fn wait(&self) -> Result<(), DeviceError> {
+        self.queues.iter().try_for_each(|q| q.stream.synchronize()).map_err(failed("the device stopped"))
+    }
+
+    /// An event for [`Device::mark`] and [`Device::after`].
+    pub fn event(&self) -> Result<CudaEvent, DeviceError> {
+        self.context.new_event(None).map_err(failed("event"))
+    }
+
+    /// Marks the work given to `lane` until now.
+    pub fn mark(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
+        event.record(self.stream(lane)).map_err(failed("event"))
+    }
+
+    /// Lets `lane` go on only after what `event` marks.
+    pub fn after(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
+        self.stream(lane).wait(event).map_err(failed("event"))
+    }
+
+    /// Records what `work` gives to the streams as one graph.
+    pub fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<Graph, E> {
+        let stream = self.stream(Lane::Main);
+        stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
+        let done = work();
+        let graph = stream.end_capture(sys::CUgraphInstantiate_flags(0)).map_err(failed("graph capture"));
+        done?;
+        graph?.map(Graph::new).ok_or_else(|| DeviceError("graph capture gave nothing".into()).into())
+    }
+
+    /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.
+    pub fn launch(
+        &self,
+        kernel: &str,
+        grid: (usize, usize),
+        block: (usize, usize),
+        shared: usize,
+        args: &[Arg],
+    ) -> Result<(), DeviceError> {
+        self.launch_on(Lane::Main, kernel, grid, block, shared, args)
+    }
+
+    /// Launches a kernel on `lane`.
+    pub fn launch_on(
+        &self,
+        lane: Lane,
+        kernel: &str,
+        grid: (usize, usize),
+        block: (usize, usize),
+        shared: usize,
+        args: &[Arg],
+    ) -> Result<(), DeviceError> {
+        let function = self.kernels.get(kernel).ok_or_else(|| DeviceError(format!("no kernel `{kernel}`")))?;
+        // Little endian: a 32-bit argument is the low half of its slot.
+        let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();
+        let mut pointers: Vec<_> = slots.iter_mut().map(|s| (s as *mut u64).cast()).collect();
+        let (grid, block) = ((grid.0 as u32, grid.1 as u32, 1), (block.0 as u32, block.1 as u32, 1));
+        self.context.bind_to_thread().map_err(failed("context"))?;
+        unsafe {
+            driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers)
+        }
+        .map_err(|e| DeviceError(format!("kernel `{kernel}`: {e:?}")))
+    }
+
+    fn stream(&self, lane: Lane) -> &Arc<CudaStream> {
+        &self.queues[lane as usize].stream
+    }
+}
+
+/// Refuses to go on without a library.
+fn present(name: &str, found: bool) -> Result<(), DeviceError> {
+    let missing = || DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"));
+    found.then_some(()).ok_or_else(missing)
+}
+
+impl Arg {
+    fn bits(&self) -> u64 {
+        match *self {
+            Self::Ptr(x) | Self::Long(x) => x,
+            Self::Int(x) => x as u64,
+            Self::Float(x) => x.to_bits().into(),
+            Self::Double(x) => x.to_bits(),
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! What goes wrong on a device.
+
+/// One line of what a device or its libraries said.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("device: {0}")]
+pub struct DeviceError(pub String);
+
+/// The error that says what failed.
+pub(crate) fn failed<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> DeviceError {
+    move |e| DeviceError(format!("{what}: {e:?}"))
+}

@@ -1,0 +1,18 @@
+//! A small layer over CUDA for kernels that are compiled at run time.
+//!
+//! It is for authors of kernels: addresses, shapes and sizes that are given to a launch or a product are checked by nobody, and a wrong one
+//! reads or writes other memory of the device. Work runs on two streams ([`Lane`]), each in the order in which it was given. Every call returns
+//! a [`DeviceError`] if the driver or a library refuses.
+
+mod device;
+mod error;
+mod graph;
+mod memory;
+mod products;
+
+pub use cudarc::driver::CudaEvent as Event;
+pub use device::{Arg, Device, Lane};
+pub use error::DeviceError;
+pub use graph::Graph;
+pub use memory::Buffer;
+pub use products::{Batch, Op, Precision};

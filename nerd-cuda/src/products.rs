@@ -1,0 +1,144 @@
+//! Products of matrices, by cuBLAS.
+
+use cudarc::cublas::{self, sys as blas};
+use serde::{Deserialize, Serialize};
+
+use crate::device::{Device, Lane};
+use crate::error::DeviceError;
+
+/// Arithmetic of products; everything is stored and summed in f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// f32 throughout.
+    F32,
+    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
+    #[default]
+    Tf32,
+}
+
+/// Whether an operand of a product is transposed.
+#[derive(Clone, Copy)]
+pub enum Op {
+    /// As it is.
+    Plain,
+    /// Transposed.
+    Transposed,
+}
+
+/// Shapes of a batch of equal products: `c = op(a) op(b)` with `c` of `m x n`, inner size `k`.
+#[derive(Clone, Copy)]
+pub struct Batch {
+    /// Of both operands.
+    pub ops: (Op, Op),
+    /// `m`, `n`, `k`.
+    pub size: (usize, usize, usize),
+    /// How many.
+    pub count: usize,
+}
+
+impl Device {
+    /// Column-major `c = op(a) op(b) + beta c` with `c` of `m x n` and inner size `k`; leading dimensions `ld`.
+    #[allow(clippy::too_many_arguments)]
+    pub fn product(
+        &self,
+        lane: Lane,
+        ops: (Op, Op),
+        (m, n, k): (usize, usize, usize),
+        a: (u64, usize),
+        b: (u64, usize),
+        beta: f32,
+        c: (u64, usize),
+    ) -> Result<(), DeviceError> {
+        let compute = self.compute();
+        let (alpha, f32_type) = (1.0f32, blas::cudaDataType::CUDA_R_32F);
+        let size = |x: usize| x as i32;
+        unsafe {
+            cublas::result::gemm_ex(
+                self.blas(lane)?,
+                ops.0.blas(),
+                ops.1.blas(),
+                size(m),
+                size(n),
+                size(k),
+                (&raw const alpha).cast(),
+                a.0 as *const _,
+                f32_type,
+                size(a.1),
+                b.0 as *const _,
+                f32_type,
+                size(b.1),
+                (&raw const beta).cast(),
+                c.0 as *mut _,
+                f32_type,
+                size(c.1),
+                compute,
+                blas::cublasGemmAlgo_t::CUBLAS_GEMM_DFALT,
+            )
+        }
+        .map_err(|e| DeviceError(format!("matrix product {m} x {n} x {k}: {e:?}")))
+    }
+
+    /// Column-major products of a batch; each operand is (address, leading dimension, distance to the next).
+    pub fn products(
+        &self,
+        lane: Lane,
+        batch: Batch,
+        a: (u64, usize, usize),
+        b: (u64, usize, usize),
+        c: (u64, usize, usize),
+    ) -> Result<(), DeviceError> {
+        let (alpha, beta, f32_type) = (1.0f32, 0.0f32, blas::cudaDataType::CUDA_R_32F);
+        let (m, n, k) = batch.size;
+        unsafe {
+            blas::cublasGemmStridedBatchedEx(
+                self.blas(lane)?,
+                batch.ops.0.blas(),
+                batch.ops.1.blas(),
+                m as i32,
+                n as i32,
+                k as i32,
+                (&raw const alpha).cast(),
+                a.0 as *const _,
+                f32_type,
+                a.1 as i32,
+                a.2 as i64,
+                b.0 as *const _,
+                f32_type,
+                b.1 as i32,
+                b.2 as i64,
+                (&raw const beta).cast(),
+                c.0 as *mut _,
+                f32_type,
+                c.1 as i32,
+                c.2 as i64,
+                batch.count as i32,
+                self.compute(),
+                blas::cublasGemmAlgo_t::CUBLAS_GEMM_DEFAULT,
+            )
+        }
+        .result()
+        .map_err(|e| DeviceError(format!("{} matrix products {m} x {n} x {k}: {e:?}", batch.count)))
+    }
+
+    fn blas(&self, lane: Lane) -> Result<blas::cublasHandle_t, DeviceError> {
+        let missing = || DeviceError("this device was opened without matrix products".into());
+        self.queues[lane as usize].blas.as_ref().map(|(blas, _)| *blas.handle()).ok_or_else(missing)
+    }
+
+    fn compute(&self) -> blas::cublasComputeType_t {
+        match self.precision {
+            Precision::F32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,
+            Precision::Tf32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
+        }
+    }
+}
+
+impl Op {
+    fn blas(self) -> blas::cublasOperation_t {
+        match self {
+            Op::Plain => blas::cublasOperation_t::CUBLAS_OP_N,
+            Op::Transposed => blas::cublasOperation_t::CUBLAS_OP_T,
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The implicit step's equations along the tree, in O(n), for robots whose chains are long: cables, hands, humanoids.
+//!
+//! A touch resists the motion of one link or one joint alone. So `(M + h sum J^T D J) qdd = right` is solved as forward dynamics are, with
+//! `h J_x^T D J_x` beside the inertia of the link that a point is on and `h d` beside the armature of a joint ([`TreeFactor`]).
+
+use nalgebra::{Matrix3, Matrix6, Vector3};
+use nerd_core::dynamics::{Data, TreeFactor, inertias};
+use nerd_core::robot::Robot;
+use nerd_core::spatial::Wrench;
+
+use super::touches::Touch;
+
+/// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
+/// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
+const DEEP: usize = 60;
+
+/// Working memory.
+pub(super) struct Tree {
+    factor: TreeFactor,
+    /// What resists beside the inertias of links, and beside those of joints.
+    links: Vec<Matrix6<f64>>,
+    joints: Vec<f64>,
+    /// Shares of the joints' own dampers, which are there in every pass.
+    dampers: Vec<f64>,
+    press: Vec<Wrench>,
+}
+
+impl Tree {
+    /// None for a robot that the matrix is faster for, or that has more in its matrix than its tree says.
+    pub(super) fn new(robot: &Robot) -> Option<Self> {
+        let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
+        let mut depths: Vec<usize> = Vec::new();
+        above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
+        if depths.iter().map(|d| d * d).sum::<usize>() < DEEP * robot.nv() {
+            return None;
+        }
+        let (links, joints) = (robot.links.len(), robot.joint_count());
+        Some(Self {
+            factor: TreeFactor::new(robot)?,
+            links: vec![Matrix6::zeros(); links],
+            joints: vec![0.0; joints],
+            dampers: vec![0.0; joints],
+            press: vec![Wrench::default(); links],
+        })
+    }
+
+    /// A substep begins.
+    pub(super) fn begin(robot: &Robot, data: &mut Data) {
+        inertias(robot, data);
+    }
+
+    /// The inverse of the mass matrix alone, for [`Tree::ease`] and [`Tree::eased`].
+    pub(super) fn plain(&mut self, robot: &Robot, data: &Data) -> bool {
+        let sound = self.factor.refill(robot, data, &[], &[]);
+        if sound {
+            self.factor.spread(robot, data);
+        }
+        sound
+    }
+
+    /// w of a joint.
+    pub(super) fn ease(&self, robot: &Robot, joint: usize) -> f64 {
+        self.factor.ease(robot, joint + usize::from(robot.floating()))
+    }
+
+    /// w of a touch along its normal.
+    pub(super) fn eased(&self, robot: &Robot, touch: &Touch, columns: &[(usize, Vector3<f64>)]) -> f64 {
+        match touch.link {
+            Some(link) => touch.normal.dot(&self.factor.eased(link, &Wrench::force_at(touch.normal, &touch.x)).at(&touch.x)),
+            None => columns.iter().map(|(k, a)| touch.normal.dot(a).powi(2) * self.ease(robot, k - robot.root_dofs())).sum(),
+        }
+    }
+
+    /// The joints' own dampers, `share h d` each.
+    pub(super) fn damp(&mut self, dampers: impl Iterator<Item = f64>) {
+        self.dampers.iter_mut().zip(dampers).for_each(|(own, d)| *own = d);
+    }
+
+    /// Begins a pass.
+    pub(super) fn clear(&mut self) {
+        self.links.fill(Matrix6::zeros());
+        self.joints.copy_from_slice(&self.dampers);
+        self.press.fill(Wrench::default());
+    }
+
+    /// A point that pushes with `force` and resists with `h D`, `D = (along - across) n n^T + across`.
+    pub(super) fn point(&mut self, link: usize, touch: &Touch, force: Vector3<f64>, (along, across): (f64, f64), h: f64) {
+        let (n, b) = (&touch.normal, touch.x.cross_matrix());
+        let d = (n * n.transpose() * (along - across) + Matrix3::identity() * across) * h;
+        // J_x = [-x^, 1].
+        let bd = b * d;
+        let own = &mut self.links[link];
+        let mut add = |row: usize, column: usize, block: &Matrix3<f64>| {
+            let mut view = own.fixed_view_mut::<3, 3>(row, column);
+            view += block;
+        };
+        add(0, 0, &(-bd * b));
+        add(0, 3, &bd);
+        add(3, 0, &bd.transpose());
+        add(3, 3, &d);
+        self.press[link] += Wrench::force_at(force, &touch.x);
+    }
+
+    /// A joint that resists with so much.
+    pub(super) fn joint(&mut self, joint: usize, resists: f64) {
+        self.joints[joint] += resists;
+    }
+
+    /// Replaces `right` by the solution; `false` if there is none.
+    pub(super) fn solve(&mut self, robot: &Robot, data: &Data, right: &mut [f64]) -> bool {
+        let sound = self.factor.refill(robot, data, &self.links, &self.joints);
+        if sound {
+            self.factor.solve(robot, data, &self.press, right);
+        }
+        sound
+    }
+
+    /// The change of velocity of a point in a second.
+    pub(super) fn at(&self, link: usize, x: &Vector3<f64>) -> Vector3<f64> {
+        self.factor.acceleration(link).at(x)
+    }
+
+    /// The DoF at which there was no solution.
+    pub(super) fn lost(&self) -> usize {
+        self.factor.lost()
+    }
+}

@@ -1,0 +1,219 @@
+//! The solver as a program for a device: the text of its kernels, with one robot's sizes and tables before them.
+//!
+//! The text is CUDA C++ for NVRTC. Any C++ compiler takes it, too, and makes a program that steps a batch from its standard input; so the
+//! kernels are tested where there is no GPU (`nerd-sim/tests/device.rs`).
+
+use std::fmt::Write;
+
+use nerd_core::dynamics::Factor;
+use nerd_core::robot::{Base, JointKind, Robot};
+
+use super::super::implicit::{PASSES, SETTLED};
+use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
+use super::super::touches::CREEP;
+use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
+use crate::batch::Batch;
+use crate::drive::Drive;
+use crate::scene::Scene;
+use crate::system::System;
+
+const KERNELS: [&str; 6] = [
+    include_str!("linear.cuh"),
+    include_str!("tree.cuh"),
+    include_str!("touch.cuh"),
+    include_str!("implicit.cuh"),
+    include_str!("explicit.cuh"),
+    include_str!("frame.cuh"),
+];
+
+/// Numbers of a collider in a scene's record.
+const COLLIDER: usize = 20;
+/// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is no number, a state that is none.
+const LOST: i32 = 1 << 20;
+const GONE: i32 = LOST + 1;
+
+/// Numbers that the kernels reckon with; states are f64 in both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Real {
+    /// 32 bits, positions from the root on.
+    #[default]
+    F32,
+    /// 64 bits, to be held against the CPU's solver.
+    F64,
+}
+
+/// What a program must be able to do, beyond its robot and settings; it is made anew for more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reach {
+    /// Colliders of a scene at most.
+    pub colliders: usize,
+    /// Whether there are drives.
+    pub driven: bool,
+}
+
+impl Reach {
+    /// What a batch asks for.
+    pub fn of(batch: &Batch) -> Self {
+        Self { colliders: batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0), driven: !batch.drives.is_empty() }
+    }
+}
+
+/// The text for one robot.
+pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
+    let robot = &system.robot;
+    let mut text = String::new();
+    let bounds = Bounds::new(robot);
+    let mut define = |name: &str, value: String| {
+        let _ = writeln!(text, "#define {name} {value}");
+    };
+    let flag = |on: bool| i32::from(on).to_string();
+    let count = |n: usize| n.to_string();
+    define("REAL", if real == Real::F64 { "double" } else { "float" }.into());
+    let sizes = [("NL", robot.links.len()), ("NV", robot.nv()), ("NQ", robot.nq()), ("NJ", robot.joint_count())];
+    let more = [("DOFS", robot.root_dofs()), ("COORDS", robot.root_coords()), ("NP", robot.contact_points.len()), ("NC", reach.colliders)];
+    sizes.into_iter().chain(more).for_each(|(name, n)| define(name, count(n)));
+    define("DEPTH", count(depth(robot)));
+    define("SUBSTEPS", count(config.substeps));
+    define("CONTACT_SUBSTEPS", count(config.contact_substeps));
+    define("RK4", flag(config.integrator == Integrator::Rk4));
+    define("IMPLICIT", flag(config.contact_step == ContactStep::Implicit));
+    define("RENEW", flag(config.refresh == Refresh::Substep));
+    define("HUBER", flag(config.friction == Friction::Huber));
+    define("ANY_DRY", flag(robot.dry()));
+    define("DRIVEN", flag(reach.driven));
+    define("PASSES", count(PASSES));
+    let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
+    constants.into_iter().for_each(|(name, x)| define(name, format!("((real){})", number(x))));
+    define("POWERS", count(POWERS));
+    define("LOST", LOST.to_string());
+    define("GONE", GONE.to_string());
+    define("FRAME", format!("{:e}", system.frame_time));
+    define("DAMPED", format!("((real){})", number(bounds.damped)));
+    text.push_str(KERNELS[0]);
+    links(&mut text, robot);
+    joints(&mut text, robot, &bounds);
+    KERNELS[1..].iter().for_each(|part| text.push_str(part));
+    text
+}
+
+/// The most DoF above a link, its own among them.
+fn depth(robot: &Robot) -> usize {
+    let mut depths: Vec<usize> = Vec::new();
+    for link in &robot.links {
+        let own = if link.joint.is_some() { 1 } else { robot.root_dofs() };
+        depths.push(own + link.parent.map_or(0, |p| depths[p]));
+    }
+    depths.into_iter().max().unwrap_or(1)
+}
+
+fn links(text: &mut String, robot: &Robot) {
+    let (dofs, first) = (robot.dofs(), robot.root_dofs());
+    let of = |f: &dyn Fn(usize) -> i64| -> Vec<i64> { (0..robot.links.len()).map(f).collect() };
+    let joint = |i: usize| robot.links[i].joint.as_ref();
+    let parents = of(&|i| robot.links[i].parent.map_or(-1, |p| p as i64));
+    whole(text, "PARENT", parents);
+    whole(text, "DOF", of(&|i| dofs[i] as i64));
+    whole(text, "JOINT", of(&|i| dofs[i].saturating_sub(first) as i64));
+    whole(text, "SLIDES", of(&|i| i64::from(joint(i).is_some_and(|j| j.kind == JointKind::Prismatic))));
+    whole(text, "MASS_OF", of(&|i| robot.mass_matrix_of.get(i).map_or(i as i64, |o| *o as i64)));
+    whole(text, "ABOVE", Factor::new(robot).above().map(|p| p.map_or(-1, |p| p as i64)).collect());
+    let numbers = |f: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> { (0..robot.links.len()).flat_map(f).collect() };
+    real(text, "RATIO", numbers(&|i| vec![joint(i).map_or(1.0, |j| j.ratio())]));
+    real(text, "OFFSET", numbers(&|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]));
+    real(text, "ARMATURE", numbers(&|i| vec![joint(i).map_or(0.0, |j| j.ratio().powi(2) * j.armature)]));
+    real(text, "PLACE", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec())));
+    real(text, "AXIS", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec())));
+    let rows = |m: &nalgebra::Matrix3<f64>| m.transpose().as_slice().to_vec();
+    real(text, "TURN", numbers(&|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect())));
+    real(text, "MASS", numbers(&|i| vec![robot.links[i].inertia.mass]));
+    real(text, "COM", numbers(&|i| robot.links[i].inertia.com.as_slice().to_vec()));
+    real(text, "BODY", numbers(&|i| rows(&robot.links[i].inertia.inertia)));
+    let (turned, place) = match robot.base {
+        Base::Fixed(pose) => (rows(&pose.rotation.to_rotation_matrix().into_inner()), pose.translation.vector.as_slice().to_vec()),
+        Base::Floating => (vec![0.0; 9], vec![0.0; 3]),
+    };
+    real(text, "BASE", turned);
+    table(text, "double", "STAND", place.iter().map(|x| number(*x)));
+}
+
+fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
+    real(text, "DAMPING", robot.joints().map(|j| j.damping).collect());
+    real(text, "DRY", robot.joints().map(|j| j.friction).collect());
+    real(text, "TOP", robot.joints().map(|j| j.velocity).collect());
+    real(text, "LIMIT", robot.joints().flat_map(|j| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping])).collect());
+    whole(text, "LIMITED", robot.joints().map(|j| i64::from(j.limit.is_some())).collect());
+    whole(text, "WRAPS", robot.joints().map(|j| i64::from(j.wraps())).collect());
+    real(text, "LEAST", bounds.least.clone());
+    real(text, "EASE", bounds.ease.clone());
+    whole(text, "POINT_LINK", robot.contact_points.iter().map(|p| p.link as i64).collect());
+    real(text, "POINT", robot.contact_points.iter().flat_map(|p| p.local.as_slice().to_vec()).collect());
+    real(text, "RADIUS", robot.contact_points.iter().map(|p| p.radius).collect());
+}
+
+fn whole(text: &mut String, name: &str, numbers: Vec<i64>) {
+    table(text, "int", name, numbers.into_iter().map(|n| n.to_string()));
+}
+
+fn real(text: &mut String, name: &str, numbers: Vec<f64>) {
+    table(text, "real", name, numbers.into_iter().map(|x| format!("(real){}", number(x))));
+}
+
+/// What is infinite is more than any number of a frame, and fits into an f32.
+fn number(x: f64) -> String {
+    format!("{:e}", x.clamp(-1e38, 1e38))
+}
+
+/// An array with at least one entry, since none may have none.
+fn table(text: &mut String, kind: &str, name: &str, entries: impl Iterator<Item = String>) {
+    let mut entries: Vec<String> = entries.collect();
+    if entries.is_empty() {
+        entries.push("0".into());
+    }
+    let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
+}
+
+/// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot.
+///
+/// # Errors
+/// A shape without a kernel; for explicit steps, anything but one plane.
+pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach: Reach) -> Result<Vec<f64>, String> {
+    let implicit = config.contact_step == ContactStep::Implicit || system.robot.dry() || reach.driven;
+    let mut numbers = scene.gravity.as_slice().to_vec();
+    for (k, body) in scene.colliders.iter().enumerate() {
+        let mut own = [0.0; COLLIDER];
+        if let Some(plane) = &body.plane {
+            own[0] = 1.0;
+            own[1..4].copy_from_slice(plane.normal.as_slice());
+            own[4] = plane.offset;
+        } else if let Some(cuboid) = body.shape.as_cuboid() {
+            own[0] = 2.0;
+            own[1..10].copy_from_slice(body.pose.rotation.to_rotation_matrix().matrix().transpose().as_slice());
+            own[10..13].copy_from_slice(body.pose.translation.vector.as_slice());
+            own[13..16].copy_from_slice(&[cuboid.half_extents.x, cuboid.half_extents.y, cuboid.half_extents.z]);
+        } else {
+            return Err(format!("scene `{}`, collider {k}: on a device there are planes and boxes alone; step it on the CPU", scene.name));
+        }
+        let material = body.material.mean(&system.spec.material);
+        own[16..].copy_from_slice(&[material.stiffness, material.damping, material.friction_damping, material.friction]);
+        numbers.extend(own);
+    }
+    if !implicit && (scene.colliders.len() > 1 || scene.colliders.iter().any(|c| c.plane.is_none())) {
+        return Err(format!("scene `{}`: on a device explicit steps know one plane alone; take an implicit preset", scene.name));
+    }
+    numbers.resize(3 + COLLIDER * reach.colliders, 0.0);
+    Ok(numbers)
+}
+
+/// What a fault's number means.
+pub fn fault(robot: &Robot, code: i32) -> String {
+    match code {
+        LOST => "a contact point's distance is no number: the state or the collider is not finite".into(),
+        GONE => "the state after the frame is no number; the state before it is the last good one".into(),
+        code => Factor::new(robot).fault_at(robot, Some(code as usize - 1)),
+    }
+}
+
+/// What the kernels take for drives: five numbers each.
+pub fn packed(drives: &[Drive]) -> Vec<f64> {
+    drives.iter().flat_map(|d| [d.kp, d.kd, d.target, d.speed, d.effort.min(1e30)]).collect()
+}

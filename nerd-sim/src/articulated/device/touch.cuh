@@ -1,0 +1,213 @@
+// What touches in a substep: points on planes and boxes, joints beyond limits, dry friction, drives. As articulated/touches.rs.
+// NP points with POINT_LINK, POINT, RADIUS; NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping), TOP.
+
+constexpr int SCENE = 3 + 20 * NC;     // numbers of a scene: gravity, colliders
+constexpr int DRIVES = DRIVEN ? NJ : 0;
+constexpr int MOST = NP * NC + 3 * NJ + DRIVES + 1;  // of a joint: dry friction, both ends of its range
+constexpr int WEIGHTS = NP * NC + 3 * NJ + 1;
+
+// A surface as seen from the root: a plane n . x = offset, or a box.
+struct Surface { int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[4]; };
+
+struct Touch {
+    int index;
+    int link;             // of a point; -1: of a joint
+    int dof;              // of a joint
+    V3 x;                 // where, or the joint's column
+    V3 normal, velocity, force;
+    real gap, stiffness, damping, friction_damping, friction, across;
+    real ahead[3];
+    bool sticky, bounded, parted, held;
+    real bounds[2], hold;
+};
+
+struct Work {
+    Tree tree;
+    Surface surface[NC + 1];
+    int surfaces;
+    V3 gravity;
+    Touch touch[MOST];
+    int touches;
+    real weight[WEIGHTS]; // w, found once a frame; negative: not yet
+    real damper[NJ + 1];
+    real rate[NV], middle[NV], right[NV], qdd[NV];
+};
+
+// The scene from where the root stands now.
+FN void see(Work& w, const double* scene) {
+    w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
+    double o[3];
+    for (int k = 0; k < 3; k++) o[k] = DOFS ? w.tree.q[k] : STAND[k];
+    w.surfaces = 0;
+    for (int c = 0; c < NC; c++) {
+        const double* s = scene + 3 + 20 * c;
+        const int kind = (int)s[0];
+        if (!kind) break;
+        Surface& u = w.surface[w.surfaces++];
+        u.kind = kind;
+        if (kind == 1) {
+            u.normal = v3((real)s[1], (real)s[2], (real)s[3]);
+            u.offset = (real)(s[4] - (s[1] * o[0] + s[2] * o[1] + s[3] * o[2]));
+        } else {
+            for (int k = 0; k < 9; k++) u.turn.m[k] = (real)s[1 + k];
+            u.place = v3((real)(s[10] - o[0]), (real)(s[11] - o[1]), (real)(s[12] - o[2]));
+            u.half = v3((real)s[13], (real)s[14], (real)s[15]);
+        }
+        for (int k = 0; k < 4; k++) u.material[k] = (real)s[16 + k];
+    }
+}
+
+// Signed distance of a point, with the outward normal and the nearest place.
+FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
+    if (s.kind == 1) {
+        const real d = dot(s.normal, p) - s.offset;
+        normal = s.normal;
+        nearest = p - normal * d;
+        return d;
+    }
+    const V3 l = back(s.turn, p - s.place);
+    real a[3] = {l.x, l.y, l.z}, h[3] = {s.half.x, s.half.y, s.half.z}, b[3];
+    bool inside = true;
+    for (int k = 0; k < 3; k++) {
+        b[k] = most(-h[k], least(h[k], a[k]));
+        inside = inside && b[k] == a[k];
+    }
+    if (inside) {
+        int axis = 0;
+        real depth = infinite();
+        for (int k = 0; k < 3; k++) if (h[k] - size(a[k]) < depth) { depth = h[k] - size(a[k]); axis = k; }
+        b[axis] = a[axis] >= 0 ? h[axis] : -h[axis];
+    }
+    nearest = s.place + s.turn * v3(b[0], b[1], b[2]);
+    const V3 gap = p - nearest;
+    const real sign = inside ? -1 : 1, length = norm(gap);
+    normal = length > (real)1e-12 ? gap * (sign / length) : v3(0, 0, 0);
+    return sign * length;
+}
+
+// Of a gap in the middle of a substep and its change to the end: the part of the substep in which it is negative, and its mean there.
+FN bool inside(real& gap, real half, real& part) {
+    const real low = gap - size(half), high = gap + size(half);
+    if (!(low < 0)) return false;
+    part = 1;
+    if (high > 0) { part = low / (low - high); gap = (real)0.5 * low; }
+    return true;
+}
+
+FN Touch& next(Work& w) {
+    Touch& t = w.touch[w.touches++];
+    t.sticky = t.bounded = t.parted = t.held = false;
+    t.friction_damping = t.friction = t.across = 0;
+    t.force = v3(0, 0, 0);
+    return t;
+}
+
+FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
+    const int link = POINT_LINK[point];
+    const V3 x = w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * point) - n * RADIUS[point];
+    const V3 velocity = at(w.tree.velocity[link], x);
+    real gap = dot(n, x - nearest), part;
+    if (!inside(gap, (real)0.5 * h * dot(n, velocity), part)) return;
+    Touch& t = next(w);
+    const real* m = w.surface[c].material;
+    t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.velocity = velocity; t.gap = gap;
+    t.stiffness = part * m[0]; t.damping = part * m[1]; t.friction_damping = part * m[2]; t.friction = m[3];
+}
+
+// All points and joints that are beyond their surface in some part of the substep in whose middle they are now; false if a distance
+// is none.
+BIG bool find(Work& w, real h, const double* drives) {
+    Tree& tr = w.tree;
+    velocities(tr, tr.qd);
+    w.touches = 0;
+    for (int point = 0; point < NP && w.surfaces > 0; point++) {
+        const int link = POINT_LINK[point];
+        const V3 p = tr.position[link] + tr.rotation[link] * read3(POINT + 3 * point);
+        V3 n, nearest;
+        if (w.surfaces == 1) {
+            const real d = distance(w.surface[0], p, n, nearest);
+            if (!(d == d)) return false;
+            press(w, point, 0, n, nearest, h);
+            continue;
+        }
+        const real reach = RADIUS[point] + h * norm(at(tr.velocity[link], p));
+        real d[NC + 1];
+        for (int c = 0; c < w.surfaces; c++) {
+            d[c] = distance(w.surface[c], p, n, nearest);
+            if (!(d[c] == d[c])) return false;
+        }
+        for (int c = 0; c < w.surfaces; c++) {
+            if (!(d[c] < reach)) continue;
+            distance(w.surface[c], p, n, nearest);
+            // A place of a surface that a nearer collider covers is no surface.
+            bool covered = false;
+            for (int o = 0; o < w.surfaces && d[c] > 0 && !covered; o++) {
+                const bool nearer = d[o] < reach && (d[o] < d[c] || (d[o] == d[c] && o < c));
+                V3 m, place;
+                covered = nearer && distance(w.surface[o], nearest, m, place) < (real)1e-6;
+            }
+            if (!covered) press(w, point, c, n, nearest, h);
+        }
+    }
+    const int points = NP * w.surfaces;
+    for (int i = 0; i < NJ; i++) {
+        const real v = tr.qd[DOFS + i];
+        if (DRY[i] > 0) {
+            // Pressed with its friction at a coefficient of 1.
+            Touch& t = next(w);
+            t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
+            t.stiffness = 1; t.damping = 0; t.friction_damping = DRY[i] / CREEP; t.friction = 1;
+            t.gap = -DRY[i]; t.velocity = v3(0, v, 0);
+        }
+    }
+    for (int i = 0; i < DRIVES; i++) {
+        const double* d = drives + 5 * i;
+        const real v = tr.qd[DOFS + i], effort = (real)d[4];
+        Touch& t = next(w);
+        t.index = points + 2 * NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(1, 0, 0); t.normal = v3(1, 0, 0);
+        t.stiffness = (real)d[0]; t.damping = (real)d[1];
+        t.sticky = t.bounded = true;
+        t.gap = (real)(tr.q[COORDS + i] - d[2]); t.velocity = v3(v - (real)d[3], 0, 0);
+        t.bounds[0] = v < -TOP[i] ? 0 : -effort; t.bounds[1] = v > TOP[i] ? 0 : effort;
+    }
+    for (int i = 0; i < NJ; i++) {
+        const real* limit = LIMIT + 4 * i;
+        if (!(limit[2] > 0 || limit[3] > 0)) continue;
+        for (int end = 0; end < 2; end++) {
+            const real side = end ? -1 : 1;
+            const real v = side * tr.qd[DOFS + i];
+            real gap = side * (real)(tr.q[COORDS + i] - (double)limit[end]), part;
+            if (!inside(gap, (real)0.5 * h * v, part)) continue;
+            Touch& t = next(w);
+            t.index = points + i; t.link = -1; t.dof = DOFS + i; t.x = v3(side, 0, 0); t.normal = v3(1, 0, 0);
+            t.stiffness = part * limit[2]; t.damping = part * limit[3];
+            t.sticky = true;
+            t.gap = gap; t.velocity = v3(v, 0, 0);
+        }
+    }
+    return true;
+}
+
+// The columns of a touch's Jacobian: all DoF above it, from the link down to the root. DEPTH is the most that a link has.
+struct Columns { int n; int dof[DEPTH]; V3 a[DEPTH]; };
+FN void columns(const Work& w, const Touch& t, Columns& c) {
+    c.n = 0;
+    if (t.link < 0) {
+        c.dof[0] = t.dof; c.a[0] = t.x; c.n = 1;
+        return;
+    }
+    for (int i = t.link; i >= 0; i = PARENT[i]) {
+        if (DOFS && i == 0) {
+            for (int k = 0; k < 6; k++) { c.dof[c.n] = k; c.a[c.n++] = k < 3 ? cross(unit(k), t.x) : unit(k - 3); }
+        } else {
+            c.dof[c.n] = DOF[i]; c.a[c.n++] = at(w.tree.axis[i], t.x);
+        }
+    }
+}
+
+// Friction over slip.
+FN real drag(real normal, real speed, real friction_damping, real friction) {
+    const real length = HUBER ? (speed <= 1 ? (real)0.5 * speed * speed : speed - (real)0.5) : speed;
+    const real limit = friction * normal;
+    return friction_damping * length <= limit ? friction_damping : limit / length;
+}

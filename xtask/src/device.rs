@@ -1,0 +1,59 @@
+//! `cargo xtask device`: the articulated solver on a GPU beside the CPU's (`nerd_train::experiments::device`, with the feature `cuda`).
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::numbers::{SEEDS, STARTS, SUBSTEPS, count};
+
+/// Hold the articulated solver on a GPU against the CPU's: parity, errors, frames a second (needs a build with `--features cuda`).
+#[derive(clap::Args, Clone, Debug)]
+#[cfg_attr(not(feature = "cuda"), allow(dead_code))]
+pub struct DeviceArgs {
+    /// Robots with their scenes, ROBOT:SCENE, comma-separated
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "pendulum:ground1,cube:ground,ant:ground,anymal:ground,franka:free",
+        value_name = "ROBOT:SCENE"
+    )]
+    pub robots: Vec<String>,
+    /// States from which one frame is compared
+    #[arg(long, default_value_t = 4096, value_parser = count::<usize>(STARTS))]
+    pub states: usize,
+    /// Rollouts whose error is measured
+    #[arg(long, default_value_t = 256, value_parser = count::<usize>(STARTS))]
+    pub rollouts: usize,
+    /// Environments of the timed batch
+    #[arg(long, default_value_t = 8192, value_parser = count::<usize>(STARTS))]
+    pub environments: usize,
+    /// Substeps of the implicit step, comma-separated
+    #[arg(long, value_delimiter = ',', default_values_t = [1, 2, 4, 8, 16], value_parser = count::<usize>(SUBSTEPS))]
+    pub substeps: Vec<usize>,
+    /// Seed of the starts
+    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
+    pub seed: u64,
+    /// Folder for device.json and .md [default: results]
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the verb.
+#[cfg(feature = "cuda")]
+pub fn run(args: DeviceArgs) -> Result<()> {
+    let DeviceArgs { robots, states, rollouts, environments, substeps, seed, out } = args;
+    let pair = |text: &String| {
+        let (robot, scene) =
+            text.split_once(':').ok_or_else(|| anyhow::anyhow!("--robots {text}: write ROBOT:SCENE, for example ant:ground"))?;
+        Ok((robot.to_string(), scene.to_string()))
+    };
+    let robots = robots.iter().map(pair).collect::<Result<Vec<_>>>()?;
+    let experiment = nerd_train::experiments::device::OnDevice { robots, states, rollouts, environments, substeps, seed };
+    crate::out::conduct(&experiment, &out.unwrap_or_else(nerd_train::shipped::results))
+}
+
+/// Says what it takes.
+#[cfg(not(feature = "cuda"))]
+pub fn run(_: DeviceArgs) -> Result<()> {
+    anyhow::bail!("this needs a build with `--features cuda`: cargo run --release -p xtask --features cuda -- device")
+}
