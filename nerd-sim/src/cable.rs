@@ -34,6 +34,8 @@ const GIVE: f64 = 0.01;
 const CREEP: f64 = 1e-3;
 /// Spread (rad) of the far end's direction at the starts of training data.
 const SPREAD: f64 = 0.6;
+/// Seconds in which a gripper goes from one random place to the next.
+const PACE: Range = Range { low: 0.3, high: 1.5 };
 /// How fast a gripper follows (rad/s): 4 Hz.
 const PULSE: f64 = 8.0 * std::f64::consts::PI;
 
@@ -220,7 +222,7 @@ impl CableSpec {
             (said.armature, said.stiffness) = (joint.armature, joint.stiffness);
             // A unit of action leads it as far as its reach.
             let most = reach.map_or(0.0, |reach| rounded(reach * joint.stiffness));
-            (said.torque, said.gain) = (rounded(0.3 * most), Some(most));
+            (said.torque, said.gain) = (most, Some(most));
             let q = reach.map_or(between(-bend, bend), |reach| between(-reach, reach));
             said.sample = StartSpec { q, qd: still, minus: None };
             said.reset = StartSpec { q: Range { low: 0.1 * q.low, high: 0.1 * q.high }, qd: still, minus: None };
@@ -241,6 +243,7 @@ impl CableSpec {
             sample: start,
             reset: None,
         });
-        Spec { substeps: 8, data_scene: Some("plane".into()), contacts: listed(robot), ..spec }
+        let smooth = (self.held == Held::Gripper).then_some(PACE);
+        Spec { substeps: 8, data_scene: Some("plane".into()), smooth, contacts: listed(robot), ..spec }
     }
 }

@@ -277,6 +277,8 @@ pub(crate) fn plain(robot: &Robot) -> Spec {
         material: Default::default(),
         random_plane: None,
         data_scene: None,
+        random_pegs: None,
+        smooth: None,
         vary: None,
         control: None,
         root: None,

@@ -12,8 +12,9 @@ use rand_chacha::ChaCha8Rng;
 use crate::batch::contacts;
 use crate::range::Range;
 use crate::scene::{Collider, Plane, Scene};
-use crate::spec::{RandomPlane, RootSpec, RootStart};
+use crate::spec::{PegSpec, RandomPegs, RandomPlane, RootSpec, RootStart};
 use crate::system::System;
+use crate::worlds::peg;
 
 /// Which of a system's two boxes a start is drawn from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,20 +156,43 @@ fn direction(rng: &mut impl Rng) -> Vector3<f64> {
     }
 }
 
-/// The scene of a random trajectory from `state`: the system's own, a random plane where it asks for one, else empty.
+/// The scene of a random trajectory from `state`: the system's own, a random plane where it asks for one, else empty; with random pegs in
+/// it where it asks for those.
 ///
 /// Range: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact
-/// points p_i of the start, so the robot starts clear of it.
+/// points p_i of the start, so the robot starts clear of it. It starts clear of pegs, too.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
-    if let Some(scene) = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok()) {
-        return scene;
+    let own = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok());
+    if let (Some(scene), None) = (&own, &system.spec.random_pegs) {
+        return scene.clone();
     }
-    let mut scene = Scene::free(system.gravity());
-    if let Some(law) = &system.spec.random_plane {
+    let mut scene = own.map_or_else(|| Scene::free(system.gravity()), |scene| (*scene).clone());
+    if let Some(law) = system.spec.random_plane.as_ref().filter(|_| system.spec.data_scene.is_none()) {
         scene.name = "random".into();
         scene.colliders.push(Collider::plane(random_plane(system, law, state, rng), system.spec.material));
     }
+    if let Some(law) = &system.spec.random_pegs {
+        scene.name = "random".into();
+        scene.colliders.extend(random_pegs(system, law, state, rng));
+    }
     Arc::new(scene)
+}
+
+/// Draws after which a peg is left out.
+const PLACES: usize = 20;
+
+fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl Rng) -> Vec<Collider> {
+    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    let mut clear = |collider: &Collider| {
+        let alone = Scene { name: String::new(), gravity: system.gravity(), colliders: vec![collider.clone()] };
+        contacts(system, &alone, state, &mut data, &mut events);
+        events.iter().zip(&system.robot.contact_points).all(|(event, point)| event.distance >= point.radius)
+    };
+    let mut one = || {
+        let spec = PegSpec { radius: law.radius.draw(rng), height: law.height, at: law.at.map(|range| range.draw(rng)) };
+        peg(&spec, &system.gravity(), system.spec.material)
+    };
+    (0..law.count).filter_map(|_| (0..PLACES).map(|_| one()).find(&mut clear)).collect()
 }
 
 fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut impl Rng) -> Plane {

@@ -52,6 +52,12 @@ pub struct Spec {
     pub random_plane: Option<RandomPlane>,
     /// Scene of the training data [default: `free`].
     pub data_scene: Option<String>,
+    /// Random pegs of the training data, if any; they stand on what `data_scene` has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_pegs: Option<RandomPegs>,
+    /// Seconds from one random torque to the next, drawn once a trajectory, with a smooth curve between them [default: they jump every frame].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smooth: Option<Range>,
     /// Ranges of numbers that differ from trajectory to trajectory, if any; see [`crate::vary`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vary: Option<VarySpec>,
@@ -302,6 +308,20 @@ pub struct RandomPlane {
     pub reach: f64,
     /// Least gap between the start and the plane (m).
     pub clearance: f64,
+}
+
+/// Ranges of random pegs (per trajectory).
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RandomPegs {
+    /// Their number. One that finds no place clear of the start is left out.
+    pub count: usize,
+    /// Radius (m).
+    pub radius: Range,
+    /// Height (m).
+    pub height: f64,
+    /// Where each stands (m), world axes: its foot.
+    pub at: [Range; 3],
 }
 
 /// A named scene.

@@ -231,8 +231,9 @@ impl System {
             upright(&mut root.quaternion);
         }
         equip(&mut robot, &spec, told);
-        if spec.random_plane.is_some() && robot.contact_points.is_empty() {
-            return Err(wrong("random_plane: the robot has no contact point that could touch it; give it [[contact]] points".into()));
+        let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
+        if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
+            return Err(wrong(format!("{key}: the robot has no contact point that could touch it; give it [[contact]] points")));
         }
         if let Some(vary) = &spec.vary {
             vary.fits(&robot).map_err(wrong)?;

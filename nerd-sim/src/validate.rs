@@ -65,6 +65,18 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         within("random_plane.reach", plane.reach, 0.0..=FAR, "m")?;
         within("random_plane.clearance", plane.clearance, 0.0..=FAR, "m")?;
     }
+    if let Some(pegs) = &spec.random_pegs {
+        within("random_pegs.count", pegs.count as f64, 1.0..=100.0, "")?;
+        law("random_pegs.radius", &pegs.radius, 1e-6..=WIDE, "m")?;
+        within("random_pegs.height", pegs.height, 1e-6..=WIDE, "m")?;
+        pegs.at.iter().enumerate().try_for_each(|(i, range)| law(&format!("random_pegs.at[{i}]"), range, -FAR..=FAR, "m"))?;
+    }
+    if let Some(pace) = &spec.smooth {
+        law("smooth", pace, 0.0..=1e6, "s")?;
+        if spec.control.is_some_and(|control| control.data.is_some()) {
+            return Err("smooth: torques come from random gains (control.data); leave one of the two out".into());
+        }
+    }
     scenes(spec)?;
     columns(spec, robot)
 }

@@ -10,7 +10,7 @@ use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
 use crate::scene::{Collider, Material, Plane, Scene, turned_plane, up};
-use crate::spec::SceneSpec;
+use crate::spec::{PegSpec, SceneSpec};
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
@@ -38,14 +38,18 @@ pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Mate
         let [x, y, z] = b.size.map(|edge| 0.5 * edge);
         solid(SharedShape::cuboid(x, y, z), b.at.into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn))
     });
-    // Parry's cylinders lie along y.
-    let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-    let pegs = spec.pegs.iter().map(|p| {
-        let middle = Vector3::from(p.at) + up(gravity) * (0.5 * p.height);
-        solid(SharedShape::cylinder(0.5 * p.height, p.radius), middle, standing)
-    });
+    let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
     let colliders = std::iter::once(Collider::plane(plane, material)).chain(boxes).chain(pegs).collect();
     Scene { name: spec.name.clone(), gravity: *gravity, colliders }
+}
+
+/// A cylinder that stands up.
+pub(crate) fn peg(spec: &PegSpec, gravity: &Vector3<f64>, material: Material) -> Collider {
+    // Parry's cylinders lie along y.
+    let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    let middle = Vector3::from(spec.at) + up(gravity) * (0.5 * spec.height);
+    let pose = Isometry3::from_parts(middle.into(), upright(gravity) * standing);
+    Collider::new(SharedShape::cylinder(0.5 * spec.height, spec.radius), pose, material)
 }
 
 /// Turns z into the up direction.

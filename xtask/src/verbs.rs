@@ -6,7 +6,7 @@ use clap::{Arg, ArgAction, ArgMatches, Command};
 pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "urdf"]),
     ("Learn", &["train", "stamp", "light"]),
-    ("Measure", &["rollout", "evaluate", "chart", "device", "grow", "stability", "calibrate", "tosses", "reproduce"]),
+    ("Measure", &["rollout", "evaluate", "chart", "device", "grow", "motions", "stability", "calibrate", "tosses", "reproduce"]),
     ("Policies", &["policy"]),
     ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "outside", "check"]),
 ];
@@ -20,6 +20,7 @@ const TABLES: &[&str] = &[
     "chart",
     "device",
     "grow",
+    "motions",
     "stability",
     "calibrate",
     "tosses",

@@ -4,16 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
-use rand::RngExt;
 
+use super::begin::Begun;
 use super::drive::Drive;
 use super::recording::sha256_of;
 use super::{DatasetError, FORMAT, GenerateConfig, Manifest, Recording, manifest, read_shard, write_shard};
-use crate::batch::{Batch, contacts};
-use crate::sampling::{Start, scene, start, stream};
+use crate::batch::contacts;
 use crate::solver::Solver;
 use crate::system::System;
-use crate::vary;
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(
@@ -25,38 +23,8 @@ pub fn record(
 ) -> Result<Recording, DatasetError> {
     config.check(system)?;
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    // One for all, or one for each where robots differ.
-    let mut drives = if system.spec.vary.is_some() { Vec::with_capacity(count) } else { vec![Drive::new(system)] };
-    let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
-    let mut batch = Batch::new(system, &Arc::new(crate::scene::Scene::free(system.gravity())), count);
-    let mut drawn = Vec::new();
-    let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
-    for (env, rng) in streams.iter_mut().enumerate() {
-        // Laws that are off draw nothing, so that older data is made again to the byte.
-        let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);
-        let (state, act) = pilot.map_or_else(Default::default, |(pilot, _)| {
-            let (state, act) = pilot.launch(system, rng);
-            (state, Some(act))
-        });
-        let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
-        let which = if reset { Start::Reset } else { Start::Sample };
-        let state = if act.is_some() { state } else { start(system, which, rng) };
-        pilots.push(act);
-        // Last of all, so that a start is what it is without.
-        if system.spec.vary.is_some() {
-            let varied = vary::draw(system, rng);
-            batch.scenes[env] = scene(&varied.system, &state, rng);
-            drives.push(Drive::new(&varied.system));
-            batch.systems.push(varied.system);
-            drawn.extend(varied.drawn);
-        } else {
-            batch.scenes[env] = scene(system, &state, rng);
-        }
-        batch.reset(env, &state);
-        scales.push(config.torque_scale.draw(rng));
-        holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
-        solver.reset(env);
-    }
+    let Begun { mut batch, mut streams, mut drives, drawn, scales, holds, mut pilots } = Begun::new(system, config, first, count);
+    (0..count).for_each(|env| solver.reset(env));
     let f = config.frames;
     let zeros = |n: usize| vec![0.0; n];
     let mut out = Recording {

@@ -1,5 +1,6 @@
 //! Random trajectories and the shards that hold them.
 
+mod begin;
 mod config;
 mod drive;
 mod generate;
@@ -7,7 +8,9 @@ mod manifest;
 mod pilot;
 mod recording;
 mod shard;
+mod smooth;
 
+pub use begin::begin;
 pub use config::GenerateConfig;
 pub use drive::{Drive, Effort};
 pub use generate::{generate, record};
@@ -15,3 +18,4 @@ pub use manifest::Manifest;
 pub use pilot::{Act, Pilot};
 pub use recording::{Recording, sha256_of};
 pub use shard::{DatasetError, FORMAT, read_shard, write_shard};
+pub use smooth::Smooth;

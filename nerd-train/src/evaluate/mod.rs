@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use nerd_sim::batch::Batch;
 use nerd_sim::control::Controller;
-use nerd_sim::dataset::Drive;
+use nerd_sim::dataset::{Act, Drive, Smooth};
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
@@ -129,6 +129,13 @@ pub fn watched(
     let mut tally = Tally::new(system, n);
     let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
     let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
+    let mut curves: Vec<_> = match config.action {
+        Action::Random(factor) => {
+            let curve = |(env, rng): (usize, &mut _)| Smooth::new(system, real.state(env), factor.into(), rng);
+            streams.iter_mut().enumerate().map(curve).collect()
+        }
+        _ => Vec::new(),
+    };
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
     for step in 1..=config.steps {
         match config.action {
@@ -142,7 +149,11 @@ pub fn watched(
             }
             Action::Random(factor) => {
                 for (env, rng) in streams.iter_mut().enumerate() {
-                    drive.draw(real.state(env), factor.into(), rng, &mut torques[0][env * joints..(env + 1) * joints]);
+                    let out = &mut torques[0][env * joints..(env + 1) * joints];
+                    match &mut curves[env] {
+                        Some(curve) => curve.torques(real.state(env), scene, rng, out),
+                        None => drive.draw(real.state(env), factor.into(), rng, out),
+                    }
                 }
                 torques[1] = torques[0].clone();
             }

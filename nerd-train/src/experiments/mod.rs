@@ -19,6 +19,7 @@ pub mod grow;
 pub mod horizons;
 pub mod judges;
 pub mod learned;
+pub mod motions;
 pub mod passive;
 pub mod policies;
 mod redraw;

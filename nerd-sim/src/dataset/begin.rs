@@ -1,0 +1,79 @@
+//! What a random trajectory begins with: its start, its scene, and what drives it.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::drive::Drive;
+use super::pilot::Act;
+use super::smooth::Smooth;
+use super::{DatasetError, GenerateConfig};
+use crate::batch::Batch;
+use crate::sampling::{Start, scene, start, stream};
+use crate::scene::Scene;
+use crate::system::System;
+use crate::vary;
+
+/// Random trajectories about to begin.
+pub(super) struct Begun {
+    pub batch: Batch,
+    pub streams: Vec<ChaCha8Rng>,
+    /// One for all, or one for each where robots differ.
+    pub drives: Vec<Drive>,
+    /// What was drawn of robots that differ.
+    pub drawn: Vec<f64>,
+    /// By trajectory: the factor on torques, frames for which an action is held, who acts in place of random torques.
+    pub scales: Vec<f64>,
+    pub holds: Vec<usize>,
+    pub pilots: Vec<Option<Box<dyn Act>>>,
+}
+
+/// Starts and scenes of trajectories `first .. first + count` of the seed, as [`record`] begins them.
+///
+/// # Errors
+/// If the settings mean nothing for this system.
+pub fn begin(system: &Arc<System>, config: &GenerateConfig, first: u64, count: usize) -> Result<Batch, DatasetError> {
+    config.check(system)?;
+    Ok(Begun::new(system, config, first, count).batch)
+}
+
+impl Begun {
+    pub fn new(system: &Arc<System>, config: &GenerateConfig, first: u64, count: usize) -> Self {
+        let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
+        let mut drives = if system.spec.vary.is_some() { Vec::with_capacity(count) } else { vec![Drive::new(system)] };
+        let mut batch = Batch::new(system, &Arc::new(Scene::free(system.gravity())), count);
+        let mut drawn = Vec::new();
+        let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        for (env, rng) in streams.iter_mut().enumerate() {
+            // Laws that are off draw nothing, so that older data is made again to the byte.
+            let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);
+            let (state, mut act) = pilot.map_or_else(Default::default, |(pilot, _)| {
+                let (state, act) = pilot.launch(system, rng);
+                (state, Some(act))
+            });
+            let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
+            let which = if reset { Start::Reset } else { Start::Sample };
+            let state = if act.is_some() { state } else { start(system, which, rng) };
+            // Last of all, so that a start is what it is without.
+            if system.spec.vary.is_some() {
+                let varied = vary::draw(system, rng);
+                batch.scenes[env] = scene(&varied.system, &state, rng);
+                drives.push(Drive::new(&varied.system));
+                batch.systems.push(varied.system);
+                drawn.extend(varied.drawn);
+            } else {
+                batch.scenes[env] = scene(system, &state, rng);
+            }
+            batch.reset(env, &state);
+            let scale = config.torque_scale.draw(rng);
+            scales.push(scale);
+            holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
+            if act.is_none() {
+                act = Smooth::new(system, &state, scale.into(), rng).map(|curves| Box::new(curves) as Box<dyn Act>);
+            }
+            pilots.push(act);
+        }
+        Self { batch, streams, drives, drawn, scales, holds, pilots }
+    }
+}
