@@ -43,7 +43,7 @@ impl Motion {
         self.totals().iter().map(|t| t.energy(&self.scene.gravity)).collect()
     }
 
-    /// Energy (J) in the springs of contacts and joint limits, by state: `k g^2 / 2` at the depth g of each.
+    /// Energy (J) in the springs of contacts, joints and their limits, by state: `k g^2 / 2` at the depth g of each.
     pub fn stored(&self) -> Vec<f64> {
         let (robot, own) = (&self.system.robot, &self.system.spec.material);
         let (mut data, mut events) = (Data::new(robot), Vec::new());
@@ -56,7 +56,8 @@ impl Motion {
             });
             let ends = state[robot.root_coords()..].iter().zip(robot.joints());
             let bent = ends.filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
-            pressed.sum::<f64>() + bent.sum::<f64>()
+            let sprung = state[robot.root_coords()..].iter().zip(robot.joints()).map(|(q, j)| 0.5 * j.stiffness * (q - j.rest).powi(2));
+            pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
         };
         self.states.iter().map(stored).collect()
     }

@@ -1,5 +1,6 @@
 //! The rows, by what they ask about.
 
+mod cables;
 mod contact;
 mod flight;
 mod friction;
@@ -13,5 +14,5 @@ use super::row::Row;
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
     let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&sameness::ROWS);
-    flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&robots::ROWS).chain(&runner::ROWS)
+    flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }
