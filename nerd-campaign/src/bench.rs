@@ -11,6 +11,7 @@ use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Positions, Storage, TransformerConfig, Weights};
+use nerd_model::turns::Turns;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use tempfile::TempDir;
@@ -67,7 +68,7 @@ pub fn write(folder: &Path, files: &Files) -> io::Result<()> {
 
 /// A model of random weights.
 fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -> io::Result<Files> {
-    let form = Form { base, view: View::Own };
+    let form = Form::from(base);
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let network = TransformerConfig {
         inputs,
@@ -87,6 +88,7 @@ fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -
         truth: Truth::Articulated.name(),
         base,
         view: View::Own,
+        turns: Turns::Parent,
         network,
         // Saving makes it.
         model_sha256: String::new(),

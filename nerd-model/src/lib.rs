@@ -12,6 +12,7 @@ pub mod normalizer;
 pub mod pick;
 pub mod recurrent;
 pub mod transformer;
+pub mod turns;
 
 /// Where burn computes: `BurnDevice::flex()`, the CPU.
 pub use burn::tensor::Device as BurnDevice;

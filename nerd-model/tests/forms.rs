@@ -9,16 +9,17 @@ use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::Moments;
+use nerd_model::turns::Turns;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 
 const FORMS: [Form; 6] = [
-    Form { base: Base::State, view: View::Own },
-    Form { base: Base::State, view: View::World },
-    Form { base: Base::State, view: View::Blind },
-    Form { base: Base::Nothing, view: View::Own },
-    Form { base: Base::Nothing, view: View::World },
-    Form { base: Base::Nothing, view: View::Blind },
+    Form { base: Base::State, view: View::Own, turns: Turns::Parent },
+    Form { base: Base::State, view: View::World, turns: Turns::Parent },
+    Form { base: Base::State, view: View::Blind, turns: Turns::Parent },
+    Form { base: Base::Nothing, view: View::Own, turns: Turns::Parent },
+    Form { base: Base::Nothing, view: View::World, turns: Turns::Parent },
+    Form { base: Base::Nothing, view: View::Blind, turns: Turns::Parent },
 ];
 
 fn system(robot: &str) -> Arc<System> {

@@ -32,8 +32,9 @@ const MOST: f64 = 3000.0;
 const GIVE: f64 = 0.01;
 /// Speed (m/s) at which a contact creeps that a fifth of its weight pushes aside.
 const CREEP: f64 = 1e-3;
-/// Spread (rad) of the far end's direction at the starts of training data.
-const SPREAD: f64 = 0.6;
+/// Spread (rad) of the far end's direction at starts. No more: joints are bent independently of each other, as no cable ever is, and what
+/// springs hold there is let go at once.
+const SPREAD: f64 = 0.06;
 /// Seconds in which a gripper goes from one random place to the next.
 const PACE: Range = Range { low: 0.3, high: 1.5 };
 /// How fast a gripper follows (rad/s): 4 Hz.
@@ -225,7 +226,8 @@ impl CableSpec {
             (said.torque, said.gain) = (most, Some(most));
             let q = reach.map_or(between(-bend, bend), |reach| between(-reach, reach));
             said.sample = StartSpec { q, qd: still, minus: None };
-            said.reset = StartSpec { q: Range { low: 0.1 * q.low, high: 0.1 * q.high }, qd: still, minus: None };
+            let near = if reach.is_some() { 0.1 } else { 1.0 };
+            said.reset = StartSpec { q: Range { low: near * q.low, high: near * q.high }, qd: still, minus: None };
         }
         let weight = self.mass / self.links as f64 * GRAVITY;
         let stiffness = rounded(weight / (GIVE * self.diameter));

@@ -37,7 +37,7 @@ fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
             assert!(run.finish && run.transitions == 1000 && run.updates >= 6000, "{name}, run {}: {run:?}", k + 1);
             if !run.robot.is_empty() {
                 let system = System::named(&run.robot).expect("built in");
-                let form = run.variant.form(run.base(&system).expect("a base"));
+                let form = run.variant.form(run.base(&system).expect("a base"), run.turns);
                 run.network(&system, form).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
             }
         }

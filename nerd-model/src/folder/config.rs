@@ -13,6 +13,7 @@ use crate::base::Base;
 use crate::features::Features;
 use crate::form::{Form, View};
 use crate::transformer::TransformerConfig;
+use crate::turns::Turns;
 
 /// What was learned, from what, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +32,9 @@ pub struct ModelConfig {
     /// Where its tokens are seen from.
     #[serde(default, skip_serializing_if = "own")]
     pub view: View,
+    /// What predicted turns of joints count from.
+    #[serde(default, skip_serializing_if = "Turns::usual")]
+    pub turns: Turns,
     /// Shape of the network.
     pub network: TransformerConfig,
     /// Hash of all that decides its predictions ([`super::Model::sha256`]); [`super::Model::save`] writes it.
@@ -77,7 +81,7 @@ impl ModelConfig {
 
     /// In which form it sees and predicts motion.
     pub fn form(&self) -> Form {
-        Form { base: self.base, view: self.view }
+        Form { base: self.base, view: self.view, turns: self.turns }
     }
 
     /// Refuses another robot's model, and one of another truth if one is named; by name, as far as names go.

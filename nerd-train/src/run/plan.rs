@@ -60,7 +60,7 @@ impl RunConfig {
             BaseName::Flight => Base::flight_of(self.record.truth(system)),
             BaseName::Draft => Base::Draft(self.draft),
         };
-        self.variant.check(base)?;
+        self.variant.check(base, self.turns)?;
         Ok(base)
     }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use nerd_model::turns::Turns;
 use nerd_sim::articulated::Draft;
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +30,8 @@ settings! {
         base: BaseName = BaseName::State, Words(&["state", "flight", "draft"]);
         /// Substeps of the draft with --base draft
         draft: usize = 1, Whole(1..=Draft::MOST as u64);
+        /// What a joint's predicted turn counts from: its parent link (the paper), or the root, for long chains
+        turns: Turns = Turns::Parent, Words(Turns::WORDS);
         /// NeRD, or one of the designs it is compared with (paper A.3.3)
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)

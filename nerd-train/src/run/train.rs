@@ -64,7 +64,7 @@ impl Run {
         let system = System::named(&config.robot)?;
         progress::notes(&system);
         let base = config.base(&system)?;
-        let form = config.variant.form(base);
+        let form = config.variant.form(base, config.turns);
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check()?;
@@ -147,6 +147,7 @@ impl Run {
             system_sha256: self.system.sha256(),
             truth: truth.name(),
             base: self.base,
+            turns: self.config.turns,
             variant: self.config.variant,
             network: self.network,
             learner: self.learner,
@@ -281,7 +282,7 @@ impl Run {
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
-    let like = |form: Form| (form.view, form.base.flies(), form.base.moves());
+    let like = |form: Form| (form.view, form.turns, form.base.flies(), form.base.moves());
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;

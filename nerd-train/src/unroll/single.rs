@@ -68,6 +68,7 @@ impl SmallModel {
             truth: truth.into(),
             base: self.base,
             view: Default::default(),
+            turns: Default::default(),
             network,
             model_sha256: String::new(),
             data_sha256: String::new(),

@@ -74,6 +74,7 @@ pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normal
         truth: Truth::default().name(),
         base,
         view: Default::default(),
+        turns: Default::default(),
         network,
         data_sha256: "none".into(),
         transitions: 0,
