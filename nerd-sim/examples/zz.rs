@@ -19,10 +19,18 @@ fn main() {
             let mut s = r.states[(t * (r.frames + 1) + f) * d..][..d].to_vec();
             let row = t * r.frames + f;
             let v = |x: &[f64]| Vector3::new(x[0], x[1], x[2]);
-            let events: Vec<_> = (0..c).map(|k| { let i = row * c + k; let (p1, normal) = (v(&r.points[3*i..]), v(&r.normals[3*i..])); let distance = r.depths[i];
-                ContactEvent { p0: p1 + normal * distance, p1, normal, distance, collider: 0 } }).collect();
+            let events: Vec<_> = (0..c)
+                .map(|k| {
+                    let i = row * c + k;
+                    let (p1, normal) = (v(&r.points[3 * i..]), v(&r.normals[3 * i..]));
+                    let distance = r.depths[i];
+                    ContactEvent { p0: p1 + normal * distance, p1, normal, distance, collider: 0 }
+                })
+                .collect();
             draft.step(&system, &g, &events, &r.torques[row * j..][..j], &mut s).unwrap();
-            for x in &s { out.write_all(&(*x as f32).to_le_bytes()).unwrap(); }
+            for x in &s {
+                out.write_all(&(*x as f32).to_le_bytes()).unwrap();
+            }
         }
     }
     eprintln!("{:.1} us each", t0.elapsed().as_secs_f64() * 1e6 / (r.trajectories * r.frames) as f64);
