@@ -29,7 +29,7 @@ pub(super) struct Begun {
     pub pilots: Vec<Option<Box<dyn Act>>>,
 }
 
-/// Starts and scenes of trajectories `first .. first + count` of the seed, as [`record`] begins them.
+/// Starts and scenes of trajectories `first .. first + count` of the seed, as [`super::record`] begins them.
 ///
 /// # Errors
 /// If the settings mean nothing for this system.
