@@ -1,8 +1,8 @@
 //! The kernels of the articulated solver against the solver itself, without a device: their text is compiled as C++ and run on the CPU.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+mod cpp;
+
+use std::path::Path;
 use std::sync::Arc;
 
 use nerd_sim::articulated::device::{Reach, Real, packed, program, record};
@@ -17,19 +17,6 @@ struct Stepped {
     forces: Vec<f64>,
 }
 
-/// A compiler of C++, if the machine has one.
-fn compiler() -> Option<&'static str> {
-    ["c++", "g++", "clang++"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
-}
-
-fn compile(compiler: &str, text: &str, folder: &Path, name: &str) -> PathBuf {
-    let (source, made) = (folder.join(format!("{name}.cpp")), folder.join(name));
-    std::fs::write(&source, text).expect("a file");
-    let done = Command::new(compiler).args(["-O1", "-w", "-std=c++17", "-o"]).arg(&made).arg(&source).output().expect("a compiler");
-    assert!(done.status.success(), "{name}: {}", String::from_utf8_lossy(&done.stderr));
-    made
-}
-
 fn run(made: &Path, batch: &Batch, config: &ArticulatedConfig, torques: &[f64], frames: usize) -> Stepped {
     let (system, n, reach) = (&batch.system, batch.len(), Reach::of(batch));
     let mut input: Vec<u8> = [n, frames, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
@@ -41,15 +28,11 @@ fn run(made: &Path, batch: &Batch, config: &ArticulatedConfig, torques: &[f64], 
     }
     input.extend((0..n as i32).flat_map(i32::to_le_bytes));
     input.extend(packed(&batch.drives).iter().flat_map(|x| x.to_le_bytes()));
-    let mut child = Command::new(made).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it starts");
-    let mut pipe = child.stdin.take().expect("a pipe");
-    let writer = std::thread::spawn(move || pipe.write_all(&input));
-    let output = child.wait_with_output().expect("it ends");
-    writer.join().expect("a thread").expect("it is read");
+    let output = cpp::talk(made, input);
     let (d, points) = (system.robot.state_dim(), system.robot.contact_points.len());
-    assert_eq!(output.stdout.len(), 8 * n * d + 4 * n + 24 * n * points, "{:?}", output.status);
+    assert_eq!(output.len(), 8 * n * d + 4 * n + 24 * n * points);
     let doubles = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-    let (states, rest) = output.stdout.split_at(8 * n * d);
+    let (states, rest) = output.split_at(8 * n * d);
     let (faults, forces) = rest.split_at(4 * n);
     let faults = faults.as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
     Stepped { states: doubles(states), faults, forces: doubles(forces) }
@@ -115,7 +98,7 @@ fn chain(links: usize) -> String {
 
 #[test]
 fn a_long_chain_moves_alike_by_the_matrix_and_along_the_tree() {
-    let Some(compiler) = compiler() else {
+    let Some(compiler) = cpp::compiler() else {
         println!("skipped: no compiler of C++ on this machine");
         return;
     };
@@ -130,7 +113,7 @@ fn a_long_chain_moves_alike_by_the_matrix_and_along_the_tree() {
     let torques = vec![0.0; batch.len() * joints];
     let mut solver = Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb));
     (0..20).for_each(|_| solver.step(&mut batch, &torques).expect("it can be stepped"));
-    let made = compile(compiler, &program(&system, &config, Real::F64, Reach::of(&batch)), folder.path(), "chain");
+    let made = cpp::compile(compiler, &program(&system, &config, Real::F64, Reach::of(&batch)), folder.path(), "chain");
     let one = apart(&run(&made, &batch, &config, &torques, 1), batch.clone(), config, &torques, 1);
     println!("states {:.1e}, forces {:.1e}", one[0], one[1]);
     let mut touched = batch.clone();
@@ -142,7 +125,7 @@ fn a_long_chain_moves_alike_by_the_matrix_and_along_the_tree() {
     // A drive that its effort holds all the time is no whip, and its bound is kept.
     let drive = Drive { kp: 1e5, kd: 10.0, target: 2.0, effort: 1e-3, ..Drive::default() };
     driven.drives = vec![drive; driven.len() * joints];
-    let made = compile(compiler, &program(&system, &config, Real::F64, Reach::of(&driven)), folder.path(), "driven");
+    let made = cpp::compile(compiler, &program(&system, &config, Real::F64, Reach::of(&driven)), folder.path(), "driven");
     let both = apart(&run(&made, &driven, &config, &torques, 1), driven.clone(), config, &torques, 1);
     println!("driven: states {:.1e}, forces {:.1e}", both[0], both[1]);
     assert!(both[0] < 1e-2, "driven: states {:e} apart", both[0]);
@@ -151,7 +134,7 @@ fn a_long_chain_moves_alike_by_the_matrix_and_along_the_tree() {
 
 #[test]
 fn kernels_move_as_the_solver_does() {
-    let Some(compiler) = compiler() else {
+    let Some(compiler) = cpp::compiler() else {
         println!("skipped: no compiler of C++ on this machine");
         return;
     };
@@ -179,11 +162,11 @@ fn kernels_move_as_the_solver_does() {
         let config = preset(&system);
         let (mut batch, torques) = batch(&system, scene, 40, Start::Sample);
         let made = |batch: &Batch, real| program(&system, &config, real, Reach::of(batch));
-        let double = compile(compiler, &made(&batch, Real::F64), folder.path(), &format!("double{k}"));
+        let double = cpp::compile(compiler, &made(&batch, Real::F64), folder.path(), &format!("double{k}"));
         let one = apart(&run(&double, &batch, &config, &torques, 1), batch.clone(), config, &torques, 1);
         println!("{name} {scene} f64: states {:.1e}, forces {:.1e}", one[0], one[1]);
         assert!(one[0] < 1e-9 && one[1] < 1e-7, "{name} on {scene}: states {:e}, forces {:e} apart", one[0], one[1]);
-        let single = compile(compiler, &made(&batch, Real::F32), folder.path(), &format!("single{k}"));
+        let single = cpp::compile(compiler, &made(&batch, Real::F32), folder.path(), &format!("single{k}"));
         let (mut one, forces) = differences(&run(&single, &batch, &config, &torques, 1), batch.clone(), config, &torques, 1);
         one.sort_by(f64::total_cmp);
         // Over an edge between two boxes 32 bits may take the other one: there a tenth may be apart.
@@ -193,7 +176,7 @@ fn kernels_move_as_the_solver_does() {
         if system.robot.joint_count() > 0 && name == "ant" {
             let held: Vec<_> = (0..batch.len()).flat_map(|env| holding(&system, batch.state(env))).collect();
             batch.drives = held;
-            let driven = compile(compiler, &made(&batch, Real::F64), folder.path(), &format!("driven{k}"));
+            let driven = cpp::compile(compiler, &made(&batch, Real::F64), folder.path(), &format!("driven{k}"));
             let one = apart(&run(&driven, &batch, &config, &torques, 3), batch.clone(), config, &torques, 3);
             assert!(one[0] < 1e-8, "{name} under drives: {:e} apart", one[0]);
         }

@@ -8,7 +8,7 @@ use nerd_core::contact::ContactEvent;
 use super::frame::Workspace;
 use super::{ArticulatedConfig, Friction};
 use crate::parallel::Frame as _;
-use crate::scene::{Collider, Plane, Scene};
+use crate::scene::{Collider, Material, Plane, Scene};
 use crate::system::{System, SystemError};
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.
@@ -27,19 +27,27 @@ impl Draft {
     /// # Errors
     /// If the system has no such scene, cannot be stepped, or not in so many substeps.
     pub fn new(system: &System, substeps: usize) -> Result<Self, SystemError> {
+        let (config, material) = Self::settings(system, substeps)?;
+        let mut scene = Scene::free(system.gravity());
+        // Stands for whatever the points face.
+        scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
+        let known = Workspace::know(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
+        let workspace = Workspace::new(system, known);
+        Ok(Self { workspace, config, scene })
+    }
+
+    /// The settings of a draft, and the material of what its points face.
+    ///
+    /// # Errors
+    /// As [`Draft::new`].
+    pub fn settings(system: &System, substeps: usize) -> Result<(ArticulatedConfig, Material), SystemError> {
         if !(1..=Self::MOST).contains(&substeps) {
             let reason = format!("a draft of {substeps} substeps, 1 to {} are possible", Self::MOST);
             return Err(SystemError::Spec(system.name.clone(), reason));
         }
         let data = system.scene(system.spec.data_scene.as_deref().unwrap_or("free"))?;
         let material = data.colliders.first().map_or(system.spec.material, |c| c.material);
-        let mut scene = Scene::free(system.gravity());
-        // Stands for whatever the points face.
-        scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
-        let known = Workspace::know(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
-        let workspace = Workspace::new(system, known);
-        let config = ArticulatedConfig { substeps, ..ArticulatedConfig::implicit(substeps, Friction::Coulomb) };
-        Ok(Self { workspace, config, scene })
+        Ok((ArticulatedConfig { substeps, ..ArticulatedConfig::implicit(substeps, Friction::Coulomb) }, material))
     }
 
     /// Moves `state` by a frame under torques `tau` and `gravity` (m/s^2). `events` are those of the contact points in order,

@@ -4,6 +4,6 @@ mod program;
 #[cfg(feature = "cuda")]
 mod solver;
 
-pub use program::{Reach, Real, fault, packed, program, record};
+pub use program::{Reach, Real, fault, functions, packed, program, record};
 #[cfg(feature = "cuda")]
 pub use solver::CudaArticulated;

@@ -14,7 +14,7 @@ use super::super::touches::CREEP;
 use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
 use crate::batch::Batch;
 use crate::drive::Drive;
-use crate::scene::Scene;
+use crate::scene::{Material, Scene};
 use crate::system::System;
 
 const KERNELS: [&str; 6] = [
@@ -25,6 +25,7 @@ const KERNELS: [&str; 6] = [
     include_str!("explicit.cuh"),
     include_str!("frame.cuh"),
 ];
+const ALONE: &str = include_str!("alone.cuh");
 
 /// Numbers of a collider in a scene's record.
 const COLLIDER: usize = 20;
@@ -43,23 +44,31 @@ pub enum Real {
 }
 
 /// What a program must be able to do, beyond its robot and settings; it is made anew for more.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reach {
     /// Colliders of a scene at most.
     pub colliders: usize,
     /// Whether there are drives.
     pub driven: bool,
+    /// Of a draft: the material of the planes that points face, which they are given before each frame.
+    pub faced: Option<Material>,
 }
 
 impl Reach {
     /// What a batch asks for.
     pub fn of(batch: &Batch) -> Self {
-        Self { colliders: batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0), driven: !batch.drives.is_empty() }
+        let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
+        Self { colliders, driven: !batch.drives.is_empty(), faced: None }
     }
 }
 
-/// The text for one robot.
+/// The text for one robot: the kernel `advance`.
 pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
+    functions(system, config, real, reach) + ALONE
+}
+
+/// The same without a kernel: what one is made of.
+pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
     let robot = &system.robot;
     let mut text = String::new();
     let bounds = Bounds::new(robot);
@@ -81,6 +90,7 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
     define("HUBER", flag(config.friction == Friction::Huber));
     define("ANY_DRY", flag(robot.dry()));
     define("DRIVEN", flag(reach.driven));
+    define("FACED", flag(reach.faced.is_some()));
     define("PASSES", count(PASSES));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
     constants.into_iter().for_each(|(name, x)| define(name, format!("((real){})", number(x))));
@@ -92,6 +102,8 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
     text.push_str(KERNELS[0]);
     links(&mut text, robot);
     joints(&mut text, robot, &bounds);
+    let faced = reach.faced.map_or([0.0; 4], |m| [m.stiffness, m.damping, m.friction_damping, m.friction]);
+    real_table(&mut text, "FACES", faced.into());
     KERNELS[1..].iter().for_each(|part| text.push_str(part));
     text
 }
@@ -118,43 +130,43 @@ fn links(text: &mut String, robot: &Robot) {
     whole(text, "MASS_OF", of(&|i| robot.mass_matrix_of.get(i).map_or(i as i64, |o| *o as i64)));
     whole(text, "ABOVE", Factor::new(robot).above().map(|p| p.map_or(-1, |p| p as i64)).collect());
     let numbers = |f: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> { (0..robot.links.len()).flat_map(f).collect() };
-    real(text, "RATIO", numbers(&|i| vec![joint(i).map_or(1.0, |j| j.ratio())]));
-    real(text, "OFFSET", numbers(&|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]));
-    real(text, "ARMATURE", numbers(&|i| vec![joint(i).map_or(0.0, |j| j.ratio().powi(2) * j.armature)]));
-    real(text, "PLACE", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec())));
-    real(text, "AXIS", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec())));
+    real_table(text, "RATIO", numbers(&|i| vec![joint(i).map_or(1.0, |j| j.ratio())]));
+    real_table(text, "OFFSET", numbers(&|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]));
+    real_table(text, "ARMATURE", numbers(&|i| vec![joint(i).map_or(0.0, |j| j.ratio().powi(2) * j.armature)]));
+    real_table(text, "PLACE", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec())));
+    real_table(text, "AXIS", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec())));
     let rows = |m: &nalgebra::Matrix3<f64>| m.transpose().as_slice().to_vec();
-    real(text, "TURN", numbers(&|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect())));
-    real(text, "MASS", numbers(&|i| vec![robot.links[i].inertia.mass]));
-    real(text, "COM", numbers(&|i| robot.links[i].inertia.com.as_slice().to_vec()));
-    real(text, "BODY", numbers(&|i| rows(&robot.links[i].inertia.inertia)));
+    real_table(text, "TURN", numbers(&|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect())));
+    real_table(text, "MASS", numbers(&|i| vec![robot.links[i].inertia.mass]));
+    real_table(text, "COM", numbers(&|i| robot.links[i].inertia.com.as_slice().to_vec()));
+    real_table(text, "BODY", numbers(&|i| rows(&robot.links[i].inertia.inertia)));
     let (turned, place) = match robot.base {
         Base::Fixed(pose) => (rows(&pose.rotation.to_rotation_matrix().into_inner()), pose.translation.vector.as_slice().to_vec()),
         Base::Floating => (vec![0.0; 9], vec![0.0; 3]),
     };
-    real(text, "BASE", turned);
+    real_table(text, "BASE", turned);
     table(text, "double", "STAND", place.iter().map(|x| number(*x)));
 }
 
 fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
-    real(text, "DAMPING", robot.joints().map(|j| j.damping).collect());
-    real(text, "DRY", robot.joints().map(|j| j.friction).collect());
-    real(text, "TOP", robot.joints().map(|j| j.velocity).collect());
-    real(text, "LIMIT", robot.joints().flat_map(|j| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping])).collect());
+    real_table(text, "DAMPING", robot.joints().map(|j| j.damping).collect());
+    real_table(text, "DRY", robot.joints().map(|j| j.friction).collect());
+    real_table(text, "TOP", robot.joints().map(|j| j.velocity).collect());
+    real_table(text, "LIMIT", robot.joints().flat_map(|j| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping])).collect());
     whole(text, "LIMITED", robot.joints().map(|j| i64::from(j.limit.is_some())).collect());
     whole(text, "WRAPS", robot.joints().map(|j| i64::from(j.wraps())).collect());
-    real(text, "LEAST", bounds.least.clone());
-    real(text, "EASE", bounds.ease.clone());
+    real_table(text, "LEAST", bounds.least.clone());
+    real_table(text, "EASE", bounds.ease.clone());
     whole(text, "POINT_LINK", robot.contact_points.iter().map(|p| p.link as i64).collect());
-    real(text, "POINT", robot.contact_points.iter().flat_map(|p| p.local.as_slice().to_vec()).collect());
-    real(text, "RADIUS", robot.contact_points.iter().map(|p| p.radius).collect());
+    real_table(text, "POINT", robot.contact_points.iter().flat_map(|p| p.local.as_slice().to_vec()).collect());
+    real_table(text, "RADIUS", robot.contact_points.iter().map(|p| p.radius).collect());
 }
 
 fn whole(text: &mut String, name: &str, numbers: Vec<i64>) {
     table(text, "int", name, numbers.into_iter().map(|n| n.to_string()));
 }
 
-fn real(text: &mut String, name: &str, numbers: Vec<f64>) {
+fn real_table(text: &mut String, name: &str, numbers: Vec<f64>) {
     table(text, "real", name, numbers.into_iter().map(|x| format!("(real){}", number(x))));
 }
 

@@ -3,11 +3,15 @@
 
 constexpr int SCENE = 3 + 20 * NC;     // numbers of a scene: gravity, colliders
 constexpr int DRIVES = DRIVEN ? NJ : 0;
-constexpr int MOST = NP * NC + 3 * NJ + DRIVES + 1;  // of a joint: dry friction, both ends of its range
-constexpr int WEIGHTS = NP * NC + 3 * NJ + 1;
+constexpr int PAIRS = FACED && !NC ? NP : NP * NC;
+constexpr int MOST = PAIRS + 3 * NJ + DRIVES + 1;    // of a joint: dry friction, both ends of its range
+constexpr int WEIGHTS = PAIRS + 3 * NJ + 1;
 
 // A surface as seen from the root: a plane n . x = offset, or a box.
 struct Surface { int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[4]; };
+
+// The plane that a point faces all through a draft, wherever it goes; its place in world axes.
+struct Facing { bool near; V3 normal; double place[3]; };
 
 struct Touch {
     int index;
@@ -25,6 +29,7 @@ struct Work {
     Tree tree;
     Surface surface[NC + 1];
     int surfaces;
+    Facing facing[FACED ? NP + 1 : 1];
     V3 gravity;
     Touch touch[MOST];
     int touches;
@@ -33,11 +38,16 @@ struct Work {
     real rate[NV], middle[NV], right[NV], qdd[NV];
 };
 
+FN double stands(const Work& w, int k) { return DOFS ? w.tree.q[k] : STAND[k]; }
+
+// A place of the world from where the root stands now.
+FN V3 from(const Work& w, const double* p) {
+    return v3((real)(p[0] - stands(w, 0)), (real)(p[1] - stands(w, 1)), (real)(p[2] - stands(w, 2)));
+}
+
 // The scene from where the root stands now.
-FN void see(Work& w, const double* scene) {
-    w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
-    double o[3];
-    for (int k = 0; k < 3; k++) o[k] = DOFS ? w.tree.q[k] : STAND[k];
+FN void survey(Work& w, const double* scene) {
+    const double o[3] = {stands(w, 0), stands(w, 1), stands(w, 2)};
     w.surfaces = 0;
     for (int c = 0; c < NC; c++) {
         const double* s = scene + 3 + 20 * c;
@@ -50,11 +60,19 @@ FN void see(Work& w, const double* scene) {
             u.offset = (real)(s[4] - (s[1] * o[0] + s[2] * o[1] + s[3] * o[2]));
         } else {
             for (int k = 0; k < 9; k++) u.turn.m[k] = (real)s[1 + k];
-            u.place = v3((real)(s[10] - o[0]), (real)(s[11] - o[1]), (real)(s[12] - o[2]));
+            u.place = from(w, s + 10);
             u.half = v3((real)s[13], (real)s[14], (real)s[15]);
         }
         for (int k = 0; k < 4; k++) u.material[k] = (real)s[16 + k];
     }
+}
+
+// What a substep meets: the scene, or one material, of which are the planes that points face.
+FN void see(Work& w, const double* scene) {
+    w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
+    if (!FACED) return survey(w, scene);
+    w.surfaces = 1;
+    for (int k = 0; k < 4; k++) w.surface[0].material[k] = FACES[k];
 }
 
 // Signed distance of a point, with the outward normal and the nearest place.
@@ -121,6 +139,11 @@ BIG bool find(Work& w, real h, const double* drives) {
     velocities(tr, tr.qd);
     w.touches = 0;
     for (int point = 0; point < NP && w.surfaces > 0; point++) {
+        if (FACED) {
+            const Facing& f = w.facing[point];
+            if (f.near) press(w, point, 0, f.normal, from(w, f.place), h);
+            continue;
+        }
         const int link = POINT_LINK[point];
         const V3 p = tr.position[link] + tr.rotation[link] * read3(POINT + 3 * point);
         V3 n, nearest;

@@ -1,0 +1,77 @@
+//! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`.
+//!
+//! They stand on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
+//! CUDA, so that a test runs them where there is no GPU.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use nerd_sim::articulated::device::{Reach, Real, functions};
+use nerd_sim::articulated::{ArticulatedConfig, Draft, Friction};
+use nerd_sim::system::System;
+
+use crate::base::Base;
+use crate::features::Features;
+use crate::folder::Model;
+use crate::form::View;
+use crate::turns::Turns;
+
+/// Numbers from one token to the next: cuBLAS likes rows aligned.
+pub fn padded(inputs: usize) -> usize {
+    inputs.next_multiple_of(4)
+}
+
+/// The settings with which scenes are put in order for a model's kernels.
+///
+/// # Errors
+/// What of a model has no kernel, in a line that says where it can be stepped.
+pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
+    let Model { config, .. } = model;
+    let on_cpu = "which has no kernel; step it with the network alone on the device, or on the CPU";
+    match (config.base, config.view, config.turns) {
+        (_, View::World | View::Blind, _) => return Err(format!("a model whose view is {:?}, {on_cpu}", config.view)),
+        (_, _, Turns::Root) => return Err(format!("a model whose turns count from the root, {on_cpu}")),
+        (Base::Flight | Base::ExactFlight | Base::Nothing, ..) => {
+            return Err(format!("a model that adds to {:?}, {on_cpu}", config.base));
+        }
+        (Base::State | Base::Draft(_), View::Own, Turns::Parent) => {}
+    }
+    if let Some(joint) = system.robot.joints().find(|j| j.stiffness > 0.0) {
+        return Err(format!("joint `{}` has a spring (stiffness), {on_cpu}", joint.name));
+    }
+    let Base::Draft(substeps) = config.base else {
+        return Ok((ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { faced: Some(system.spec.material), ..Reach::default() }));
+    };
+    let (settings, material) = Draft::settings(system, substeps).map_err(|e| e.to_string())?;
+    Ok((settings, Reach { faced: Some(material.mean(&system.spec.material)), ..Reach::default() }))
+}
+
+/// The text for one model of `system`, for scenes of at most so many colliders.
+///
+/// # Errors
+/// As [`settings`].
+pub fn program(model: &Model, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
+    let (config, reach) = settings(model, system)?;
+    let robot = &system.robot;
+    let mut text = functions(system, &config, real, Reach { colliders, ..reach });
+    let inputs = Features::inputs(system, model.config.form());
+    let flag = |on: bool| usize::from(on);
+    let situated = flag(robot.floating() || !robot.contact_points.is_empty());
+    let drafted = flag(matches!(model.config.base, Base::Draft(_)));
+    for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("DRAFTED", drafted)] {
+        let _ = writeln!(text, "#define {name} {n}");
+    }
+    let (inputs, outputs) = (&model.normalizer.inputs, &model.normalizer.outputs);
+    let mut table = |kind: &str, name: &str, numbers: Vec<f64>| {
+        // None may be empty.
+        let entries: Vec<String> = numbers.into_iter().chain([0.0]).map(|x| format!("({kind}){x:e}")).collect();
+        let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
+    };
+    table("real", "SEEN", robot.contact_points.iter().map(|p| p.threshold()).collect());
+    table("real", "MEAN", inputs.mean.clone());
+    table("real", "SCALE", inputs.scale().collect());
+    table("double", "SHIFT", outputs.mean.clone());
+    table("double", "STRETCH", outputs.scale().collect());
+    text.push_str(include_str!("tokens.cuh"));
+    Ok(text)
+}

@@ -1,0 +1,221 @@
+// Before and after the network, as features.rs and frame.rs have it: contacts, the draft and the token of a frame; then the state that lies
+// a prediction from the draft. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, DRAFTED, SITUATED,
+// SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
+
+constexpr int STATE = NQ + NV;
+
+struct Event { bool near; V3 p0, normal, p1; real distance; };
+
+// The nearest place of the scene to every contact point; from the root.
+FN void look(const Work& w, Event* events) {
+    for (int p = 0; p < NP; p++) {
+        Event& e = events[p];
+        const int link = POINT_LINK[p];
+        e.near = false;
+        e.distance = infinite();
+        e.p0 = w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * p);
+        for (int c = 0; c < w.surfaces; c++) {
+            V3 normal, nearest;
+            const real d = distance(w.surface[c], e.p0, normal, nearest);
+            if (!(d < e.distance)) continue;
+            e.near = true;
+            e.distance = d; e.normal = normal; e.p1 = nearest;
+        }
+    }
+}
+
+// Writes a token, number by number, normalised.
+struct Writer { float* out; int k; };
+FN void put(Writer& w, double x) {
+    w.out[w.k] = (float)(((real)(float)x - MEAN[w.k]) / SCALE[w.k]);
+    w.k++;
+}
+FN void put(Writer& w, V3 v) { put(w, v.x); put(w, v.y); put(w, v.z); }
+
+// conj(a) b of quaternions x y z w of any length, as one of unit length.
+FN void from_to(const double* a, const double* b, double* out) {
+    out[0] = a[3] * b[0] - a[0] * b[3] - a[1] * b[2] + a[2] * b[1];
+    out[1] = a[3] * b[1] + a[0] * b[2] - a[1] * b[3] - a[2] * b[0];
+    out[2] = a[3] * b[2] - a[0] * b[1] + a[1] * b[0] - a[2] * b[3];
+    out[3] = a[3] * b[3] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const double n = 1 / sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3]);
+    for (int k = 0; k < 4; k++) out[k] *= n;
+}
+
+// What the draft changes, seen from the root's axes r before the frame; `moved` is the root's way.
+FN void changes(Writer& out, const Tree& t, const double* state, const real* local, const M3& r, V3 moved) {
+    if (DOFS) {
+        double turned[4];
+        from_to(state + 3, t.q + 3, turned);
+        put(out, back(r, moved));
+        for (int k = 0; k < 4; k++) put(out, turned[k]);
+    }
+    for (int i = 0; i < NJ; i++) {
+        const double d = t.q[COORDS + i] - state[COORDS + i];
+        put(out, WRAPS[i] ? wrapped(d) : d);
+    }
+    if (DOFS) {
+        const V3 spin = v3(t.qd[0], t.qd[1], t.qd[2]);
+        put(out, back(r, spin - v3(local[0], local[1], local[2])));
+        put(out, back(r, v3(t.qd[3], t.qd[4], t.qd[5]) + cross(moved, spin) - v3(local[3], local[4], local[5])));
+    }
+    for (int i = 0; i < NJ; i++) put(out, (double)t.qd[DOFS + i] - (double)local[DOFS + i]);
+}
+
+// The token of a frame and what its prediction is added to, in world axes; 0, or why there is none.
+BIG int tell(const double* state, const double* tau, const double* scene, double* base, float* token) {
+    Work w;
+    Tree& t = w.tree;
+    Event events[NP + 1];
+    take(t, state);
+    t.shift = v3(0, 0, 0);
+    M3 r = {{1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    V3 o = v3(0, 0, 0);
+    if (SITUATED) {
+        kinematics(t);
+        survey(w, scene);
+        look(w, events);
+        // B, at the floating base or the first moving link.
+        r = t.rotation[0];
+        o = t.position[0];
+    }
+    Writer out = {token, 0};
+    if (DOFS) {
+        for (int k = 0; k < 6; k++) put(out, 0.0);
+        put(out, 1.0);
+    }
+    for (int i = 0; i < NJ; i++) put(out, SITUATED && WRAPS[i] ? wrapped(state[COORDS + i]) : state[COORDS + i]);
+    if (DOFS) {
+        put(out, back(r, v3(t.qd[0], t.qd[1], t.qd[2])));
+        put(out, back(r, v3(t.qd[3], t.qd[4], t.qd[5])));
+    }
+    for (int i = 0; i < NJ; i++) put(out, state[NQ + DOFS + i]);
+    const V3 none = v3(0, 0, 0);
+    for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? back(r, events[p].normal) : none);
+    for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? back(r, events[p].p1 - o) : none);
+    for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? events[p].distance : (real)0);
+
+    V3 moved_by = none;
+    real local[NV];
+    for (int k = 0; k < NV; k++) local[k] = t.qd[k];
+    if (DRAFTED) {
+        for (int p = 0; p < NP; p++) {
+            Facing& f = w.facing[p];
+            f.near = events[p].near;
+            f.normal = events[p].normal;
+            f.place[0] = stands(w, 0) + (double)events[p].p1.x;
+            f.place[1] = stands(w, 1) + (double)events[p].p1.y;
+            f.place[2] = stands(w, 2) + (double)events[p].p1.z;
+        }
+        const int lost = moved(w, state, tau, scene, 0, 0);
+        if (lost) return lost;
+        if (DOFS) moved_by = v3((real)(t.q[0] - state[0]), (real)(t.q[1] - state[1]), (real)(t.q[2] - state[2]));
+        t.shift = none;
+        if (NP) kinematics(t);
+        for (int p = 0; p < NP; p++) {
+            const int link = POINT_LINK[p];
+            const V3 place = t.position[link] + t.rotation[link] * read3(POINT + 3 * p) + moved_by;
+            put(out, events[p].distance < SEEN[p] ? back(r, place - events[p].p0) : none);
+        }
+    }
+    for (int i = 0; i < NJ; i++) put(out, tau[i]);
+    if (SITUATED) {
+        const V3 g = v3((real)scene[0], (real)scene[1], (real)scene[2]);
+        const real length = norm(g);
+        put(out, back(r, g * (1 / (length > 0 ? length : 1))));
+    }
+    if (DRAFTED) changes(out, t, state, local, r, moved_by);
+    for (int k = INPUTS; k < LDX; k++) token[k] = 0;
+    return give(t, base);
+}
+
+// v turned by a quaternion of unit length, or back by its inverse.
+FN void rotate(const double* q, const double* v, double sign, double* out) {
+    const double x = sign * q[0], y = sign * q[1], z = sign * q[2], w = q[3];
+    const double a = 2 * (y * v[2] - z * v[1]), b = 2 * (z * v[0] - x * v[2]), c = 2 * (x * v[1] - y * v[0]);
+    out[0] = v[0] + w * a + y * c - z * b;
+    out[1] = v[1] + w * b + z * a - x * c;
+    out[2] = v[2] + w * c + x * b - y * a;
+}
+
+FN void multiply(const double* a, const double* b, double* out) {
+    const double conjugate[4] = {-a[0], -a[1], -a[2], a[3]};
+    from_to(conjugate, b, out);
+}
+
+// The state that lies a prediction from `base`, in place of `state`; 0 or GONE.
+BIG int apply(double* state, const double* base, const float* prediction) {
+    double change[STATE], next[STATE];
+    for (int k = 0; k < STATE; k++) {
+        change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];
+        next[k] = base[k] + change[k];
+    }
+    if (DOFS) {
+        double s[4], seen[4], turned[4], by[3], n = 0;
+        for (int k = 0; k < 4; k++) n += state[3 + k] * state[3 + k];
+        for (int k = 0; k < 4; k++) s[k] = state[3 + k] / sqrt(n);
+        rotate(s, change, 1, by);
+        for (int k = 0; k < 3; k++) next[k] = base[k] + by[k];
+        from_to(s, base + 3, seen);
+        multiply(change + 3, seen, turned);
+        multiply(s, turned, next + 3);
+        // The velocity (w, v) about the world's origin, in axes that stand where the root stood.
+        double w[3], v[3];
+        rotate(s, change + NQ, 1, w);
+        rotate(s, change + NQ + 3, 1, v);
+        const double cross[3] = {state[1] * w[2] - state[2] * w[1], state[2] * w[0] - state[0] * w[2], state[0] * w[1] - state[1] * w[0]};
+        for (int k = 0; k < 3; k++) {
+            next[NQ + k] = base[NQ + k] + w[k];
+            next[NQ + 3 + k] = base[NQ + 3 + k] + cross[k] + v[k];
+        }
+    }
+    for (int k = 0; k < STATE; k++) if (!(next[k] - next[k] == 0)) return GONE;
+    wrap(next);
+    for (int k = 0; k < STATE; k++) state[k] = next[k];
+    return 0;
+}
+
+#ifdef __CUDACC_RTC__
+// Tokens of `n` environments; one that failed before says nothing more. Torques are held, or one set a frame.
+extern "C" __global__ void neural_tell(const double* states, const double* torques, const double* scenes, const int* scene_of, double* bases,
+                                       float* tokens, int* faults, const unsigned* done, int n, const int* held) {
+    const int env = blockIdx.x * blockDim.x + threadIdx.x;
+    if (env >= n || faults[env]) return;
+    const double* tau = torques + ((long long)(*held ? 0 : done[env]) * n + env) * NJ;
+    faults[env] = tell(states + (long long)env * STATE, tau, scenes + (long long)scene_of[env] * SCENE, bases + (long long)env * STATE,
+                       tokens + (long long)env * LDX);
+}
+
+extern "C" __global__ void neural_apply(double* states, const double* bases, const float* predictions, unsigned* taken, int* faults,
+                                        unsigned* done, int n) {
+    const int env = blockIdx.x * blockDim.x + threadIdx.x;
+    if (env >= n || faults[env]) return;
+    faults[env] = apply(states + (long long)env * STATE, bases + (long long)env * STATE, predictions + (long long)env * STATE);
+    if (faults[env]) return;
+    taken[env]++;
+    done[env]++;
+}
+#else
+#include <cstdio>
+// From standard input, n and scenes; states, torques, scenes, scene of each, predictions; to standard output, faults, tokens, bases, states.
+int main() {
+    int head[2];
+    if (std::fread(head, 4, 2, stdin) != 2) return 1;
+    const int n = head[0], scenes = head[1];
+    double *states = new double[n * STATE], *torques = new double[n * NJ + 1], *scene = new double[scenes * SCENE], *bases = new double[n * STATE];
+    float *predictions = new float[n * STATE], *tokens = new float[n * LDX];
+    int* of = new int[n];
+    size_t got = std::fread(states, 8, n * STATE, stdin) + std::fread(torques, 8, n * NJ, stdin) + std::fread(scene, 8, scenes * SCENE, stdin);
+    got += std::fread(of, 4, n, stdin) + std::fread(predictions, 4, n * STATE, stdin);
+    for (int env = 0; env < n; env++) {
+        int fault = tell(states + env * STATE, torques + env * NJ, scene + of[env] * SCENE, bases + env * STATE, tokens + env * LDX);
+        if (!fault) fault = apply(states + env * STATE, bases + env * STATE, predictions + env * STATE);
+        of[env] = fault;
+    }
+    std::fwrite(of, 4, n, stdout);
+    std::fwrite(tokens, 4, n * LDX, stdout);
+    std::fwrite(bases, 8, n * STATE, stdout);
+    std::fwrite(states, 8, n * STATE, stdout);
+    return got != (size_t)n * (2 * STATE + NJ + 1) + scenes * SCENE;
+}
+#endif

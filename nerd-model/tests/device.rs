@@ -1,0 +1,154 @@
+//! The kernels around the network against the solver's own way, without a device: their text is compiled as C++ and run on the CPU.
+
+mod common;
+#[path = "../../nerd-sim/tests/cpp/mod.rs"]
+mod cpp;
+
+use std::sync::Arc;
+
+use common::placed;
+use nerd_core::dynamics::Data;
+use nerd_core::state::wrap_state;
+use nerd_model::base::Base;
+use nerd_model::device::{padded, program, settings};
+use nerd_model::features::Features;
+use nerd_model::folder::Model;
+use nerd_model::form::View;
+use nerd_model::transformer::Positions;
+use nerd_model::turns::Turns;
+use nerd_sim::articulated::device::{Reach, Real, record};
+use nerd_sim::batch::contacts;
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+
+/// Environments that mostly touch something.
+fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
+    let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
+    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(5, env as u64))));
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(system));
+    let idle = vec![0.0; n * system.robot.joint_count()];
+    (0..25).for_each(|_| solver.step(&mut batch, &idle).expect("it can be stepped"));
+    let torques = (0..idle.len()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
+    (batch, torques)
+}
+
+/// Tokens, bases and next states.
+struct Told {
+    tokens: Vec<f32>,
+    bases: Vec<f64>,
+    states: Vec<f64>,
+}
+
+/// By the library.
+fn expected(model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32]) -> Told {
+    let (system, d) = (&batch.system, batch.system.robot.state_dim());
+    let (joints, width) = (system.robot.joint_count(), padded(model.config.network.inputs));
+    let mut features = Features::new(system, model.config.form());
+    let mut draft = model.config.base.draft(system).map(|made| made.expect("a draft"));
+    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    let mut told = Told { tokens: vec![0.0; batch.len() * width], bases: batch.states.clone(), states: batch.states.clone() };
+    for env in 0..batch.len() {
+        let (state, scene, tau) = (batch.state(env), &batch.scenes[env], &torques[env * joints..][..joints]);
+        contacts(system, scene, state, &mut data, &mut events);
+        let base = &mut told.bases[env * d..][..d];
+        if let Some(draft) = &mut draft {
+            draft.step(system, &scene.gravity, &events, tau, base).expect("drafted");
+        }
+        let token = &mut told.tokens[env * width..][..model.config.network.inputs];
+        features.token(state, base, &events, tau, &scene.gravity, token);
+        model.normalizer.inputs.normalize(token);
+        let outputs = &model.normalizer.outputs;
+        let raw = predictions[env * d..][..d].iter().zip(outputs.scale().zip(&outputs.mean));
+        let change: Vec<f64> = raw.map(|(x, (scale, mean))| f64::from(*x) * scale + mean).collect();
+        let next = &mut told.states[env * d..][..d];
+        features.apply(state, &base.to_vec(), &change, next);
+        wrap_state(&system.robot, next);
+    }
+    told
+}
+
+/// By the kernels.
+fn kernels(compiler: &str, name: &str, model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32], real: Real) -> Told {
+    let (system, n, reach) = (&batch.system, batch.len(), Reach::of(batch));
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = program(model, system, real, reach.colliders).expect("it has kernels");
+    let made = cpp::compile(compiler, &text, folder.path(), name);
+    let config = settings(model, system).expect("it has kernels").0;
+    let mut input: Vec<u8> = [n, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
+    let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, system, &config, reach).expect("a scene with kernels")).collect();
+    input.extend(batch.states.iter().chain(torques).chain(&scenes).flat_map(|x| x.to_le_bytes()));
+    input.extend((0..n as i32).flat_map(i32::to_le_bytes));
+    input.extend(predictions.iter().flat_map(|x| x.to_le_bytes()));
+    let output = cpp::talk(&made, input);
+    let (faults, rest) = output.split_at(4 * n);
+    assert!(faults.iter().all(|b| *b == 0), "{name}: {faults:?}");
+    let (tokens, rest) = rest.split_at(4 * n * padded(model.config.network.inputs));
+    let doubles = |bytes: &[u8]| -> Vec<f64> { bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect() };
+    let (bases, states) = rest.split_at(rest.len() / 2);
+    let tokens = tokens.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    Told { tokens, bases: doubles(bases), states: doubles(states) }
+}
+
+fn apart(a: impl IntoIterator<Item = f64>, b: impl IntoIterator<Item = f64>) -> f64 {
+    a.into_iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max)
+}
+
+#[test]
+fn kernels_tell_and_apply_as_the_solver_does() {
+    let Some(compiler) = cpp::compiler() else {
+        println!("skipped: no compiler of C++ on this machine");
+        return;
+    };
+    let table = [
+        ("cartpole", "free", Base::State),
+        ("cartpole", "free", Base::Draft(1)),
+        ("franka", "free", Base::Draft(1)),
+        ("pendulum", "ground1", Base::Draft(4)),
+        ("cube", "box", Base::Draft(4)),
+        ("cube", "ground", Base::State),
+        ("ant", "ground", Base::Draft(4)),
+        ("ant", "free", Base::Draft(2)),
+        ("anymal", "ground", Base::Draft(4)),
+    ];
+    for (robot, scene, base) in table {
+        let (system, n) = (System::named(robot).expect("built in"), 40);
+        let (batch, torques) = fallen(&system, scene, n);
+        let mut model = placed(&system, base, Positions::Rotary);
+        // Nothing of a token is where it would be without its normaliser, and turns are near those that are none.
+        model.normalizer.inputs.mean.iter_mut().enumerate().for_each(|(k, m)| *m = 0.1 * (k as f64).sin());
+        if system.robot.floating() {
+            model.normalizer.outputs.mean[6] = 1.0;
+        }
+        let d = system.robot.state_dim();
+        let predictions: Vec<f32> = (0..n * d).map(|k| (k as f32 * 0.37).sin()).collect();
+        let own = expected(&model, &batch, &torques, &predictions);
+        for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, [2e-3, 1e-3])] {
+            let name = format!("{robot}-{scene}-{real:?}");
+            let told = kernels(compiler, &name, &model, &batch, &torques, &predictions, real);
+            let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
+            let tokens = apart(wide(&told.tokens), wide(&own.tokens));
+            let (bases, states) = (apart(told.bases.clone(), own.bases.clone()), apart(told.states.clone(), own.states.clone()));
+            println!("{name} {base:?}: tokens {tokens:.1e}, bases {bases:.1e}, states {states:.1e} apart");
+            assert!(tokens < most[0] && bases < most[1] && states < most[1], "{name}: {tokens:e}, {bases:e}, {states:e}");
+        }
+    }
+}
+
+#[test]
+fn what_has_no_kernel_is_named() {
+    let system = System::named("ant").expect("built in");
+    let refused = |change: &dyn Fn(&mut Model)| {
+        let mut model = placed(&system, Base::Draft(1), Positions::Rotary);
+        change(&mut model);
+        program(&model, &system, Real::F32, 1).expect_err("it has no kernel")
+    };
+    let table: [(&str, &dyn Fn(&mut Model)); 3] = [
+        ("Flight", &|m| m.config.base = Base::Flight),
+        ("view is World", &|m| m.config.view = View::World),
+        ("from the root", &|m| m.config.turns = Turns::Root),
+    ];
+    for (word, change) in table {
+        let said = refused(change);
+        assert!(said.contains(word) && said.contains("CPU"), "{said}");
+    }
+}
