@@ -64,18 +64,29 @@ impl Device {
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
         present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
         let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
-        let (major, minor) = context.compute_capability().map_err(failed("compute capability"))?;
-        let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}")], ..Default::default() };
-        let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(failed("kernels do not compile"))?;
-        let module = context.load_module(ptx).map_err(failed("kernels do not load"))?;
-        let load = |&name: &&'static str| Ok((name, module.load_function(name).map_err(failed(name))?));
-        let kernels = kernels.iter().map(load).collect::<Result<_, DeviceError>>()?;
         let queue = || -> Result<Queue, DeviceError> {
             let stream = context.new_stream().map_err(failed("stream"))?;
             Ok(Queue { stream, blas: None })
         };
         let queues = [queue()?, queue()?];
-        Ok(Self { context, kernels, queues, precision: Precision::default() })
+        let mut device = Self { context, kernels: HashMap::new(), queues, precision: Precision::default() };
+        device.add(source, kernels)?;
+        Ok(device)
+    }
+
+    /// Compiles another text and adds its kernels, which have names of their own.
+    ///
+    /// # Errors
+    /// Kernels that do not compile or load.
+    pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
+        let (major, minor) = self.context.compute_capability().map_err(failed("compute capability"))?;
+        let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}")], ..Default::default() };
+        let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(failed("kernels do not compile"))?;
+        let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
+        for name in kernels {
+            self.kernels.insert(name, module.load_function(name).map_err(failed(name))?);
+        }
+        Ok(())
     }
 
     /// The same device, with cuBLAS.

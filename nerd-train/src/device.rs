@@ -5,11 +5,20 @@ use std::sync::Arc;
 
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
+#[cfg(feature = "cuda")]
+use nerd_model::pick::Setting;
 use nerd_model::transformer::{Stream, Weights};
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
+use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "cuda")]
+use crate::error::Error;
 use crate::error::Result;
+#[cfg(feature = "cuda")]
+use crate::learner::cuda::{self, Precision};
 
 /// Where networks are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,17 +53,51 @@ impl Device {
     ///
     /// # Errors
     /// Those of [`Model::load`] and [`Self::network`].
-    pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Neural> {
-        let model = Model::load(folder, system, truth)?;
-        let network = self.network(&model.weights, envs)?;
-        Ok(Neural::new(model, system, network))
+    pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
+        self.solver(Model::load(folder, system, truth)?, system, envs, |network| network)
     }
+
+    /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network,
+    /// around which `wrap` may put something.
+    ///
+    /// # Errors
+    /// Those of [`Self::network`].
+    pub fn solver(
+        self,
+        model: Model,
+        system: &Arc<System>,
+        envs: usize,
+        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
+    ) -> Result<Box<dyn Solver>> {
+        #[cfg(feature = "cuda")]
+        if self == Self::Cuda
+            && let Ok(whole) = cuda::neural(model.clone(), system, Real::F32, Precision::F32)
+        {
+            return Ok(Box::new(whole));
+        }
+        let network = self.network(&model.weights, envs)?;
+        Ok(Box::new(Neural::new(model, system, wrap(network))))
+    }
+}
+
+/// A solver at one setting whose batch stays on a GPU.
+///
+/// # Errors
+/// A solver that has no kernels; those of [`Model::load`].
+#[cfg(feature = "cuda")]
+pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
+    if let Setting::Neural(folder) = setting {
+        let whole = cuda::neural(Model::load(folder, system, None)?, system, real, precision);
+        return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
+    }
+    let config = setting.articulated(system).ok_or_else(|| Error::Refused(format!("{setting} has no kernels; step it on the CPU")))?;
+    Ok(Box::new(CudaArticulated::new(config, real)))
 }
 
 #[cfg(feature = "cuda")]
 fn on_cuda(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
     transformer_only(&weights.config)?;
-    Ok(crate::learner::cuda::stream(weights, crate::learner::cuda::Precision::F32, envs)?)
+    Ok(cuda::stream(weights, Precision::F32, envs)?)
 }
 
 #[cfg(not(feature = "cuda"))]

@@ -1,4 +1,4 @@
-//! `cargo xtask device`: the articulated solver on a GPU beside the CPU's (`nerd_train::experiments::device`, with the feature `cuda`).
+//! `cargo xtask device`: solvers on a GPU beside the CPU's (`nerd_train::experiments::device`, with the feature `cuda`).
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use crate::numbers::{SEEDS, STARTS, SUBSTEPS, count};
 
-/// Hold the articulated solver on a GPU against the CPU's: parity, errors, frames a second (needs a build with `--features cuda`).
+/// Speed against accuracy on a GPU, and parity with the CPU: the articulated solver, models, MuJoCo Warp (needs a build with `--features cuda`).
 #[derive(clap::Args, Clone, Debug)]
 #[cfg_attr(not(feature = "cuda"), allow(dead_code))]
 pub struct DeviceArgs {
@@ -28,8 +28,17 @@ pub struct DeviceArgs {
     #[arg(long, default_value_t = 8192, value_parser = count::<usize>(STARTS))]
     pub environments: usize,
     /// Substeps of the implicit step, comma-separated
-    #[arg(long, value_delimiter = ',', default_values_t = [1, 2, 4, 8, 16], value_parser = count::<usize>(SUBSTEPS))]
+    #[arg(long, value_delimiter = ',', default_values_t = [1, 2, 4, 8, 16, 32], value_parser = count::<usize>(SUBSTEPS))]
     pub substeps: Vec<usize>,
+    /// Substeps of the explicit step, of Runge-Kutta where nothing touches, comma-separated
+    #[arg(long, value_delimiter = ',', default_values_t = [16, 64, 256], value_parser = count::<usize>(SUBSTEPS))]
+    pub explicit: Vec<usize>,
+    /// Model folders [default: those that come with the project]
+    #[arg(long, value_delimiter = ',', value_name = "FOLDER")]
+    pub models: Vec<PathBuf>,
+    /// Python that has MuJoCo Warp, to ask that engine in
+    #[arg(long, value_name = "PYTHON")]
+    pub warp: Option<PathBuf>,
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
@@ -41,14 +50,23 @@ pub struct DeviceArgs {
 /// Runs the verb.
 #[cfg(feature = "cuda")]
 pub fn run(args: DeviceArgs) -> Result<()> {
-    let DeviceArgs { robots, states, rollouts, environments, substeps, seed, out } = args;
+    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, warp, seed, out } = args;
     let pair = |text: &String| {
         let (robot, scene) =
             text.split_once(':').ok_or_else(|| anyhow::anyhow!("--robots {text}: write ROBOT:SCENE, for example ant:ground"))?;
         Ok((robot.to_string(), scene.to_string()))
     };
     let robots = robots.iter().map(pair).collect::<Result<Vec<_>>>()?;
-    let experiment = nerd_train::experiments::device::OnDevice { robots, states, rollouts, environments, substeps, seed };
+    let experiment = nerd_train::experiments::device::OnDevice {
+        robots,
+        models,
+        states,
+        rollouts,
+        environments,
+        substeps: [substeps, explicit],
+        warp,
+        seed,
+    };
     crate::out::conduct(&experiment, &out.unwrap_or_else(nerd_train::shipped::results))
 }
 

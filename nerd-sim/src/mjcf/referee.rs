@@ -15,6 +15,7 @@ use super::{MjcfError, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 const REFEREE: &str = include_str!("referee.py");
+const WARP: &str = include_str!("warp.py");
 /// Every coordinate of a state that MuJoCo has given up: past what counts as diverged.
 pub const GONE: f64 = 2e5;
 
@@ -64,6 +65,7 @@ struct Setting {
     timed: bool,
     told: bool,
     plain: bool,
+    worlds: usize,
 }
 
 /// What it says.
@@ -91,6 +93,8 @@ pub struct Referee {
     pub version: String,
     /// Whether friction is what MuJoCo's defaults make it, pyramids that creep, in place of cones (that hold, where there are drives).
     pub plain: bool,
+    /// Environments of a timed run on a GPU; 0: the starts.
+    pub worlds: usize,
     pub(super) robot: Robot,
     child: Child,
     input: ChildStdin,
@@ -114,6 +118,19 @@ impl Referee {
     /// # Errors
     /// As [`Self::new`]; a batch whose drives differ.
     pub fn of(python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
+        Self::by(REFEREE, python, batch, frames)
+    }
+
+    /// MuJoCo Warp, the same engine in 32 bits on a GPU: every start is a world, and all of them run side by side. It makes no frames one by
+    /// one, and takes no robots that differ.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn warp(python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
+        Self::by(WARP, python, batch, frames)
+    }
+
+    fn by(script: &str, python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
         let (system, first) = (&batch.system, batch.driven(0));
         if (1..batch.len()).any(|env| batch.driven(env) != first) {
             return Err(MjcfError::Robot("drives differ between environments, which the referee of MuJoCo does not take".into()));
@@ -130,12 +147,12 @@ impl Referee {
         let request = Request { mjcf, frame_time: system.frame_time, frames, starts, numbers };
         let cannot = |source| MjcfError::Start { python: python.into(), source };
         let mut command = Command::new(python);
-        command.args(["-c", REFEREE]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().map_err(cannot)?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(cannot(std::io::Error::other("it has no pipes")));
         };
-        let mut referee = Self { version: String::new(), plain: false, robot, child, input, output: BufReader::new(output) };
+        let mut referee = Self { version: String::new(), plain: false, worlds: 0, robot, child, input, output: BufReader::new(output) };
         let Version { version } = referee.ask(&request)?;
         referee.version = version;
         Ok(referee)
@@ -146,7 +163,7 @@ impl Referee {
     /// # Errors
     /// What MuJoCo says, or that it has ended.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played, MjcfError> {
-        self.set(Setting { integrator, substeps, timed, told: true, plain: self.plain })
+        self.set(Setting { integrator, substeps, timed, told: true, plain: self.plain, worlds: self.worlds })
     }
 
     /// The seconds alone that it takes, for more states than one would read.
@@ -154,7 +171,7 @@ impl Referee {
     /// # Errors
     /// As [`Self::play`].
     pub fn time(&mut self, integrator: Scheme, substeps: usize) -> Result<f64, MjcfError> {
-        Ok(self.set(Setting { integrator, substeps, timed: true, told: false, plain: self.plain })?.seconds)
+        Ok(self.set(Setting { integrator, substeps, timed: true, told: false, plain: self.plain, worlds: self.worlds })?.seconds)
     }
 
     fn set(&mut self, setting: Setting) -> Result<Played, MjcfError> {

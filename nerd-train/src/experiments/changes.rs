@@ -3,8 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use nerd_model::folder::ModelConfig;
-use nerd_model::neural::Neural;
+use nerd_model::folder::{Model, ModelConfig};
 use nerd_sim::prelude::*;
 
 use crate::device::Device;
@@ -79,19 +78,21 @@ pub fn each<T>(runs: &[(&Change, RunConfig)], mut measure: impl FnMut(&Change, &
     Ok(all)
 }
 
-/// A run's model as a solver.
+/// A run's model, and as a solver.
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn model(run: &RunConfig, system: &Arc<System>, starts: usize) -> Result<Neural> {
-    run.device.neural(&run.out.join("model"), system, Some(&run.record.truth(system).name()), starts)
+pub fn model(run: &RunConfig, system: &Arc<System>, starts: usize) -> Result<(Model, Box<dyn Solver>)> {
+    let model = Model::load(&run.out.join("model"), system, Some(&run.record.truth(system).name()))?;
+    let solver = run.device.solver(model.clone(), system, starts, |network| network)?;
+    Ok((model, solver))
 }
 
 /// Its passive motion against the truth, from the starts of all evaluations.
 ///
 /// # Errors
 /// If one of them cannot step.
-pub fn moved(learned: &mut Neural, system: &Arc<System>, scene: &str, (starts, steps): (usize, usize)) -> Result<PassiveReport> {
+pub fn moved(learned: &mut dyn Solver, system: &Arc<System>, scene: &str, (starts, steps): (usize, usize)) -> Result<PassiveReport> {
     let protocol = PassiveConfig { starts, steps, seed: 500, action: Action::Zero };
     let mut truth = system.spec.truth.solver(system);
     Ok(passive(system, &system.scene(scene)?, &mut *truth, learned, protocol, &mut |_| ())?)

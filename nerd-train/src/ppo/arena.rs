@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
+use nerd_model::transformer::Stream;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
@@ -113,9 +113,9 @@ impl Arena {
             Self::Truth(truth) => (truth.solver(&system), 0),
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
-                let network = Timed(device.network(&model.weights, n)?, clock.network.clone());
                 let reach = model.config.network.reach();
-                (Box::new(Neural::new(model, &system, Box::new(network))), reach)
+                let timed = |network| -> Box<dyn Stream> { Box::new(Timed(network, clock.network.clone())) };
+                (device.solver(model, &system, n, timed)?, reach)
             }
             Self::Judge(setting) => (setting.solver(&system)?, 0),
             #[cfg(feature = "report")]

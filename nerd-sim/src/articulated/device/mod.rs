@@ -1,9 +1,17 @@
 //! The articulated solver on a device.
 
+#[cfg(feature = "cuda")]
+mod held;
 mod program;
+#[cfg(feature = "cuda")]
+mod roll;
 #[cfg(feature = "cuda")]
 mod solver;
 
+#[cfg(feature = "cuda")]
+pub use held::Held;
 pub use program::{Reach, Real, fault, functions, packed, program, record};
 #[cfg(feature = "cuda")]
-pub use solver::CudaArticulated;
+pub use roll::{BLOCK, Motion, OnDevice, Roll, failed};
+#[cfg(feature = "cuda")]
+pub use solver::{CudaArticulated, Whole};

@@ -152,7 +152,11 @@ fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
     real_table(text, "DAMPING", robot.joints().map(|j| j.damping).collect());
     real_table(text, "DRY", robot.joints().map(|j| j.friction).collect());
     real_table(text, "TOP", robot.joints().map(|j| j.velocity).collect());
-    real_table(text, "LIMIT", robot.joints().flat_map(|j| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping])).collect());
+    real_table(
+        text,
+        "LIMIT",
+        robot.joints().flat_map(|j| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping])).collect(),
+    );
     whole(text, "LIMITED", robot.joints().map(|j| i64::from(j.limit.is_some())).collect());
     whole(text, "WRAPS", robot.joints().map(|j| i64::from(j.wraps())).collect());
     real_table(text, "LEAST", bounds.least.clone());

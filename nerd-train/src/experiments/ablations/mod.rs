@@ -120,8 +120,8 @@ impl Ablations {
     fn measured(&self, run: &RunConfig, runners: &[Runner]) -> Result<Measured> {
         let system = System::named(&run.robot)?;
         let (loss, falling) = record(&run.out)?;
-        let mut learned = model(run, &system, self.starts)?;
-        let scales = learned.model().normalizer.inputs.scale().filter(|s| *s > 0.01);
+        let (model, mut learned) = model(run, &system, self.starts)?;
+        let scales = model.normalizer.inputs.scale().filter(|s| *s > 0.01);
         let scales = scales.fold([f64::MAX, 0.0], |[a, b], s| [a.min(s), f64::max(b, s)]);
         let report = moved(&mut learned, &system, scene(&system), (self.starts, frames(&run.robot)))?;
         let folder = run.out.join("model");

@@ -162,11 +162,11 @@ impl Sweep {
     /// Rolls a run's model out.
     fn measured(&self, name: &str, run: &RunConfig) -> Result<Measured> {
         let (system, scene) = (System::named(&self.robot)?, self.scene()?);
-        let mut learned = model(run, &system, self.starts)?;
+        let (model, mut learned) = model(run, &system, self.starts)?;
         // What ends in no number at all has no error to speak of.
         let mut rolled = |steps| moved(&mut learned, &system, &scene, (self.starts, steps)).ok();
         let (near, far) = (rolled(horizon(&self.robot)), rolled(AT[2]));
-        let config = &learned.model().config;
+        let config = &model.config;
         Ok(Measured {
             name: name.into(),
             seed: run.record.seed,

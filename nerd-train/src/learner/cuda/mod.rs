@@ -10,6 +10,7 @@ mod forward;
 mod layout;
 mod muon;
 mod network;
+mod neural;
 mod stream;
 mod trainer;
 
@@ -17,6 +18,7 @@ use nerd_model::transformer::{Positions, Stream, Weights, Windowed};
 
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
+pub use neural::{CudaNeural, Network as Learned, neural};
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 

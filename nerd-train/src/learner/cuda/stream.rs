@@ -7,8 +7,7 @@ use super::layout::Layout;
 use super::network::Network;
 use crate::learner::LearnError;
 use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::Buffer;
-use nerd_cuda::Graph;
+use nerd_cuda::{Buffer, Device, DeviceError, Graph};
 
 /// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
 pub struct CudaStream {
@@ -68,7 +67,7 @@ impl CudaStream {
     }
 
     /// What of a frame the device does: the tokens last loaded to `predictions`.
-    fn pass(&self) -> Result<(), LearnError> {
+    pub(super) fn pass(&self) -> Result<(), DeviceError> {
         let (net, w, rows) = (&self.network, self.weights.ptr, self.network.rows);
         let c = net.layout.config;
         let ring = rows * c.history * 2 * c.embedding;
@@ -77,7 +76,44 @@ impl CudaStream {
             net.device.launch("attention_stream", ((rows * c.heads).div_ceil(8), 1), (256, 1), 0, &args)
         })?;
         net.top(w, net.x.ptr, rows)?;
-        Ok(net.predict(w, rows, self.predictions.0.ptr)?)
+        net.predict(w, rows, self.predictions.0.ptr)
+    }
+
+    /// The device it is on.
+    pub(super) fn device(&self) -> &Device {
+        &self.network.device
+    }
+
+    /// The same, for more kernels.
+    pub(super) fn device_mut(&mut self) -> &mut Device {
+        &mut self.network.device
+    }
+
+    /// Where tokens `[env][padded]` stand before a pass, predictions after it, and how many tokens were taken, which whoever makes the pass
+    /// without [`Stream::push`] counts.
+    pub(super) fn tokens(&self) -> u64 {
+        self.network.inputs.ptr
+    }
+
+    /// See [`CudaStream::tokens`].
+    pub(super) fn predictions(&self) -> u64 {
+        self.predictions.0.ptr
+    }
+
+    /// See [`CudaStream::tokens`].
+    pub(super) fn taken(&self) -> u64 {
+        self.taken.0.ptr
+    }
+
+    /// Empties the memory of some environments whose tokens are counted on the device.
+    pub(super) fn forget(&mut self, envs: &[usize]) -> Result<(), DeviceError> {
+        if envs.is_empty() {
+            return Ok(());
+        }
+        let (there, here) = &mut self.taken;
+        self.network.device.read(there, here)?;
+        envs.iter().for_each(|env| here[*env] = 0);
+        self.network.device.write(there, here)
     }
 
     /// Evaluates the tokens last loaded, without copies. For timing.
@@ -89,7 +125,7 @@ impl CudaStream {
             // Once outside of a capture, so that libraries have loaded what they load at their first call.
             self.pass()?;
             self.network.device.wait()?;
-            self.graph = Some(self.network.device.capture(|| self.pass())?);
+            self.graph = Some(self.network.device.capture::<DeviceError>(|| self.pass())?);
         }
         self.graph.as_ref().map_or(Ok(()), |graph| Ok(graph.launch("forward pass")?))
     }

@@ -1,0 +1,160 @@
+//! Frames of a batch that stays on a device, whatever moves it there.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_cuda::{Device, DeviceError};
+
+use super::super::ArticulatedConfig;
+use super::held::Held;
+use super::program::{Reach, fault};
+use crate::batch::Batch;
+use crate::solver::{Fault, Solver, StepError, commit, sound};
+use crate::system::System;
+
+/// Environments of a block: a full warp, since an access of local memory costs as much for fewer; no more, so that a small batch spreads
+/// over the whole device. Measured on an H200 with 2 to 64.
+pub const BLOCK: usize = 32;
+
+/// An error of the device as one of a step.
+pub fn failed(error: DeviceError) -> StepError {
+    StepError::Solver(error.to_string())
+}
+
+/// What moves environments on a device.
+pub trait Motion: Send {
+    /// Refuses a batch that it has no kernel for.
+    ///
+    /// # Errors
+    /// What that is, and where it can be stepped.
+    fn check(&self, batch: &Batch) -> Result<(), StepError>;
+
+    /// The settings by which scenes are put in order.
+    fn config(&self) -> &ArticulatedConfig;
+
+    /// Makes kernels for a batch of this reach, and forgets all that was before.
+    ///
+    /// # Errors
+    /// If there is no device, or not enough memory.
+    fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError>;
+
+    /// The device with its kernels, once opened.
+    fn device(&self) -> Option<&Device>;
+
+    /// So many frames of the batch that `held` took over, the first of them `frames[env]` by the environments' own count. Torques are held
+    /// over all frames, or there is a set for each.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError>;
+
+    /// Forgets whatever is remembered of an environment.
+    fn reset(&mut self, _env: usize) {}
+}
+
+/// A [`Solver`] that makes many frames in a row, as [`OnDevice::roll`].
+pub trait Roll: Solver {
+    /// See [`OnDevice::roll`].
+    ///
+    /// # Errors
+    /// As that.
+    fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError>;
+}
+
+impl<M: Motion> Roll for OnDevice<M> {
+    fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
+        OnDevice::roll(self, batch, torques, frames)
+    }
+}
+
+/// A [`Solver`] whose batch is on a device.
+pub struct OnDevice<M> {
+    motion: M,
+    made: Option<Made>,
+    next: Vec<f64>,
+    faults: Vec<Fault>,
+}
+
+/// What kernels and memory were made for.
+struct Made {
+    system: Arc<System>,
+    reach: Reach,
+    held: Held,
+}
+
+impl<M: Motion> OnDevice<M> {
+    /// Nothing is opened before its first step.
+    pub fn by(motion: M) -> Self {
+        Self { motion, made: None, next: Vec::new(), faults: Vec::new() }
+    }
+
+    /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
+    ///
+    /// # Errors
+    /// As [`Solver::step`]. An environment that fails stands where it stood before the frame in which it did, which the error names.
+    pub fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
+        let (n, joints) = (batch.len(), batch.system.robot.joint_count());
+        let width = n * joints;
+        let hold = torques.len() == width;
+        if frames == 0 || (!hold && torques.len() != frames * width) {
+            return Err(StepError::Torques { found: torques.len(), environments: n, joints });
+        }
+        sound(batch, &torques[..width], &mut self.faults)?;
+        if let Some(at) = torques[width..].iter().position(|x| !x.is_finite()) {
+            let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
+            return Err(StepError::Solver(format!("a torque of environment {env} in frame {frame} of the roll is {x}")));
+        }
+        self.motion.check(batch)?;
+        if n == 0 {
+            return Ok(());
+        }
+        self.prepare(batch)?;
+        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
+        held.take(device, batch, self.motion.config(), *reach, torques)?;
+        self.motion.advance(held, &batch.frames, frames, hold).map_err(failed)?;
+        let Some(device) = self.motion.device() else { return Ok(()) };
+        let done = held.give(device, batch, &mut self.next).map_err(failed)?;
+        let d = batch.system.robot.state_dim();
+        for (env, (code, went)) in done.into_iter().enumerate() {
+            batch.frames[env] += u64::from(went.saturating_sub(u32::from(code == 0)));
+            if code != 0 && self.faults.iter().all(|f| f.env != env) {
+                // What it reached before the frame that failed is kept.
+                batch.states[env * d..(env + 1) * d].copy_from_slice(&self.next[env * d..(env + 1) * d]);
+                self.faults.push(Fault { env, frame: batch.frames[env], reason: fault(&batch.system.robot, code) });
+            }
+        }
+        let points = if batch.forces.is_empty() { 0 } else { batch.system.robot.contact_points.len() };
+        for fault in &self.faults {
+            batch.forces[fault.env * points..][..points].fill(Vector3::zeros());
+        }
+        commit(batch, &mut self.next, &mut self.faults)
+    }
+
+    /// Kernels and memory that fit the batch.
+    fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
+        let asked = Reach::of(batch);
+        let fits = |m: &Made| {
+            let enough = m.reach.colliders >= asked.colliders && m.reach.driven == asked.driven;
+            enough && m.held.n == batch.len() && Arc::ptr_eq(&m.system, &batch.system)
+        };
+        if self.made.as_ref().is_some_and(fits) {
+            return Ok(());
+        }
+        self.made = None;
+        self.motion.open(batch, asked)?;
+        let Some(device) = self.motion.device() else { return Ok(()) };
+        let held = Held::new(device, batch).map_err(failed)?;
+        self.made = Some(Made { system: batch.system.clone(), reach: asked, held });
+        Ok(())
+    }
+}
+
+impl<M: Motion> Solver for OnDevice<M> {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        self.roll(batch, torques, 1)
+    }
+
+    fn reset(&mut self, env: usize) {
+        self.motion.reset(env);
+    }
+}
