@@ -1,11 +1,11 @@
 //! One GPU: context, two streams, compiled kernels.
 
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
 use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaStream, sys};
-use cudarc::nvrtc::{self, CompileOptions};
+use cudarc::nvrtc::{self, CompileOptions, Ptx};
 
 use crate::error::{DeviceError, failed};
 use crate::graph::Graph;
@@ -81,7 +81,7 @@ impl Device {
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
         let (major, minor) = self.context.compute_capability().map_err(failed("compute capability"))?;
         let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}")], ..Default::default() };
-        let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(failed("kernels do not compile"))?;
+        let ptx = compiled(source, options)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
         for name in kernels {
             self.kernels.insert(name, module.load_function(name).map_err(failed(name))?);
@@ -216,6 +216,24 @@ impl Device {
     }
 }
 
+/// The machine code's text of a source. What this process has compiled before is not compiled again.
+fn compiled(source: &str, options: CompileOptions) -> Result<Ptx, DeviceError> {
+    static KNOWN: Mutex<Vec<(String, Ptx)>> = Mutex::new(Vec::new());
+    let known = || KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
+    if let Some((_, ptx)) = known().iter().find(|(text, _)| text == source) {
+        return Ok(ptx.clone());
+    }
+    let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
+    known().push((source.into(), ptx.clone()));
+    Ok(ptx)
+}
+
+/// Why a source does not compile: what it asserts of itself and is not so, or else all that the compiler says.
+fn refusal(said: &str) -> String {
+    let asserted = said.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
+    asserted.map_or_else(|| format!("kernels do not compile: {said}"), str::to_string)
+}
+
 /// Refuses to go on without a library.
 fn present(name: &str, found: bool) -> Result<(), DeviceError> {
     let missing = || DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"));
@@ -230,5 +248,17 @@ impl Arg {
             Self::Float(x) => x.to_bits().into(),
             Self::Double(x) => x.to_bits(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_source_asserts_of_itself_is_all_that_is_told() {
+        let said = r#"CompileError { nvrtc: NvrtcError(..), log: "default_program(7): error: static assertion failed with \"too large a robot\"\n" }"#;
+        assert_eq!(refusal(said), "too large a robot");
+        assert_eq!(refusal("syntax error"), "kernels do not compile: syntax error");
     }
 }

@@ -9,6 +9,7 @@ use nerd_train::experiments::learned::Learned;
 use nerd_train::experiments::stability::Stability;
 use nerd_train::experiments::{Experiment, conduct};
 
+use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;
 use crate::out::table;
 
@@ -24,6 +25,9 @@ pub struct StabilityArgs {
     /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER.*
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
+    /// The articulated solver on a GPU beside the CPU's, in place of all methods, written as stability-device.*
+    #[arg(long, value_parser = word::<Device>(DEVICES))]
+    pub device: Option<Device>,
     /// Folder for stability.json, .md, .svg and .png [default: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
@@ -33,6 +37,7 @@ pub struct StabilityArgs {
 pub fn run(args: StabilityArgs) -> Result<()> {
     if let Some(fault) = args.fault {
         unused(&[("--out", args.out.is_some())], "beside --fault, under which nothing is written")?;
+        unused(&[("--device", args.device.is_some())], "beside --fault, which breaks the CPU's methods")?;
         unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
         let broken = Stability::new(&args.rows, Some(fault))?;
         table(&broken.measure()?.table());
@@ -40,6 +45,10 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         return Ok(());
     }
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
+    if args.device == Some(Device::Cuda) {
+        unused(&[("--model", !args.model.is_empty())], "beside --device cuda")?;
+        return on_device(&args.rows, &out);
+    }
     if args.model.is_empty() {
         table(&conduct(&Stability::new(&args.rows, None)?, &out)?.data.table());
         return Ok(());
@@ -50,4 +59,15 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         table(&conduct(&model, &out)?.data.table());
     }
     Ok(())
+}
+
+#[cfg(feature = "cuda")]
+fn on_device(rows: &[String], out: &std::path::Path) -> Result<()> {
+    table(&conduct(&Stability::on_device(rows)?, out)?.data.table());
+    Ok(())
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on_device(_: &[String], _: &std::path::Path) -> Result<()> {
+    anyhow::bail!("--device cuda needs a build with `--features cuda`")
 }

@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use nerd_model::pick::Setting;
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::{CudaArticulated, Real};
 use nerd_sim::prelude::System;
+#[cfg(feature = "cuda")]
+use nerd_sim::prelude::{ArticulatedConfig, Friction};
 use nerd_sim::suite::{Cell, Fault, Line, Method, Suite, Verdict};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +47,7 @@ impl StabilityMap {
 
 /// The suite under all analytic methods, perhaps broken ones.
 pub struct Stability {
+    name: &'static str,
     suite: Suite,
     methods: Vec<Method>,
 }
@@ -53,7 +58,30 @@ impl Stability {
     /// # Errors
     /// If a word is in no name.
     pub fn new(words: &[String], fault: Option<Fault>) -> Result<Self> {
-        Ok(Self { suite: Suite::new().only(words)?.fault(fault), methods: Method::known() })
+        Ok(Self { name: "stability", suite: Suite::new().only(words)?.fault(fault), methods: Method::known() })
+    }
+
+    /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
+    ///
+    /// # Errors
+    /// As [`Stability::new`].
+    #[cfg(feature = "cuda")]
+    pub fn on_device(words: &[String]) -> Result<Self> {
+        let gpu = |name: &str, real: Real, config: fn(&System) -> ArticulatedConfig| {
+            Method::new(name, move |system| Box::new(CudaArticulated::new(config(system), real)))
+        };
+        let of = [
+            ("accurate", ArticulatedConfig::accurate as fn(&System) -> ArticulatedConfig),
+            ("implicit x16", |_| ArticulatedConfig::implicit(16, Friction::Coulomb)),
+            ("Euler x64", |_| ArticulatedConfig::explicit(64, Friction::Coulomb)),
+        ];
+        let mut methods = Vec::new();
+        for (name, config) in of {
+            methods.extend(Method::known().into_iter().filter(|method| method.name() == name));
+            methods.push(gpu(&format!("{name}, GPU, 32 bits"), Real::F32, config));
+            methods.push(gpu(&format!("{name}, GPU, 64 bits"), Real::F64, config));
+        }
+        Ok(Self { name: "stability-device", suite: Suite::new().only(words)?, methods })
     }
 
     /// Names of the rows that a fault must turn red.
@@ -66,7 +94,7 @@ impl Experiment for Stability {
     type Data = StabilityMap;
 
     fn name(&self) -> String {
-        "stability".into()
+        self.name.into()
     }
 
     fn seed(&self) -> u64 {

@@ -59,6 +59,8 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
     return implicit(w, scene, tau, drives, forces, SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS);
 }
 
+static_assert(sizeof(Work) + sizeof(Explicit) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; step it on the CPU");
+
 // Advances `state`; 0, or why not.
 BIG int frame(double* state, const double* tau, const double* scene, const double* drives, double* forces) {
     Work w;

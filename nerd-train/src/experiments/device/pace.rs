@@ -87,11 +87,13 @@ pub(super) fn guests(of: &str, python: &Path, batch: &Batch, rollouts: usize, en
     let mut warp = Referee::warp(python, &few(batch, rollouts), FRAMES)?;
     warp.worlds = environments;
     let looks = |frames: Vec<Vec<f64>>| -> Vec<Vec<f64>> { frames.into_iter().skip(LOOK - 1).step_by(LOOK).collect() };
-    let truth = looks(warp.play(Scheme::Euler, 4 * STEPS, false)?.frames);
     let mut paces = Vec::new();
-    for (scheme, series) in [(Scheme::Euler, "MuJoCo Warp Euler"), (Scheme::ImplicitFast, "MuJoCo Warp implicitfast")] {
+    // Where nothing is damped, implicitfast is Euler.
+    for (plain, series) in [(false, "MuJoCo Warp"), (true, "MuJoCo Warp, its default friction")] {
+        warp.plain = plain;
+        let truth = looks(warp.play(Scheme::Euler, 4 * STEPS, false)?.frames);
         for steps in std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= STEPS) {
-            let played = warp.play(scheme, steps, true)?;
+            let played = warp.play(Scheme::Euler, steps, true)?;
             let error = distance(system, &truth, &looks(played.frames));
             let frames = (environments * FRAMES) as f64 / played.seconds;
             let (of, series, label) = (of.into(), series.into(), format!("x{steps}"));
