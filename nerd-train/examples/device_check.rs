@@ -1,5 +1,5 @@
 //! Checks solvers whose batch stays on the GPU at hand: that they move as on the CPU, and that harm to one environment, a full memory or
-//! too large a robot ends in a line. The first check that fails ends the program with an error.
+//! too large a robot ends in a line; and PPO's updates there against the CPU's. The first check that fails ends the program with an error.
 //!
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example device_check
@@ -11,9 +11,12 @@ use std::sync::Arc;
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::sampling::{Start, normal, start, stream};
 use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
+use nerd_train::ppo::rollout::Rollout;
+use nerd_train::ppo::update::{Adam, OnCpu, Updated, Updater};
+use nerd_train::ppo::{Activation, CudaUpdater, Policy, PpoConfig, Shape, loss};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -26,7 +29,8 @@ fn main() -> Outcome {
         begun_anew(&solver)?;
         full(&solver)?;
     }
-    too_large()
+    too_large()?;
+    passes()
 }
 
 fn ant() -> Result<Arc<System>, Box<dyn Error>> {
@@ -117,7 +121,7 @@ fn full(solver: Make) -> Outcome {
     let mut batch = batch(2000)?;
     let said = solver()?.step(&mut batch, &torques(2000, 0)).err().map_or_else(|| "nothing was said".into(), |e| e.to_string());
     drop(taken);
-    demand(said.contains("allocating") || said.contains("memory") || said.contains("MEMORY"), format!("a full memory: {said}"))?;
+    demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| said.contains(word)), format!("a full memory: {said}"))?;
     solver()?.step(&mut batch, &torques(2000, 0))?;
     Ok(())
 }
@@ -138,4 +142,41 @@ fn too_large() -> Outcome {
     let mut solver = CudaArticulated::new(ArticulatedConfig::accurate(&system), Real::F32);
     let said = solver.step(&mut batch, &[0.0; 800]).err().map_or_else(|| "nothing was said".into(), |e| e.to_string());
     demand(said.contains("too large") && !said.contains('\n'), format!("400 joints: {said}"))
+}
+
+/// PPO's passes over a rollout are the CPU's to rounding, for every kind of policy.
+fn passes() -> Outcome {
+    for (activation, spread_by_state, value_clip) in
+        [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
+    {
+        let shape = Shape { observation: 36, stack: 1, action: 8, hidden: vec![128, 64, 32], activation, spread_by_state };
+        let config =
+            PpoConfig { environments: 128, horizon: 33, minibatch: 1000, epochs: 2, value_clip, entropy: 0.01, ..PpoConfig::default() };
+        let (n, mut rng) = (config.steps(), stream(8, 0));
+        let first = Policy::new(shape.clone(), &mut rng);
+        let mut noise = |n: usize| -> Vec<f64> { (0..n).map(|_| normal(&mut rng)).collect() };
+        let observations = noise(n * 36);
+        let said = first.answer(&observations);
+        let actions: Vec<f32> = said.mean.iter().zip(noise(n * 8)).map(|(mean, x)| mean + x as f32).collect();
+        let rows = actions.chunks(8).zip(said.mean.chunks(8)).zip(said.spread.chunks(8));
+        let surprise = rows.map(|((a, mean), spread)| loss::surprise(a, mean, spread)).collect();
+        let (values, advantages) = (first.values(&said), noise(n));
+        let (mean, spread) = (said.mean.clone(), said.spread.clone());
+        let rollout = Rollout { observations, actions, mean, spread, surprise, values, advantages, ..Rollout::default() };
+        let pass = |updater: &mut dyn Updater| -> Result<_, Box<dyn Error>> {
+            let (mut policy, mut adam) = (first.clone(), Adam::new(first.flat.len(), 1e-3));
+            let updated = updater.update(&mut policy, &mut adam, &rollout, &config, (5, 3))?;
+            Ok((policy, adam, updated))
+        };
+        let (cpu, gpu) = (pass(&mut OnCpu)?, pass(&mut CudaUpdater::new(&shape, &config)?)?);
+        let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+        let apart = norm(&cpu.0.flat, &gpu.0.flat) / norm(&cpu.0.flat, &first.flat);
+        let terms = |u: &Updated| [u.actor_loss, u.critic_loss, u.bounds_loss, u.entropy, u.kl, u.clipped, u.gradient_norm];
+        let of_terms = largest(&terms(&gpu.2), &terms(&cpu.2));
+        let same = cpu.1.rate == gpu.1.rate && cpu.1.step == gpu.1.step && cpu.0.seen == gpu.0.seen;
+        let what =
+            format!("PPO, {activation:?}: weights {apart:.1e} of their way from the CPU's, terms {of_terms:.1e}, rate {:.1e}", gpu.1.rate);
+        demand(apart < 1e-2 && of_terms < 1e-3 && same, what)?;
+    }
+    Ok(())
 }

@@ -44,7 +44,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         let data = Data::new(&policy, &rollout, &returns, values);
-        let batch: Vec<usize> = (0..n).step_by(2).collect();
+        let batch: Vec<u32> = (0..n).step_by(2).collect();
         let found = gradient(&policy, &data, &batch, &config).flat;
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
         for k in 0..params.len() {
@@ -63,7 +63,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
 }
 
 /// The loss as the header of `loss.rs` has it, without a thought for speed.
-fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[usize], c: &PpoConfig) -> f64 {
+fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u32], c: &PpoConfig) -> f64 {
     let (shape, sizes) = (&policy.shape, policy.shape.network().sizes);
     let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
     let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();

@@ -6,7 +6,7 @@
 //! learned in the order of rl_games.
 //!
 //! Networks are small and environments many, so all of it is plain f32 on the CPU, over faer's products: an update of 65 536
-//! steps costs tenths of a second on two cores. Whatever the number of threads, the same seed gives the same bytes.
+//! steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are the updates. Whatever the number of threads, the same seed gives the same bytes.
 //!
 //! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`]; [`Trainer`] repeats it and keeps all that a run needs
 //! to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
@@ -17,6 +17,8 @@ mod card;
 mod checkpoint;
 pub mod clock;
 mod config;
+#[cfg(feature = "cuda")]
+mod cuda;
 pub mod curve;
 mod environments;
 pub mod folder;
@@ -37,6 +39,8 @@ pub mod update;
 pub use activation::Activation;
 pub use arena::Arena;
 pub use config::{ConfigError, PpoConfig};
+#[cfg(feature = "cuda")]
+pub use cuda::CudaUpdater;
 pub use environments::Environments;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;

@@ -3,6 +3,7 @@
 //! With n numbers seen so far and m new ones of mean b and variance w, `d = b - mean`:
 //! `mean += d m / (n + m)`, `variance = (n variance + m w + d^2 n m / (n + m)) / (n + m)`.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Running moments of columns.
@@ -33,14 +34,23 @@ impl RunningMoments {
         if m == 0.0 {
             return;
         }
-        let sums = |f: &dyn Fn(usize, f64) -> f64| {
+        // Each thread some columns, each column in the order of the rows: the same bits on any number of threads.
+        let means = |of: &[f64], square: bool| {
             let mut sums = vec![0.0; columns];
-            rows.chunks_exact(columns).for_each(|row| sums.iter_mut().zip(row).enumerate().for_each(|(k, (s, x))| *s += f(k, *x)));
-            sums.iter_mut().for_each(|s| *s /= m);
+            let part = columns.div_ceil(rayon::current_num_threads()).max(4);
+            sums.par_chunks_mut(part).zip(of.par_chunks(part)).enumerate().for_each(|(k, (sums, of))| {
+                for row in rows.chunks_exact(columns) {
+                    for ((s, x), of) in sums.iter_mut().zip(&row[k * part..]).zip(of) {
+                        let x = x - of;
+                        *s += if square { x * x } else { x };
+                    }
+                }
+                sums.iter_mut().for_each(|s| *s /= m);
+            });
             sums
         };
-        let mean = sums(&|_, x| x);
-        let variance = sums(&|k, x| (x - mean[k]).powi(2));
+        let mean = means(&vec![0.0; columns], false);
+        let variance = means(&mean, true);
         let (n, total) = (self.count, self.count + m);
         for k in 0..columns {
             let d = mean[k] - self.mean[k];
@@ -69,6 +79,18 @@ impl RunningMoments {
             let all = row.iter().zip(&self.mean).zip(&inverse);
             out.extend(all.map(|((x, mean), inverse)| ((x - mean) * inverse).clamp(-WIDEST, WIDEST) as f32));
         }
+    }
+
+    /// The same for many rows, on all cores.
+    pub fn all_rows(&self, rows: &[f64]) -> Vec<f32> {
+        const ROWS: usize = 1024;
+        let columns = self.mean.len();
+        let parts = rows.par_chunks(ROWS * columns).map(|rows| {
+            let mut out = Vec::with_capacity(rows.len());
+            self.rows(rows, &mut out);
+            out
+        });
+        parts.collect::<Vec<_>>().concat()
     }
 
     fn scale(&self, column: usize) -> f64 {

@@ -5,11 +5,12 @@ use std::time::Instant;
 use nerd_sim::sampling::stream;
 use nerd_sim::solver::StepError;
 use rand::RngExt;
+use rayon::prelude::*;
 
 use super::environments::Environments;
 use super::gae::{Steps, advantages};
 use super::loss::surprise;
-use super::policy::Policy;
+use super::policy::{Answer, Policy};
 use super::stack::Stack;
 
 /// Steps `[step][env]` of one iteration.
@@ -105,13 +106,10 @@ pub fn rollout(
     };
     let mut answer = ask(&running.stack.rows);
     for t in 0..horizon {
-        let mut rng = stream(seed, first + t as u64);
-        let mut spare = None;
-        let drawn = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare));
-        let drawn: Vec<f32> = drawn.collect();
+        let drawn = drawn(&answer, (seed, first + t as u64));
         let width = drawn.len() / n.max(1);
-        let rows = drawn.chunks_exact(width).zip(answer.mean.chunks_exact(width)).zip(answer.spread.chunks_exact(width));
-        r.surprise.extend(rows.map(|((a, mu), s)| surprise(a, mu, s)));
+        let rows = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
+        r.surprise.par_extend(rows.map(|((a, mu), s)| surprise(a, mu, s)));
         r.observations.extend_from_slice(&running.stack.rows);
         r.mean.extend_from_slice(&answer.mean);
         r.spread.extend_from_slice(&answer.spread);
@@ -140,6 +138,22 @@ pub fn rollout(
     Ok(r)
 }
 
+/// Actions around their means. Noise is one stream; a part of it begins where those before it would end.
+fn drawn(answer: &Answer, (seed, step): (u64, u64)) -> Vec<f32> {
+    /// Numbers of a part: even, since they are drawn in twos, of four words each.
+    const PART: usize = 4096;
+    let mut out = vec![0.0; answer.mean.len()];
+    let said = answer.mean.par_chunks(PART).zip(answer.spread.par_chunks(PART));
+    out.par_chunks_mut(PART).zip(said).enumerate().for_each(|(part, (out, (mean, spread)))| {
+        let (mut rng, mut spare) = (stream(seed, step), None);
+        rng.set_word_pos(2 * (part * PART) as u128);
+        for ((a, mu), s) in out.iter_mut().zip(mean).zip(spread) {
+            *a = mu + s.exp() * normal(&mut rng, &mut spare);
+        }
+    });
+    out
+}
+
 /// A standard normal number (Box and Muller), two at a time.
 pub(super) fn normal(rng: &mut rand_chacha::ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
     if let Some(x) = spare.take() {
@@ -149,4 +163,20 @@ pub(super) fn normal(rng: &mut rand_chacha::ChaCha8Rng, spare: &mut Option<f32>)
     let (radius, (sin, cos)) = ((-2.0 * u.ln()).sqrt(), (std::f64::consts::TAU * v).sin_cos());
     *spare = Some((radius * sin) as f32);
     (radius * cos) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_drawn_in_parts_is_that_of_one_stream() {
+        let n = 10_001;
+        let answer = Answer { mean: vec![0.5; n], spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(), value: Vec::new() };
+        let (mut rng, mut spare) = (stream(3, 9), None);
+        let one: Vec<f32> = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
+        let parts = drawn(&answer, (3, 9));
+        let first = one.iter().zip(&parts).position(|(a, b)| a != b);
+        assert_eq!(first, None, "the first number that differs");
+    }
 }

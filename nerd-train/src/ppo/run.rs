@@ -88,6 +88,11 @@ impl PolicyRun {
         let task = if self.fast { Box::new(Fast::new(task, &system)) } else { task };
         let episodes = self.arena.host(task, self.config.environments, self.seed, &clock)?;
         let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
+        #[cfg(feature = "cuda")]
+        if matches!(self.arena, Arena::Model { device: crate::device::Device::Cuda, .. }) {
+            let updater = super::CudaUpdater::new(&trainer.state.policy.shape, &self.config);
+            trainer.updater = Box::new(updater.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
+        }
         let _claim = crate::run::claimed(out)?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));

@@ -11,7 +11,7 @@ use super::config::{ConfigError, PpoConfig};
 use super::environments::Environments;
 use super::policy::{Policy, Shape};
 use super::rollout::{Running, rollout};
-use super::update::{Adam, Updated, update};
+use super::update::{Adam, OnCpu, Updated, Updater};
 use crate::checkpoint::CheckpointError;
 
 /// Why a run cannot begin or go on.
@@ -27,6 +27,9 @@ pub enum PpoError {
     /// A file failed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// The device that updates are computed on failed.
+    #[error("device: {0}")]
+    Device(String),
     /// The policy stopped being numbers.
     #[error("iteration {0}: a weight of the policy is not finite")]
     NotFinite(u64),
@@ -96,6 +99,8 @@ pub struct Trainer<E> {
     pub seed: u64,
     /// Where it stands.
     pub state: State,
+    /// What makes its updates.
+    pub updater: Box<dyn Updater>,
 }
 
 impl<E: Environments> Trainer<E> {
@@ -120,7 +125,7 @@ impl<E: Environments> Trainer<E> {
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&environments, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        Ok(Self { environments, config, seed, state })
+        Ok(Self { environments, config, seed, state, updater: Box::new(OnCpu) })
     }
 
     /// One rollout and its update.
@@ -128,7 +133,7 @@ impl<E: Environments> Trainer<E> {
     /// # Errors
     /// If the solver fails or the policy stops being finite.
     pub fn iterate(&mut self) -> Result<Iteration, PpoError> {
-        let Self { environments, config, state, .. } = self;
+        let Self { environments, config, state, updater, .. } = self;
         let started = Instant::now();
         // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
         let (noise, orders) = (self.seed.wrapping_add(NOISE), self.seed.wrapping_add(ORDERS));
@@ -148,7 +153,7 @@ impl<E: Environments> Trainer<E> {
         if let Some(reward) = reward.filter(|r| state.recent.len() == most && state.best.as_ref().is_none_or(|b| *r > b.0)) {
             state.best = Some((reward, state.policy.clone()));
         }
-        let updated = update(&mut state.policy, &mut state.adam, &steps, config, (orders, state.iteration));
+        let updated = updater.update(&mut state.policy, &mut state.adam, &steps, config, (orders, state.iteration))?;
         state.iteration += 1;
         if state.policy.flat.iter().any(|w| !w.is_finite()) {
             return Err(PpoError::NotFinite(state.iteration));

@@ -14,6 +14,7 @@ use super::loss::{Past, Terms, divergence, step};
 use super::mlp::Tape;
 use super::policy::{Policy, ROWS};
 use super::rollout::Rollout;
+use super::trainer::PpoError;
 use crate::learner::adam::norm;
 
 /// Least and largest learning rate, and by how much it moves.
@@ -75,18 +76,51 @@ pub struct Updated {
     pub gradient_norm: f64,
 }
 
+impl Updated {
+    /// Of means over the minibatches.
+    pub(super) fn new(terms: &Terms, gradient_norm: f64) -> Self {
+        let Terms { actor, critic, bounds, entropy, kl, clipped } = *terms;
+        Self { actor_loss: actor, critic_loss: critic, bounds_loss: bounds, entropy, kl, clipped, gradient_norm }
+    }
+}
+
 /// Makes all passes over a rollout. The order of steps in pass e of iteration i is drawn from a ChaCha8 stream of its own.
-pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, (seed, iteration): (u64, u64)) -> Updated {
-    let n = rollout.values.len();
-    let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-    // As the network said them: in moments that have moved on, a value would be held to what was never said.
-    let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
-    policy.returns.update(&returns);
-    let mut data = Data::new(policy, rollout, &returns, values);
-    let (mut order, mut sums, mut norms, mut batches) = ((0..n).collect::<Vec<_>>(), Terms::default(), 0.0, 0.0);
-    for epoch in 0..config.epochs {
-        let mut rng = stream(seed, iteration * config.epochs as u64 + epoch as u64);
-        (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
+pub trait Updater: Send {
+    /// All passes over one rollout; `seeds` are that of orders and the iteration.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn update(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        rollout: &Rollout,
+        config: &PpoConfig,
+        seeds: (u64, u64),
+    ) -> Result<Updated, PpoError>;
+}
+
+/// On the CPU.
+pub struct OnCpu;
+
+impl Updater for OnCpu {
+    fn update(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        rollout: &Rollout,
+        config: &PpoConfig,
+        seeds: (u64, u64),
+    ) -> Result<Updated, PpoError> {
+        Ok(update(policy, adam, rollout, config, seeds))
+    }
+}
+
+/// What [`OnCpu`] does, which cannot fail.
+pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, seeds: (u64, u64)) -> Updated {
+    let mut data = begun(policy, rollout);
+    let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
+    for order in orders(data.len(), config, seeds) {
         for batch in order.chunks(config.minibatch) {
             let said = gradient(policy, &data, batch, config);
             data.compare_with(batch, &said);
@@ -101,10 +135,32 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
             }
         }
     }
+    ended(policy, rollout);
+    Updated::new(&sums.over(batches), norms / batches)
+}
+
+/// Takes the returns of a rollout into their moments; the rollout as the network sees it.
+pub(super) fn begun<'a>(policy: &mut Policy, rollout: &'a Rollout) -> Data<'a> {
+    let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
+    // As the network said them: in moments that have moved on, a value would be held to what was never said.
+    let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
+    policy.returns.update(&returns);
+    Data::new(policy, rollout, &returns, values)
+}
+
+/// Takes its observations into theirs.
+pub(super) fn ended(policy: &mut Policy, rollout: &Rollout) {
     policy.seen.update(&rollout.observations);
-    let Terms { actor, critic, bounds, entropy, kl, clipped } = sums.over(batches);
-    let gradient_norm = norms / batches;
-    Updated { actor_loss: actor, critic_loss: critic, bounds_loss: bounds, entropy, kl, clipped, gradient_norm }
+}
+
+/// The order of n steps in each pass.
+pub(super) fn orders(n: usize, config: &PpoConfig, (seed, iteration): (u64, u64)) -> impl Iterator<Item = Vec<u32>> {
+    let (mut order, epochs) = ((0..n as u32).collect::<Vec<_>>(), config.epochs as u64);
+    (0..epochs).map(move |epoch| {
+        let mut rng = stream(seed, iteration * epochs + epoch);
+        (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
+        order.clone()
+    })
 }
 
 /// A rollout as the network sees it.
@@ -126,16 +182,28 @@ impl<'a> Data<'a> {
         let variance = rollout.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / n;
         let advantages = rollout.advantages.iter().map(|a| ((a - mean) / (variance.sqrt() + 1e-8)) as f32).collect();
         let goals = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
-        let mut inputs = Vec::new();
-        policy.seen.rows(&rollout.observations, &mut inputs);
+        let inputs = policy.seen.all_rows(&rollout.observations);
         let (mean, spread) = (rollout.mean.clone(), rollout.spread.clone());
         Self { inputs, advantages, goals, values, mean, spread, rollout }
     }
 
+    /// Steps.
+    pub(super) fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// What an engine needs of it, by step: inputs, advantages, goals, values, surprise, actions, means and spreads.
+    #[cfg(feature = "cuda")]
+    pub(super) fn columns(&self) -> [&[f32]; 8] {
+        let Self { rollout, inputs, advantages, goals, values, mean, spread } = self;
+        [inputs, advantages, goals, values, &rollout.surprise, &rollout.actions, mean, spread]
+    }
+
     /// From now on these steps are compared with what the policy has just said of them.
-    fn compare_with(&mut self, batch: &[usize], said: &Gradient) {
+    fn compare_with(&mut self, batch: &[u32], said: &Gradient) {
         let a = self.mean.len() / self.values.len().max(1);
         for ((i, mean), spread) in batch.iter().zip(said.mean.chunks_exact(a)).zip(said.spread.chunks_exact(a)) {
+            let i = *i as usize;
             self.mean[i * a..(i + 1) * a].copy_from_slice(mean);
             self.spread[i * a..(i + 1) * a].copy_from_slice(spread);
         }
@@ -156,7 +224,7 @@ pub struct Gradient {
 }
 
 /// Forward and backward over some steps.
-pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfig) -> Gradient {
+pub fn gradient(policy: &Policy, data: &Data, batch: &[u32], config: &PpoConfig) -> Gradient {
     let (shape, network) = (&policy.shape, policy.shape.network());
     let (a, width, inner) = (shape.action, shape.observation * shape.stack, network.parameters());
     let outputs = network.sizes.last().copied().unwrap_or(1);
@@ -164,7 +232,7 @@ pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfi
     let parts = batch.par_chunks(ROWS).map_init(Tape::default, |tape, rows| {
         tape.layers.resize_with(1, Vec::new);
         tape.layers[0].clear();
-        rows.iter().for_each(|i| tape.layers[0].extend_from_slice(&data.inputs[i * width..(i + 1) * width]));
+        rows.iter().for_each(|i| tape.layers[0].extend_from_slice(&data.inputs[*i as usize * width..][..width]));
         network.forward(&policy.flat, tape);
         tape.gradient.clear();
         tape.gradient.resize(rows.len() * outputs, 0.0);
@@ -172,12 +240,13 @@ pub fn gradient(policy: &Policy, data: &Data, batch: &[usize], config: &PpoConfi
         let mut of_spread = vec![0.0; a];
         let answers = tape.layers[network.sizes.len() - 1].chunks_exact(outputs);
         for ((i, said), d) in rows.iter().zip(answers).zip(tape.gradient.chunks_exact_mut(outputs)) {
+            let i = *i as usize;
             let past = Past {
                 action: &data.rollout.actions[i * a..(i + 1) * a],
-                surprise: data.rollout.surprise[*i],
-                advantage: data.advantages[*i],
-                goal: data.goals[*i],
-                value: data.values[*i],
+                surprise: data.rollout.surprise[i],
+                advantage: data.advantages[i],
+                goal: data.goals[i],
+                value: data.values[i],
             };
             let s = if shape.spread_by_state { &said[a + 1..] } else { policy.spread() };
             let (d_mu, rest) = d.split_at_mut(a);

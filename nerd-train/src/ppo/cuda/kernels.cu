@@ -1,0 +1,142 @@
+// What of an update of PPO is no matrix product: activations, the loss of loss.rs with its gradient, Adam of update.rs. Sums have a fixed
+// order.
+
+typedef unsigned long long u64;
+
+struct Scalars {
+    double rate, sums[6], norms, batches;
+    u64 step;
+    float scale, used, root;
+};
+
+#define INDEX ((u64)blockIdx.x * blockDim.x + threadIdx.x)
+
+// Rows in the order of a pass.
+extern "C" __global__ void gather(const float* from, const unsigned* order, float* to, u64 n, int width) {
+    const u64 i = INDEX;
+    if (i < n) to[i] = from[(u64)order[i / width] * width + i % width];
+}
+
+// The bias, and an activation: 0 none, 1 tanh, 2 relu, 3 elu. What is no number stays none.
+extern "C" __global__ void activate(float* y, const float* bias, u64 n, int width, int kind) {
+    const u64 i = INDEX;
+    if (i >= n) return;
+    const float x = y[i] + bias[i % width];
+    y[i] = kind == 1 ? tanhf(x) : kind == 2 ? (x < 0.0f ? 0.0f : x) : kind == 3 ? (x < 0.0f ? expm1f(x) : x) : x;
+}
+
+// Gradients times the slope at values y.
+extern "C" __global__ void chain(float* d, const float* y, u64 n, int kind) {
+    const u64 i = INDEX;
+    if (i >= n) return;
+    const float v = y[i];
+    d[i] *= kind == 1 ? 1.0f - v * v : kind == 2 ? (v > 0.0f ? 1.0f : 0.0f) : kind == 3 ? fminf(v, 0.0f) + 1.0f : 1.0f;
+}
+
+__device__ double warp_sum(double x) {
+    for (int o = 16; o > 0; o /= 2) x += __shfl_xor_sync(0xffffffffu, x, o);
+    return x;
+}
+
+// The loss of a row: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
+// terms by block, and what the policy now says in place of what the next pass compares with.
+extern "C" __global__ void loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* surprise,
+                                const float* advantages, const float* goals, const float* values, float* means, float* spreads, float* d,
+                                float* d_spread, double* partial, int rows, int a, int outputs, float clip, float critic, float bounds,
+                                float entropy, float value_clip) {
+    const float half_ln_tau = 0.9189385f, bound = 1.1f, share = 1.0f / rows;
+    __shared__ double part[4][6];
+    const int row = (int)INDEX;
+    double terms[6] = {0, 0, 0, 0, 0, 0};
+    if (row < rows) {
+        const u64 i = order[row];
+        const float *mu = said + (u64)row * outputs, *s = parameter ? parameter : mu + a + 1;
+        const float *action = actions + i * a, v = mu[a];
+        float *d_mu = d + (u64)row * outputs, *d_s = parameter ? d_spread + (u64)row * a : d_mu + a + 1;
+        float now = 0, kl = 0;
+        for (int k = 0; k < a; k++) {
+            const float z = (action[k] - mu[k]) * expf(-s[k]);
+            now += 0.5f * z * z + s[k] + half_ln_tau;
+            const float ratio = 2.0f * (s[k] - spreads[i * a + k]), far = (mu[k] - means[i * a + k]) * expf(-spreads[i * a + k]);
+            kl += 0.5f * (expf(ratio) + far * far - 1.0f - ratio);
+        }
+        const float ratio = expf(surprise[i] - now), low = 1.0f - clip, high = 1.0f + clip, advantage = advantages[i];
+        const float free = -advantage * ratio, held = -advantage * fminf(fmaxf(ratio, low), high);
+        const float by_log = free >= held ? -advantage * ratio : 0.0f;
+        terms[0] = fmaxf(free, held);
+        terms[5] = !(low <= ratio && ratio <= high);
+        terms[4] = kl;
+        for (int k = 0; k < a; k++) {
+            const float e = expf(-s[k]), z = (action[k] - mu[k]) * e, beyond = fmaxf(mu[k] - bound, 0.0f) + fminf(mu[k] + bound, 0.0f);
+            terms[2] += (double)(beyond * beyond);
+            terms[3] += (double)(s[k] + half_ln_tau + 0.5f);
+            d_mu[k] = share * (by_log * z * e + 2.0f * bounds * beyond);
+            d_s[k] = share * (by_log * (z * z - 1.0f) - entropy);
+        }
+        const float most = value_clip > 0.0f ? value_clip : 3.4e38f, moved = v - values[i], goal = goals[i];
+        const float near = values[i] + fminf(fmaxf(moved, -most), most);
+        const float plain = (v - goal) * (v - goal), kept = (near - goal) * (near - goal);
+        terms[1] = fmaxf(plain, kept);
+        d_mu[a] = share * critic * (plain >= kept ? v - goal : fabsf(moved) < most ? near - goal : 0.0f);
+        for (int k = 0; k < a; k++) {
+            means[i * a + k] = mu[k];
+            spreads[i * a + k] = s[k];
+        }
+    }
+    for (int k = 0; k < 6; k++) {
+        const double sum = warp_sum(terms[k]);
+        if (threadIdx.x % 32 == 0) part[threadIdx.x / 32][k] = sum;
+    }
+    __syncthreads();
+    if (threadIdx.x < 6) {
+        double sum = 0;
+        for (int w = 0; w < blockDim.x / 32; w++) sum += part[w][threadIdx.x];
+        partial[(u64)blockIdx.x * 6 + threadIdx.x] = sum;
+    }
+}
+
+extern "C" __global__ void squares(const float* g, u64 n, double* partial) {
+    __shared__ double part[8];
+    double sum = 0;
+    for (u64 i = INDEX; i < n; i += (u64)gridDim.x * blockDim.x) sum += (double)g[i] * g[i];
+    sum = warp_sum(sum);
+    if (threadIdx.x % 32 == 0) part[threadIdx.x / 32] = sum;
+    __syncthreads();
+    if (threadIdx.x) return;
+    for (int w = 1; w < blockDim.x / 32; w++) sum += part[w];
+    partial[blockIdx.x] = sum;
+}
+
+// One block of 7 warps: the six terms and the gradient's norm; the factors of Adam, then the learning rate of the next minibatch.
+extern "C" __global__ void finish(const double* partial, int blocks, const double* squares, int count, int rows, float most, double kl,
+                                  Scalars* s) {
+    __shared__ double means[7];
+    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    double sum = 0;
+    if (warp < 6) for (int b = lane; b < blocks; b += 32) sum += partial[b * 6 + warp];
+    else for (int b = lane; b < count; b += 32) sum += squares[b];
+    sum = warp_sum(sum);
+    if (lane == 0) means[warp] = warp < 6 ? sum / rows : sqrt(sum);
+    __syncthreads();
+    if (threadIdx.x) return;
+    const float found = (float)means[6];
+    s->scale = fminf(most / (found + 1e-6f), 1.0f);
+    s->step += 1;
+    s->used = (float)(s->rate / (1.0 - pow(0.9, (double)s->step)));
+    s->root = (float)(1.0 / sqrt(1.0 - pow(0.999, (double)s->step)));
+    s->norms += found;
+    s->batches += 1;
+    for (int k = 0; k < 6; k++) s->sums[k] += means[k];
+    if (kl > 0 && means[4] > 2 * kl) s->rate = fmax(s->rate / 1.5, 1e-6);
+    else if (kl > 0 && means[4] < 0.5 * kl) s->rate = fmin(s->rate * 1.5, 1e-2);
+}
+
+extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, const Scalars* s, u64 n) {
+    const u64 i = INDEX;
+    if (i >= n) return;
+    const float d = g[i] * s->scale;
+    const float mean = 0.9f * m[i] + 0.1f * d, second = 0.999f * v[i] + 0.001f * d * d;
+    m[i] = mean;
+    v[i] = second;
+    w[i] -= s->used * mean / (sqrtf(second) * s->root + 1e-8f);
+}
