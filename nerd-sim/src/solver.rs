@@ -88,12 +88,21 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 /// # Errors
 /// [`StepError::Solver`] or [`StepError::Torques`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
-    undriven(batch)?;
-    if !batch.systems.is_empty() {
-        let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
-        return Err(StepError::Solver(text.into()));
-    }
+    plain(batch)?;
     sound(batch, torques, faults)
+}
+
+/// Refuses drives, to tell forces, and robots that differ.
+///
+/// # Errors
+/// [`StepError::Solver`].
+pub fn plain(batch: &Batch) -> Result<(), StepError> {
+    undriven(batch)?;
+    if batch.systems.is_empty() {
+        return Ok(());
+    }
+    let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
+    Err(StepError::Solver(text.into()))
 }
 
 /// Refuses drives, and to tell forces.

@@ -44,7 +44,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         let data = Data::new(&policy, &rollout, &returns, values);
-        let batch: Vec<u32> = (0..n).step_by(2).collect();
+        let batch: Vec<u32> = (0..n as u32).step_by(2).collect();
         let found = gradient(&policy, &data, &batch, &config).flat;
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
         for k in 0..params.len() {
@@ -69,7 +69,7 @@ fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u3
     let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();
     let normal = |x: f64| policy.returns.normalize(0, x);
     let mut total = 0.0;
-    for &i in batch {
+    for i in batch.iter().map(|i| *i as usize) {
         let mut x: Vec<f64> = (0..3).map(|k| policy.seen.normalize(k, r.observations[3 * i + k])).collect();
         let mut at = 0;
         for (l, w) in sizes.windows(2).enumerate() {
@@ -137,10 +137,10 @@ fn moments_in_pieces_are_the_moments_of_the_whole() {
 fn a_stack_holds_the_newest_and_the_differences_before_it() {
     let mut stack = Stack::new(3, 1, &[1.0, 10.0]);
     let mut reached = Vec::new();
-    stack.push(&[2.0, 20.0], |_| false, &[2.0, 20.0], &mut reached);
+    stack.push(&[2.0, 20.0], &[0, 1], |_| false, &[2.0, 20.0], &mut reached);
     assert_eq!(stack.rows, [2.0, 1.0, 0.0, 20.0, 10.0, 0.0]);
-    stack.push(&[3.0, 30.0], |env| env == 1, &[3.0, 70.0], &mut reached);
-    assert_eq!(reached, [3.0, 1.0, 1.0, 30.0, 10.0, 10.0], "the state reached, before the next episode");
+    stack.push(&[3.0, 30.0], &[1], |env| env == 1, &[3.0, 70.0], &mut reached);
+    assert_eq!(reached, [30.0, 10.0, 10.0], "the state reached by who was asked for, before the next episode");
     assert_eq!(stack.rows, [3.0, 1.0, 1.0, 70.0, 0.0, 0.0]);
 }
 

@@ -36,6 +36,9 @@ pub struct DeviceArgs {
     /// Model folders [default: those that come with the project]
     #[arg(long, value_delimiter = ',', value_name = "FOLDER")]
     pub models: Vec<PathBuf>,
+    /// Tasks whose training is timed, comma-separated
+    #[arg(long, value_delimiter = ',', default_value = "cartpole-swingup,franka-reach,ant-run,anymal-forward")]
+    pub tasks: Vec<String>,
     /// Python that has MuJoCo Warp, to ask that engine in
     #[arg(long, value_name = "PYTHON")]
     pub warp: Option<PathBuf>,
@@ -50,7 +53,7 @@ pub struct DeviceArgs {
 /// Runs the verb.
 #[cfg(feature = "cuda")]
 pub fn run(args: DeviceArgs) -> Result<()> {
-    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, warp, seed, out } = args;
+    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, tasks, warp, seed, out } = args;
     let pair = |text: &String| {
         let (robot, scene) =
             text.split_once(':').ok_or_else(|| anyhow::anyhow!("--robots {text}: write ROBOT:SCENE, for example ant:ground"))?;
@@ -64,6 +67,7 @@ pub fn run(args: DeviceArgs) -> Result<()> {
         rollouts,
         environments,
         substeps: [substeps, explicit],
+        tasks,
         warp,
         seed,
     };

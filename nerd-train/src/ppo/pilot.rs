@@ -122,7 +122,7 @@ impl Act for Acting {
         if asked {
             task.observe(view, &mut self.work, observation);
             match stack {
-                Some(stack) => stack.push(observation, |_| false, observation, &mut Vec::new()),
+                Some(stack) => stack.push(observation, &[], |_| false, observation, &mut Vec::new()),
                 None => *stack = Some(Stack::new(policy.shape.stack, observation.len(), observation)),
             }
             let answer = policy.answer(stack.as_ref().map_or(&[], |s| &s.rows));

@@ -57,7 +57,7 @@ impl Running {
         Self { stack, rewards: vec![0.0; n], lengths: vec![0.0; n] }
     }
 
-    /// One step. `out` gets the stacked observations reached.
+    /// One step. `out` gets the stacked observations that were reached where time ran out.
     pub fn step(&mut self, environments: &mut impl Environments, actions: &[f64], out: &mut Vec<f64>) -> Result<Stepped, StepError> {
         let result = environments.step(actions)?;
         let mut ended = Vec::new();
@@ -70,7 +70,8 @@ impl Running {
             }
         }
         let over = |env: usize| result.terminated[env] || result.truncated[env];
-        self.stack.push(&result.reached, over, environments.observations(), out);
+        let cut: Vec<usize> = (0..self.rewards.len()).filter(|env| result.truncated[*env]).collect();
+        self.stack.push(&result.reached, &cut, over, environments.observations(), out);
         Ok(Stepped { result, ended })
     }
 }
@@ -105,6 +106,7 @@ pub fn rollout(
         answer
     };
     let mut answer = ask(&running.stack.rows);
+    r.observations.reserve(horizon * running.stack.rows.len());
     for t in 0..horizon {
         let drawn = drawn(&answer, (seed, first + t as u64));
         let width = drawn.len() / n.max(1);
@@ -122,11 +124,8 @@ pub fn rollout(
         answer = ask(&running.stack.rows);
         let mut values = policy.values(&answer);
         // Where time ran out, the state reached is not the one that the next answer is about.
-        let cut: Vec<usize> = (0..n).filter(|env| stepped.result.truncated[*env]).collect();
-        let all = running.stack.rows.len() / n.max(1);
-        let rows: Vec<f64> = cut.iter().flat_map(|env| &reached[env * all..(env + 1) * all]).copied().collect();
-        let there = policy.values(&ask(&rows));
-        cut.iter().zip(there).for_each(|(env, value)| values[*env] = value);
+        let there = policy.values(&ask(&reached));
+        (0..n).filter(|env| stepped.result.truncated[*env]).zip(there).for_each(|(env, value)| values[env] = value);
         next.extend(values);
         rewards.extend(stepped.result.rewards);
         terminated.extend(stepped.result.terminated);

@@ -21,8 +21,9 @@ impl Stack {
         stack
     }
 
-    /// Takes in a step: the rows as they were `reached` go to `out`, then those of episodes that `ended` begin anew with `fresh`.
-    pub fn push(&mut self, reached: &[f64], ended: impl Fn(usize) -> bool, fresh: &[f64], out: &mut Vec<f64>) {
+    /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then those of episodes that `ended` begin anew with
+    /// `fresh`.
+    pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool, fresh: &[f64], out: &mut Vec<f64>) {
         let (width, all) = (self.width, self.width * self.depth);
         let seen = reached.chunks_exact(width);
         for (row, now) in self.rows.chunks_exact_mut(all).zip(seen) {
@@ -33,7 +34,8 @@ impl Stack {
             }
             row[..width].copy_from_slice(now);
         }
-        out.clone_from(&self.rows);
+        out.clear();
+        some.iter().for_each(|env| out.extend_from_slice(&self.rows[env * all..][..all]));
         self.begin(ended, fresh);
     }
 

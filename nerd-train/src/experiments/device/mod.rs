@@ -2,6 +2,7 @@
 //! it; and how far they are from the same solvers on the CPU.
 
 mod figure;
+mod learning;
 mod pace;
 mod parity;
 
@@ -15,6 +16,7 @@ use nerd_sim::sampling::{Start, start, stream};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+pub use learning::Learning;
 pub use pace::Pace;
 pub use parity::Parity;
 
@@ -44,6 +46,8 @@ pub struct OnDevice {
     pub environments: usize,
     /// Substeps of the implicit step that are timed, and of the explicit one.
     pub substeps: [Vec<usize>; 2],
+    /// Tasks whose training is timed, in the models of their robots.
+    pub tasks: Vec<String>,
     /// Python that has MuJoCo Warp, to ask that engine in.
     pub warp: Option<PathBuf>,
     /// Seed of the starts.
@@ -57,6 +61,8 @@ pub struct Data {
     pub parities: Vec<Parity>,
     /// One a robot and setting.
     pub paces: Vec<Pace>,
+    /// One a task.
+    pub learning: Vec<Learning>,
     /// MuJoCo Warp's version, if it was asked in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warp: Option<String>,
@@ -134,7 +140,7 @@ impl Experiment for OnDevice {
     }
 
     fn measure(&self) -> Result<Data> {
-        let mut data = Data { parities: Vec::new(), paces: Vec::new(), warp: None };
+        let mut data = Data { parities: Vec::new(), paces: Vec::new(), learning: Vec::new(), warp: None };
         let bar = bar("robots", self.robots.len() as u64);
         for (k, (robot, scene)) in self.robots.iter().enumerate() {
             let (system, of) = (System::named(robot)?, format!("{robot}, {scene}"));
@@ -150,6 +156,9 @@ impl Experiment for OnDevice {
                 data.paces.extend(guests);
             }
             bar.set(k as u64 + 1);
+        }
+        for task in &self.tasks {
+            data.learning.push(learning::measure(task, self.environments, self.seed)?);
         }
         bar.finish();
         pace::mark(&mut data.paces);
@@ -186,7 +195,12 @@ impl Experiment for OnDevice {
         );
         let header =
             ["robot, scene", "solver", "error, CPU (rad, m)", "error, device", "frames/s, CPU", "frames/s, device", "us a frame", "front"];
-        Ok(vec![parities, Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note)])
+        let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
+        let note = "PPO in the shipped model of the task's robot, updates included: whole frames and updates on the device, tasks and policies on \
+                    all cores of the CPU. The paper's settings but for the number of environments.";
+        let header = ["task", "environments", "steps an iteration", "steps/s", "solver (%)", "task (%)", "policy (%)", "update (%)"];
+        let learning = Table::new("learning", &header).with(data.learning.iter().map(Learning::cells)).noted(note);
+        Ok(vec![parities, paces, learning])
     }
 
     fn pictures(&self, data: &Data, stem: &Path) -> Result<()> {

@@ -9,7 +9,7 @@ use nerd_model::folder::Model;
 use nerd_sim::articulated::ArticulatedConfig;
 use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, Real, failed};
 use nerd_sim::batch::Batch;
-use nerd_sim::solver::{StepError, check};
+use nerd_sim::solver::{StepError, plain};
 use nerd_sim::system::System;
 
 use super::Precision;
@@ -52,8 +52,7 @@ pub fn neural(model: Model, system: &Arc<System>, real: Real, precision: Precisi
 
 impl Motion for Network {
     fn check(&self, batch: &Batch) -> Result<(), StepError> {
-        let idle = vec![0.0; batch.len() * batch.system.robot.joint_count()];
-        check(batch, &idle, &mut Vec::new())
+        plain(batch)
     }
 
     fn config(&self) -> &ArticulatedConfig {
