@@ -5,7 +5,9 @@ use nerd_train::experiments::Experiment;
 use nerd_train::experiments::motions::{Motions, Moved, Row};
 
 fn asked(robot: &str) -> Motions {
-    Motions { robot: robot.into(), starts: 2, frames: 12, substeps: 2, ..Motions::default() }
+    let mut asked = Motions::default();
+    (asked.robot, asked.starts, asked.frames, asked.substeps) = (robot.into(), 2, 12, 2);
+    asked
 }
 
 #[test]

@@ -31,3 +31,13 @@ fn data_of_a_frame_each_are_recorded_and_ask_for_the_cables_file() {
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     refused(&["inspect", out], "PATH/lead.toml");
 }
+
+#[test]
+fn a_model_of_another_form_is_refused_in_words() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let run = ["train", "--robot", "pendulum", "--recipe", "quick", "--from", "models/pendulum", "--transitions", "2000", "--out"];
+    let args: Vec<&str> = run.into_iter().chain([out.to_str().expect("utf-8")]).collect();
+    refused(&args, "base is draft 4, here state");
+    assert!(!String::from_utf8_lossy(&xtask(&args).stderr).contains("Config {"), "as Rust prints it");
+}
