@@ -225,9 +225,6 @@ impl System {
     /// From a robot, and a specification that nobody has looked at yet.
     pub(crate) fn new(name: &str, mut robot: Robot, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
-        if name.is_empty() || name.contains(['/', '\\']) || name.contains(char::is_control) {
-            return Err(wrong("files are called by a robot's name; one without slashes is needed".into()));
-        }
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
         // From here on in the order of the coordinates.
