@@ -39,8 +39,8 @@ const CREEP: f64 = 1e-3;
 const SPREAD: f64 = 0.06;
 /// Seconds in which a gripper goes from one random place to the next.
 const PACE: Range = Range { low: 0.3, high: 1.5 };
-/// Seconds in which a bent piece comes to rest where no damping is said: jackets of leads, hoses and ropes lose a bend at once. Undamped,
-/// a chain of springs shakes ever faster, in whatever its links can do and no cable does.
+/// Seconds in which a bent piece comes to rest where no damping is said: leads, hoses and ropes lose a bend in a moment. A chain of springs
+/// that loses nothing shakes ever faster.
 const REST: f64 = 0.01;
 /// Keys of a robot's TOML that mean nothing of a cable, and what stands in their place.
 const FOREIGN: [(&str, &str); 4] = [

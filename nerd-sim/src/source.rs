@@ -1,7 +1,5 @@
 //! Who says what a system is, and so where it is mended.
 
-use crate::system::System;
-
 /// Where a system comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -13,22 +11,22 @@ pub enum Source {
     Cable,
 }
 
-impl System {
-    /// Where its starts come from, and what lifts them out of the ground.
-    pub(crate) fn starts_from(&self, which: &str) -> [String; 2] {
+impl Source {
+    /// Where starts come from, of a system with a `[root]` or without, and what lifts them out of the ground.
+    pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
         let raise = "raise it along the up axis, or ask for less clearance";
-        match (self.source, &self.spec.root) {
-            (Source::Cable, _) => [format!("[cable] at and along, and of its joints' {which} boxes,"), "change at or along".into()],
-            (_, Some(_)) => [format!("[root.{which}]"), raise.into()],
-            (_, None) => [format!("the joints' {which} boxes"), raise.into()],
+        match (self, rooted) {
+            (Self::Cable, _) => [format!("[cable] at and along, and of its joints' {which} boxes,"), "change at or along".into()],
+            (_, true) => [format!("[root.{which}]"), raise.into()],
+            (_, false) => [format!("the joints' {which} boxes"), raise.into()],
         }
     }
 
-    /// Why it could not be stepped, with what to change where that is known.
-    pub(crate) fn lost(&self, reason: String) -> String {
-        match self.source {
-            Source::Cable => format!("{reason} (raise [cable] damping or links, or substeps)"),
-            Source::Derived | Source::Told => reason,
+    /// Why a frame could not be stepped, with what to change where that is known.
+    pub(crate) fn lost(self, reason: String) -> String {
+        match self {
+            Self::Cable => format!("{reason} (raise [cable] damping or links, or substeps)"),
+            Self::Derived | Self::Told => reason,
         }
     }
 }
