@@ -19,12 +19,14 @@ use nerd_core::spatial::BodyInertia;
 use serde::{Deserialize, Serialize};
 
 use crate::bodies::GRAVITY;
+use crate::columns::name_columns;
 use crate::derive::{between, listed, plain, rounded};
 use crate::range::Range;
 use crate::scene::Material;
+use crate::source::Source;
 use crate::spec::{RootSpec, RootStart, Spec, StartSpec};
 use crate::system::{System, SystemError};
-use crate::validate::within;
+use crate::validate::{check, within};
 
 /// Most rods: their mass matrix, where one is asked for, takes a gigabyte.
 const MOST: f64 = 3000.0;
@@ -37,6 +39,16 @@ const CREEP: f64 = 1e-3;
 const SPREAD: f64 = 0.06;
 /// Seconds in which a gripper goes from one random place to the next.
 const PACE: Range = Range { low: 0.3, high: 1.5 };
+/// Seconds in which a bent piece comes to rest where no damping is said: leads, hoses and ropes lose a bend in a moment. A chain of springs
+/// that loses nothing shakes ever faster.
+const REST: f64 = 0.01;
+/// Keys of a robot's TOML that mean nothing of a cable, and what stands in their place.
+const FOREIGN: [(&str, &str); 4] = [
+    ("floating", "a cable's root is decided by [cable] held"),
+    ("urdf", "a cable has none, [cable] says all of it"),
+    ("mesh_points", "a cable has no meshes"),
+    ("like", "a cable is like no other robot"),
+];
 /// How fast a gripper follows (rad/s): 4 Hz.
 const PULSE: f64 = 8.0 * std::f64::consts::PI;
 
@@ -68,9 +80,9 @@ pub struct CableSpec {
     pub bending: f64,
     /// Twisting stiffness G J (N m^2); without it, it does not twist.
     pub twisting: Option<f64>,
-    /// Damping of bending: moment for a unit of the rate of curvature (N m^2 s); that of twisting is in the same ratio to its stiffness.
-    #[serde(default)]
-    pub damping: f64,
+    /// Damping of bending: moment for a unit of the rate of curvature (N m^2 s); that of twisting is in the same ratio to its stiffness
+    /// [default: 0.01 s times the stiffness].
+    pub damping: Option<f64>,
     /// Rods that stand for it.
     #[serde(default = "forty")]
     pub links: usize,
@@ -97,9 +109,17 @@ impl System {
         };
         let cable: CableSpec = cable.try_into().map_err(|e| wrong(format!("[cable]: {e}")))?;
         cable.check().map_err(wrong)?;
-        let robot = cable.robot(name);
-        let spec = cable.spec(&robot).over(own).map_err(wrong)?;
-        Self::new(name, robot, spec, true)
+        if let Some((key, why)) = FOREIGN.into_iter().find(|(key, _)| own.contains_key(*key)) {
+            return Err(wrong(format!("{key}: {why}; leave the line out")));
+        }
+        let mut robot = cable.robot(name);
+        if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+            robot.contact_points.clear();
+        }
+        let spec = cable.spec(&robot);
+        bounded(&robot, &spec).map_err(wrong)?;
+        let spec = spec.over(own).map_err(wrong)?;
+        Self::new(name, robot, spec, Source::Cable)
     }
 }
 
@@ -109,6 +129,14 @@ fn forty() -> usize {
 
 fn ahead() -> [f64; 3] {
     [1.0, 0.0, 0.0]
+}
+
+/// Refuses numbers of a cable of which each is in its range, and what they make together is not.
+fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {
+    let mut spec = spec.clone();
+    name_columns(robot, &mut spec);
+    let together = "[cable] length, diameter, mass, bending, twisting and links make together what is beyond any cable";
+    check(&spec, robot).map_err(|e| format!("{together}: {e}"))
 }
 
 impl CableSpec {
@@ -123,7 +151,7 @@ impl CableSpec {
         within("mass", self.mass, 1e-9, 1e6, "kg")?;
         within("bending", self.bending, 0.0, 1e9, "N m^2")?;
         within("twisting", self.twisting.unwrap_or(0.0), 0.0, 1e9, "N m^2")?;
-        within("damping", self.damping, 0.0, 1e9, "N m^2 s")?;
+        within("damping", self.damping.unwrap_or(0.0), 0.0, 1e9, "N m^2 s")?;
         within("links", self.links as f64, 1.0, MOST, "")?;
         self.at().iter().try_for_each(|x| within("at", *x, -1e6, 1e6, "m"))?;
         within("along's size", Vector3::from(self.along).norm(), 1e-6, 1e6, "")
@@ -171,7 +199,11 @@ impl CableSpec {
                 for (i, (word, axis, stiffness)) in hinges.into_iter().enumerate() {
                     let mut joint = Joint::new(format!("{word}{}", k + 1), JointKind::Continuous, origin, axis);
                     joint.stiffness = if clamped { 2.0 } else { 1.0 } * stiffness / step;
-                    joint.damping = if self.bending > 0.0 { joint.stiffness * self.damping / self.bending } else { self.damping / step };
+                    joint.damping = match self.damping {
+                        None => joint.stiffness * REST,
+                        Some(damping) if self.bending > 0.0 => joint.stiffness * damping / self.bending,
+                        Some(damping) => damping / step,
+                    };
                     let (name, inertia) =
                         if i == last { (name.clone(), rod) } else { (format!("{word}{}", k + 1), BodyInertia::default()) };
                     robot.links.push(Link { name, parent, joint: Some(joint), inertia, shapes: Vec::new() });
@@ -218,6 +250,8 @@ impl CableSpec {
             let reach = match joint.name.as_str() {
                 "x" | "y" | "z" => Some(0.3 * self.length),
                 "yaw" | "pitch" | "roll" => Some(0.5),
+                // What is twisted at random rings: no hand holds it so.
+                name if name.starts_with("twist") => Some(0.0),
                 _ => None,
             };
             (said.armature, said.stiffness) = (joint.armature, joint.stiffness);
@@ -237,8 +271,14 @@ impl CableSpec {
             friction_damping: rounded(0.2 * weight / CREEP),
             friction: 0.5,
         };
-        let start =
-            RootStart { position: self.at().map(|x| between(x, x)), tilt: still, angular: [still; 3], linear: [still; 3], clearance: None };
+        let touches = !robot.contact_points.is_empty();
+        let start = RootStart {
+            position: self.at().map(|x| Range { low: x, high: x }),
+            tilt: still,
+            angular: [still; 3],
+            linear: [still; 3],
+            clearance: touches.then_some(0.5 * self.diameter),
+        };
         spec.root = (self.held == Held::Free).then(|| RootSpec {
             position: self.at(),
             quaternion: self.turn().coords.into(),
@@ -246,6 +286,6 @@ impl CableSpec {
             reset: None,
         });
         let smooth = (self.held == Held::Gripper).then_some(PACE);
-        Spec { substeps: 8, data_scene: Some("plane".into()), smooth, contacts: listed(robot), ..spec }
+        Spec { substeps: 8, data_scene: touches.then(|| "plane".into()), smooth, contacts: listed(robot), ..spec }
     }
 }

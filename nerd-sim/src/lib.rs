@@ -21,6 +21,7 @@ pub mod log;
 mod material;
 #[cfg(feature = "measured")]
 pub mod measured;
+mod merge;
 #[cfg(feature = "meshes")]
 pub mod meshes;
 #[cfg(feature = "mjcf")]
@@ -34,6 +35,7 @@ pub mod rollout;
 pub mod sampling;
 pub mod scene;
 pub mod solver;
+pub mod source;
 pub mod spec;
 mod spread;
 mod srdf;

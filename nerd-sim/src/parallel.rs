@@ -114,7 +114,7 @@ impl<F: Frame> Parallel<F> {
                     Err(reason) => {
                         told.fill(Vector3::zeros());
                         let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
-                        faults.push(Fault { env, frame: now.frames[env], reason });
+                        faults.push(Fault { env, frame: now.frames[env], reason: now.of(env).source.lost(reason) });
                     }
                 }
             }

@@ -175,7 +175,7 @@ pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -
         for (env, state) in next.chunks_exact(d).enumerate() {
             let Some(reason) = gone(&system, state) else { continue };
             if faults.iter().all(|f| f.env != env) {
-                faults.push(Fault { env, frame: batch.frames[env], reason });
+                faults.push(Fault { env, frame: batch.frames[env], reason: system.source.lost(reason) });
             }
         }
     }

@@ -1,19 +1,16 @@
 //! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused, and numbers outside the ranges of
 //! `validate.rs`, which says them by key.
 //!
-//! `like = "ant"` takes all keys that a file leaves out from that of a built-in robot: `ant-paper`, the Ant as the reference
-//! simulator has it, is a few lines. `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`.
+//! What a file leaves out, another may say: see `merge.rs`.
 
 use std::collections::BTreeMap;
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
-use toml::Table;
 
 use crate::articulated::Refresh;
 use crate::range::{Range, number};
 use crate::scene::Material;
-use crate::system::System;
 use crate::truth::Truth;
 use crate::vary::VarySpec;
 
@@ -27,6 +24,7 @@ pub struct Spec {
     /// Whether the root is free.
     pub floating: bool,
     /// One control frame (s), a number or a fraction such as `1/60`.
+    #[serde(deserialize_with = "time")]
     pub frame_time: String,
     /// Gravity (m/s^2), world axes.
     #[serde(deserialize_with = "exactly")]
@@ -83,77 +81,10 @@ pub struct Spec {
 }
 
 impl Spec {
-    /// From the text of a file.
-    ///
-    /// # Errors
-    /// What is wrong with it.
-    pub fn read(text: &str) -> Result<Self, String> {
-        let Some(table) = merged(text)? else { return toml::from_str(text).map_err(|e| e.to_string()) };
-        Self::deserialize(table).map_err(|e| e.to_string())
-    }
-
-    /// The keys of a file that is like its URDF, which says the rest; none if it is like no URDF.
-    pub(crate) fn like_urdf(text: &str) -> Result<Option<Table>, String> {
-        let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
-        let like = own.get("like").and_then(toml::Value::as_str) == Some("urdf");
-        own.remove("like");
-        Ok(like.then_some(own))
-    }
-
-    /// This one, and over it the keys of another: joints key by key, by their names, all else as a whole.
-    pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
-        if own.is_empty() {
-            return Ok(self);
-        }
-        let mut all = Table::try_from(&self).map_err(|e| e.to_string())?;
-        let name = |joint: &toml::Value| joint.get("name").and_then(toml::Value::as_str).map(str::to_string);
-        if own.get("joint").is_some_and(|joints| !joints.is_array()) {
-            return Err("joint: a list is needed, write [[joint]] before each".into());
-        }
-        if let (Some(joints), Some(toml::Value::Array(said))) =
-            (all.get_mut("joint").and_then(toml::Value::as_array_mut), own.remove("joint"))
-        {
-            let names: Vec<_> = said.iter().map(name).collect();
-            if let Some((_, twice)) = names.iter().enumerate().find(|(k, n)| names[..*k].contains(n)) {
-                return Err(format!("[[joint]] name = {:?} stands twice", twice.clone().unwrap_or_default()));
-            }
-            for joint in said {
-                match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
-                    (Some(toml::Value::Table(known)), toml::Value::Table(said)) => known.extend(said),
-                    (_, joint) => {
-                        let known: Vec<String> = joints.iter().filter_map(name).collect();
-                        let said = name(&joint).unwrap_or_default();
-                        return Err(format!("[[joint]] name = {said:?}: the URDF has no such moving joint; it has {}", known.join(", ")));
-                    }
-                }
-            }
-        }
-        all.extend(own);
-        Self::deserialize(all).map_err(|e| e.to_string())
-    }
-
     /// One control frame (s); NaN if `frame_time` is no number.
     pub fn seconds(&self) -> f64 {
         number(&self.frame_time).unwrap_or(f64::NAN)
     }
-}
-
-/// A file that is like a built-in robot's, with the keys that it leaves out; none if it is like no other.
-fn merged(text: &str) -> Result<Option<Table>, String> {
-    let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
-    let Some(like) = own.remove("like") else { return Ok(None) };
-    let known = like.as_str().and_then(System::texts);
-    let Some((other, _)) = known else {
-        return Err(format!("like = {like}: known are {}, or \"urdf\" for what the URDF suggests", System::built_in().join(", ")));
-    };
-    let mut all = match merged(other)? {
-        Some(all) => all,
-        None => toml::from_str(other).map_err(|e| e.to_string())?,
-    };
-    // The other's URDF is its own.
-    all.remove("urdf");
-    all.extend(own);
-    Ok(Some(all))
 }
 
 /// What is said of a joint.
@@ -379,6 +310,20 @@ pub struct PlaneSpec {
     /// Angles (rad), `R = Rz Ry Rx`.
     #[serde(deserialize_with = "exactly")]
     pub angles: [f64; 3],
+}
+
+/// A number, or a fraction as text.
+fn time<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "frame_time: a number of seconds is needed, or a fraction such as \"1/60\"")]
+    enum Time {
+        Number(f64),
+        Text(String),
+    }
+    Ok(match Time::deserialize(from)? {
+        Time::Number(seconds) => seconds.to_string(),
+        Time::Text(text) => text,
+    })
 }
 
 /// Whether there is nothing to say.

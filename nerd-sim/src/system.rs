@@ -14,6 +14,7 @@ use crate::derive::{derived, floats, plain};
 use crate::limits::stiffen;
 use crate::sampling::{DRAWS, Start, clear_start, stream};
 use crate::scene::Scene;
+use crate::source::Source;
 use crate::spec::{ContactSpec, JointSpec, Spec, mesh_points};
 use crate::validate::check;
 use crate::worlds::{WORLDS, described, world};
@@ -84,6 +85,8 @@ pub struct System {
     pub spec: Spec,
     /// One control frame (s).
     pub frame_time: f64,
+    /// Who says so.
+    pub source: Source,
 }
 
 impl System {
@@ -146,7 +149,7 @@ impl System {
         let spec = Spec::read(text).map_err(wrong)?;
         let mut robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         touch(&mut robot, path, spec.mesh_points);
-        Self::new(name, robot, spec, true)
+        Self::new(name, robot, spec, Source::Told)
     }
 
     /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
@@ -182,7 +185,7 @@ impl System {
         let defaults = joints.filter_map(said).collect();
         let spec =
             derived(&mut robot, path, &defaults).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
-        Self::new(name, robot, spec, false)
+        Self::new(name, robot, spec, Source::Derived)
     }
 
     /// Its specification as TOML: with `urdf = ...` it may stand beside the file, and be changed.
@@ -196,14 +199,14 @@ impl System {
         let name = robot.name.clone();
         let Some(text) = spec else {
             let spec = plain(&robot);
-            return Self::new(&name, robot, spec, false);
+            return Self::new(&name, robot, spec, Source::Derived);
         };
         let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.clone(), e.trim().replace('\n', " ")))?;
         if spec.floating != robot.floating() {
             let said = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
             return Err(SystemError::Spec(name, said));
         }
-        Self::new(&name, robot, spec, true)
+        Self::new(&name, robot, spec, Source::Told)
     }
 
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
@@ -216,11 +219,11 @@ impl System {
         let mut robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = plain(&robot);
         touch(&mut robot, path, spec.mesh_points);
-        Self::new(name, robot, spec, false)
+        Self::new(name, robot, spec, Source::Derived)
     }
 
-    /// `told`: whether the specification is somebody's word, not made up.
-    pub(crate) fn new(name: &str, mut robot: Robot, mut spec: Spec, told: bool) -> Result<Self, SystemError> {
+    /// From a robot, and a specification that nobody has looked at yet.
+    pub(crate) fn new(name: &str, mut robot: Robot, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
@@ -230,7 +233,7 @@ impl System {
         if let Some(root) = &mut spec.root {
             upright(&mut root.quaternion);
         }
-        equip(&mut robot, &spec, told);
+        equip(&mut robot, &spec, source != Source::Derived);
         let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
         if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
             return Err(wrong(format!("{key}: the robot has no contact point that could touch it; give it [[contact]] points")));
@@ -238,17 +241,15 @@ impl System {
         if let Some(vary) = &spec.vary {
             vary.fits(&robot).map_err(wrong)?;
         }
-        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec };
+        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec, source };
+        system.spec.truth.check(&system).map_err(|e| wrong(format!("truth: {e}")))?;
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
         }
         for which in [Start::Sample, Start::Reset] {
             if clear_start(&system, which, &mut stream(0, 0), DRAWS).is_none() {
-                let name = which.name();
-                let law = if system.spec.root.is_some() { format!("[root.{name}]") } else { format!("the joints' {name} boxes") };
-                return Err(wrong(format!(
-                    "none of {DRAWS} starts of {law} stands clear of the data's scene: raise it along the up axis, or ask for less clearance"
-                )));
+                let [law, remedy] = source.starts(system.spec.root.is_some(), which.name());
+                return Err(wrong(format!("none of {DRAWS} starts of {law} stands clear of the data's scene: {remedy}")));
             }
         }
         Ok(system)
@@ -322,7 +323,10 @@ impl System {
                 let touches = !self.robot.contact_points.is_empty();
                 let world = world(name, &scene.gravity, self.spec.material).filter(|_| touches);
                 let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches));
-                let known = known.collect::<Vec<_>>().join(", ");
+                let mut known = known.collect::<Vec<_>>().join(", ");
+                if !touches {
+                    known += ", since it has nothing to touch with; give it [[contact]] points";
+                }
                 let world = world.ok_or_else(|| SystemError::Scene { robot: self.name.clone(), scene: name.into(), known })?;
                 world.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
                 return Ok(Arc::new(world));

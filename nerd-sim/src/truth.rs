@@ -70,6 +70,20 @@ impl Truth {
         Self::ALL.iter().find(|t| t.name() == name).copied().ok_or_else(|| UnknownTruth { name: name.into(), known: known() })
     }
 
+    /// Refuses a robot that it cannot step as it says.
+    ///
+    /// # Errors
+    /// Which joint is in the way, and what can be taken.
+    pub fn check(self, system: &System) -> Result<(), String> {
+        match system.robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
+            Some(joint) => Err(format!(
+                "joint `{}` has a spring (stiffness), which `paper` cannot step: its method is explicit; take articulated",
+                joint.name
+            )),
+            None => Ok(()),
+        }
+    }
+
     /// The solver itself.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
         match self {

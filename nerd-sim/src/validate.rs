@@ -106,13 +106,23 @@ fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str) -> Result
     [law.low, law.high].iter().try_for_each(|end| within(format!("{key} is {law}; an end"), *end, range.clone(), unit))
 }
 
+/// No joint is called so. Of a long chain the first ones and the last are told.
+pub(crate) fn no_joint<S: AsRef<str>>(name: &str, known: &[S]) -> String {
+    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+    let told = match &known[..] {
+        [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),
+        all => all.join(", "),
+    };
+    format!("[[joint]] name = {name:?}: the robot has no such moving joint; it has {told}")
+}
+
 /// Every joint of the robot has one entry, in whatever order.
 fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let names = || robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>();
     let mut seen = HashSet::new();
     for joint in &spec.joints {
         let Some(at) = robot.joints().position(|j| j.name == joint.name) else {
-            return Err(format!("[[joint]] name = {:?}: the URDF has no such moving joint; it has {}", joint.name, names().join(", ")));
+            return Err(no_joint(&joint.name, &names()));
         };
         if !seen.insert(joint.name.as_str()) {
             return Err(format!("[[joint]] name = {:?} stands twice", joint.name));
@@ -188,12 +198,20 @@ fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> 
     if has_scene { Ok(()) } else { Err(at("asks for clearance, but no data_scene says from what")) }
 }
 
+/// Whether a name may be part of a file's name and of a list between commas.
+fn plain(name: &str) -> bool {
+    name.starts_with(char::is_alphanumeric) && name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
+}
+
 fn scenes(spec: &Spec) -> Result<(), String> {
     let mut seen: HashSet<&str> = WORLDS.into_iter().chain(["free"]).collect();
     for scene in &spec.scenes {
         let at = |key: &str| format!("[[scene]] name = {:?}: {key}", scene.name);
         if scene.name.trim().is_empty() || !seen.insert(&scene.name) {
             return Err(at(&format!("a name of its own is needed (taken are free, {} and those of other scenes)", WORLDS.join(", "))));
+        }
+        if !plain(&scene.name) {
+            return Err(at("files are called by it; letters, digits, `-`, `_` and `.` are allowed, a letter or digit first"));
         }
         within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
         vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;

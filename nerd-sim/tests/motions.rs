@@ -109,3 +109,22 @@ fn what_cannot_be_is_refused_by_its_key() {
         assert!(error.contains(word), "{text}: {error}");
     }
 }
+
+#[test]
+fn a_trajectory_of_one_frame_begins_as_a_long_one_and_one_of_none_is_refused() {
+    let system = lead();
+    let of = |frames: usize| GenerateConfig { transitions: 8 * frames, frames, ..config() };
+    let (one, long) = (begin(&system, &of(1), 0, 8).expect("one frame"), begin(&system, &of(60), 0, 8).expect("sixty"));
+    assert_eq!(one.states, long.states);
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+    let recording = record(&system, &mut solver, &of(1), 0, 8).expect("it moves");
+    let d = system.robot.state_dim();
+    assert_eq!((recording.frames, recording.states.len()), (1, 8 * 2 * d));
+    assert!((0..8).all(|env| recording.states[2 * env * d..][..d] == *one.state(env)), "it begins where it begins");
+    for error in [begin(&system, &of(0), 0, 8).err(), record(&system, &mut solver, &of(0), 0, 8).err()] {
+        let error = error.expect("no frame").to_string();
+        assert!(error.contains("transitions") || error.contains("frames"), "{error}");
+    }
+    let error = begin(&system, &GenerateConfig { frames: 0, ..config() }, 0, 8).err().expect("no frame").to_string();
+    assert!(error.contains("frames") && !error.contains('\n'), "{error}");
+}

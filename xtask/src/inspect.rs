@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use nerd_sim::dataset::Manifest;
 use nerd_sim::prelude::*;
+use nerd_sim::source::Source;
 use nerd_train::inspect::Inspection;
 
 use crate::numbers::positive;
@@ -40,8 +41,9 @@ pub fn run(args: InspectArgs) -> Result<()> {
     let manifest = Manifest::read(folder)
         .with_context(|| format!("no data set to inspect; make one with `cargo xtask dataset --out {}`", folder.display()))?;
     let robot = args.robot.as_ref().unwrap_or(&manifest.robot);
-    let system = System::named(robot)
-        .with_context(|| format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf", folder.display(), manifest.robot))?;
+    let system = System::named(robot).with_context(|| {
+        format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf, of a cable PATH/{1}.toml", folder.display(), manifest.robot)
+    })?;
     let found = Inspection::of(folder, &manifest, &system, args.bound)?;
     println!("{}", found.words());
     crate::out::table(&found.table());
@@ -60,7 +62,7 @@ fn known(robot: &str) -> Result<()> {
     println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
     system.robot.notes.iter().for_each(|note| println!("# {note}"));
     // Of a built-in robot the file is there already, and says all; of a cable it says what stands beside `[cable]`.
-    if System::texts(&system.name).is_none() && !robot.ends_with(".toml") {
+    if System::texts(&system.name).is_none() && system.source != Source::Cable {
         println!("like = \"urdf\"");
     }
     println!("{}", system.spec_text());

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use nerd_sim::prelude::*;
 use nerd_train::choice::Choice;
 use nerd_train::shipped;
@@ -91,6 +91,9 @@ impl SolverArgs {
             unused(&[named, preset, friction, substeps, model, device], "beside --tolerance, which picks a solver and its settings")?;
             return Ok(Choice::Within(tolerance));
         }
+        if let Some(truth) = self.truth {
+            truth.check(system).map_err(|e| anyhow!("--truth: {e}"))?;
+        }
         let solver = self.solver.unwrap_or(SolverName::Articulated);
         if solver != SolverName::Neural {
             unused(&[model, device], "without --solver neural")?;
@@ -99,6 +102,9 @@ impl SolverArgs {
             SolverName::Articulated => {
                 let law = if self.friction.unwrap_or_default() == FrictionName::Huber { Friction::Huber } else { Friction::Coulomb };
                 let own = if system.spec.truth == Truth::Paper { Preset::Paper } else { Preset::Accurate };
+                if self.preset == Some(Preset::Paper) {
+                    Truth::Paper.check(system).map_err(|e| anyhow!("--preset paper: {e}"))?;
+                }
                 let mut config = match self.preset.unwrap_or(own) {
                     Preset::Accurate => ArticulatedConfig { friction: law, ..ArticulatedConfig::accurate(system) },
                     Preset::Paper => ArticulatedConfig::paper(system, law),

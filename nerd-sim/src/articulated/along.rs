@@ -13,6 +13,8 @@ use super::touches::Touch;
 /// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
 /// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
 const DEEP: usize = 60;
+/// So many springs are a chain that may whip, however short it is, and whips are followed along the tree alone.
+const CHAIN: usize = 3;
 
 /// Working memory.
 pub(super) struct Tree {
@@ -31,7 +33,8 @@ impl Tree {
         let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
         let mut depths: Vec<usize> = Vec::new();
         above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
-        if depths.iter().map(|d| d * d).sum::<usize>() < DEEP * robot.nv() {
+        let springs = robot.joints().filter(|j| j.stiffness > 0.0).count();
+        if springs < CHAIN && depths.iter().map(|d| d * d).sum::<usize>() < DEEP * robot.nv() {
             return None;
         }
         let (links, joints) = (robot.links.len(), robot.joint_count());

@@ -16,7 +16,8 @@
 //! repetition. A point that would pull has parted; it is dropped and the system solved again. A joint beyond its limit is a
 //! touch without friction that may pull, its own damper one that always acts, with the share that makes a damper alone
 //! exact, `a = 1 / (1 - exp(-z)) - 1 / z`, where `z = h d w` is beyond 1; a joint's dry friction is one that rubs under a constant force, and holds up to
-//! 1 mm/s of creep. A drive ([`crate::drive`]) is one that may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
+//! 1 mm/s of creep. A joint's spring, `z = h^2 k w`, is damped by `h k min(z, 1/2)` at least: what a substep is too long to follow would ring for
+//! ever, and shake what it can follow. That is of third order in h, and nothing beside a damper that lets the spring come to rest. A drive ([`crate::drive`]) is one that may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the tree's zeros and
 //! the factorisation its cost. Where chains are long, the same equations are solved along the tree (`along.rs`).
 
 use nalgebra::{DVector, UnitQuaternion, Vector3};
@@ -38,6 +39,8 @@ pub(super) const PASSES: usize = 6;
 /// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
 pub(super) const SETTLED: f64 = 0.02;
 
+/// Largest share of `h k` by which a joint's spring is damped.
+const CALM: f64 = 0.5;
 /// Change of a joint's way over half a substep (rad or m), by what its rate was thought to be, that asks for another solve; and after that
 /// solve, for shorter substeps. Of chains alone.
 const OFF: f64 = 1e-3;
@@ -122,12 +125,12 @@ impl Workspace {
         Ok(())
     }
 
-    /// Shares of the joints' own dampers and springs.
+    /// Dampings of the joints, and shares of their dampers and springs.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
         self.touches.shared = h;
         let mut factored = false;
         for (i, joint) in robot.joints().enumerate() {
-            (self.touches.dampers[i], self.touches.springs[i]) = (0.5, 0.0);
+            (self.touches.braked[i], self.touches.dampers[i], self.touches.springs[i]) = (joint.damping, 0.5, 0.0);
             if h * joint.damping.max(h * joint.stiffness) <= self.stiff.bounds.least[i] {
                 continue;
             }
@@ -143,8 +146,10 @@ impl Workspace {
                     right[k]
                 }
             };
-            self.touches.dampers[i] = exponential(h * joint.damping * w);
-            self.touches.springs[i] = ahead(h * h * joint.stiffness * w);
+            let z = h * h * joint.stiffness * w;
+            self.touches.braked[i] = joint.damping.max(h * joint.stiffness * z.min(CALM));
+            self.touches.dampers[i] = exponential(h * self.touches.braked[i] * w);
+            self.touches.springs[i] = ahead(z);
         }
         Ok(())
     }
@@ -203,9 +208,9 @@ impl Workspace {
         let Substep { system, scene, config, tau, h, settled, .. } = *own;
         let robot = &system.robot;
         let dofs = robot.root_dofs();
-        let Touches { dampers, springs, mass, tree, .. } = &mut self.touches;
-        let shares = robot.joints().zip(dampers).zip(springs);
-        let shares = shares.map(|((joint, damper), spring)| *damper * h * joint.damping + *spring * h * h * joint.stiffness);
+        let Touches { braked, dampers, springs, mass, tree, .. } = &mut self.touches;
+        let shares = robot.joints().zip(braked).zip(dampers).zip(springs);
+        let shares = shares.map(|(((joint, d), damper), spring)| *damper * h * *d + *spring * h * h * joint.stiffness);
         if let Some(tree) = tree {
             tree.damp(shares);
         } else {
@@ -214,13 +219,13 @@ impl Workspace {
         }
         let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
         for _ in 0..PASSES {
-            let Touches { middle, rate, right, pull, .. } = &mut self.touches;
+            let Touches { middle, rate, right, pull, braked, .. } = &mut self.touches;
             if stale {
                 middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
                 bias(robot, middle, &scene.gravity, &mut self.data);
                 right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
-                for (i, joint) in robot.joints().enumerate() {
-                    right[dofs + i] += tau[i] + pull[i] - joint.damping * qd[dofs + i];
+                for (i, right) in right[dofs..].iter_mut().enumerate() {
+                    *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
                 }
             }
             let changed = self.solve(robot, h, settled, config.friction)?;

@@ -44,6 +44,8 @@ pub(super) struct Touches {
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
     /// w of every point with every collider and of every joint, found once a frame.
     pub(super) weights: Vec<Option<f64>>,
+    /// Damping of each joint: its own, or what its spring asks for where the substep is too long to follow it.
+    pub(super) braked: Vec<f64>,
     /// Shares a of the joints' own dampers and springs, and the springs' torques in the middle of the substep.
     pub(super) dampers: Vec<f64>,
     /// The substep for which they were found (s); 0: for none.
@@ -68,6 +70,7 @@ impl Touches {
             touches: Vec::with_capacity(points + 3 * joints),
             columns: Vec::with_capacity(points * nv + 3 * joints),
             weights: vec![None; points + 3 * joints],
+            braked: vec![0.0; joints],
             dampers: vec![0.5; joints],
             shared: 0.0,
             springs: vec![0.0; joints],

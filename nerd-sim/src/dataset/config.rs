@@ -56,6 +56,10 @@ impl GenerateConfig {
         within("frames", self.frames as f64, 1.0..=1e6)?;
         within("shard_trajectories", self.shard_trajectories as f64, 1.0..=1e6)?;
         within("hold", self.hold as f64, 1.0..=1e6)?;
+        if self.hold > 1 && system.spec.smooth.is_some() {
+            let text = "data: hold is for torques that jump, and this robot's run along smooth curves; leave it at 1, or `smooth` out of the robot's TOML";
+            return Err(DatasetError::Config(text.into()));
+        }
         within("resets", self.resets, 0.0..=1.0)?;
         within("torque_scale's low end", self.torque_scale.low, -1e6..=self.torque_scale.high)?;
         within("torque_scale's high end", self.torque_scale.high, -1e6..=1e6)?;

@@ -6,6 +6,7 @@
 //! cable's nodes say, averaged over them. Time and error come from the same frames.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
@@ -66,13 +67,16 @@ pub struct Row {
     pub substeps: Option<usize>,
     /// Frame of one environment on one core; none of what knows no dynamics.
     pub microseconds: Option<f64>,
-    /// Mean distance (m) by frame.
+    /// Mean distance (m) by frame, of motions that are not lost; empty if all are.
     pub curve: Vec<f64>,
-    /// Mean distance (m) of each motion.
+    /// Mean distance (m) of each motion that is not lost.
     pub motions: Vec<f64>,
-    /// Motions that left or could not be gone on with.
+    /// Motions that left or could not be gone on with: no other figure counts them.
     pub lost: usize,
 }
+
+/// So many times as far as anything goes in the reference, a motion is lost.
+const FAR: f64 = 10.0;
 
 /// Places of contact points by frame and motion.
 type Places = Vec<Vec<Vec<Vector3<f64>>>>;
@@ -96,20 +100,26 @@ impl Motions {
         solvers.chain([Entry::Hold, Entry::Glide]).collect()
     }
 
-    /// Rolls a solver out under recorded torques `[motion][frame][joint]`.
+    /// Rolls a solver out under recorded torques `[motion][frame][joint]`: places, microseconds of a frame, and motions that could not be gone
+    /// on with.
     fn rolled(&self, start: &Batch, solver: Box<dyn Solver>, torques: &[f64]) -> Result<(Places, f64, Vec<bool>)> {
         let (mut batch, mut solver) = (start.clone(), Timed::new(solver));
         let (n, joints) = (self.starts, batch.system.robot.joint_count());
-        (0..n).for_each(|env| solver.reset(env));
         let (mut lost, mut places, mut tau) = (vec![false; n], Vec::with_capacity(self.frames), vec![0.0; n * joints]);
+        // The first frame makes room for all others: it is stepped once before the clock runs, and thrown away.
+        if let Err(error) = solver.step(&mut start.clone(), &tau) {
+            error.faults()?;
+        }
+        solver.spent = Duration::ZERO;
+        (0..n).for_each(|env| solver.reset(env));
         for frame in 0..self.frames {
-            for (env, tau) in tau.chunks_exact_mut(joints).enumerate() {
-                tau.copy_from_slice(&torques[(env * self.frames + frame) * joints..][..joints]);
+            for env in 0..n {
+                tau[env * joints..][..joints].copy_from_slice(&torques[(env * self.frames + frame) * joints..][..joints]);
             }
             if let Err(error) = solver.step(&mut batch, &tau) {
                 for fault in error.faults()? {
                     lost[fault.env] = true;
-                    // It stays where it began, out of the way of overflow.
+                    // It begins anew, so that a frame costs as much as before, and counts no more.
                     batch.reset(fault.env, start.state(fault.env));
                     solver.reset(fault.env);
                 }
@@ -131,21 +141,28 @@ impl Motions {
                 (setting.solver(&start.system)?, series, setting.substeps())
             }
         };
-        let (places, microseconds, mut lost) = self.rolled(start, solver, torques)?;
-        let distance = |frame: usize, env: usize| {
-            let pairs = places[frame][env].iter().zip(&truth[frame][env]);
-            mean(&pairs.map(|(a, b)| (a - b).norm()).collect::<Vec<_>>())
-        };
-        let over = |all: &mut dyn Iterator<Item = f64>| mean(&all.collect::<Vec<_>>());
-        let curve: Vec<f64> = (0..self.frames).map(|frame| over(&mut (0..self.starts).map(|env| distance(frame, env)))).collect();
-        let motions: Vec<f64> = (0..self.starts).map(|env| over(&mut (0..self.frames).map(|frame| distance(frame, env)))).collect();
+        let solves = matches!(entry, Entry::Solver(_));
+        let (places, microseconds, lost) = self.rolled(start, solver, torques)?;
+        let (curve, motions) = distances(&places, truth, &lost, solves);
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
-        // Farther off than anything of this size can be.
-        let size = points(&start.system, start.state(0)).iter().map(|p| p.norm()).fold(0.0, f64::max);
-        lost.iter_mut().zip(&motions).for_each(|(lost, error)| *lost |= *error > 10.0 * size);
-        let microseconds = matches!(entry, Entry::Solver(_)).then_some(microseconds);
-        Ok(Row { series, substeps, microseconds, curve, motions, lost: lost.iter().filter(|lost| **lost).count() })
+        let lost = self.starts - motions.len();
+        Ok(Row { series, substeps, microseconds: solves.then_some(microseconds), curve, motions, lost })
     }
+}
+
+/// Mean distance (m) by frame, and by motion, of all that are not lost. What is too far off is, too, unless it knows no dynamics and may be.
+fn distances(places: &Places, truth: &Places, lost: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
+    let distance = |frame: usize, env: usize| {
+        let pairs = places[frame][env].iter().zip(&truth[frame][env]);
+        mean(&pairs.map(|(a, b)| (a - b).norm()).collect::<Vec<_>>())
+    };
+    let (frames, size) = (places.len(), truth.iter().flatten().flatten().map(|p| p.norm()).fold(0.0, f64::max));
+    let left = |env: usize| solves && (0..frames).any(|frame| distance(frame, env) > FAR * size);
+    let kept: Vec<usize> = (0..lost.len()).filter(|env| !lost[*env] && !left(*env)).collect();
+    let over = |all: &mut dyn Iterator<Item = f64>| mean(&all.collect::<Vec<_>>());
+    let curve = |frame: usize| over(&mut kept.iter().map(|env| distance(frame, *env)));
+    let curve = (0..frames).filter(|_| !kept.is_empty()).map(curve).collect();
+    (curve, kept.iter().map(|env| over(&mut (0..frames).map(|frame| distance(frame, *env)))).collect())
 }
 
 /// Where contact points are (m, world).
@@ -210,9 +227,9 @@ impl Experiment for Motions {
 
     fn tables(&self, data: &Moved) -> Result<Vec<Table>> {
         let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
-        let millimetres = |x: f64| digits(1e3 * x);
+        let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
         let rows = data.rows.iter().map(|row| {
-            let frames = shown.iter().map(|frame| millimetres(row.curve[frame - 1]));
+            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame - 1).copied().unwrap_or(f64::NAN)));
             let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
             let first = [
                 row.series.clone(),
@@ -231,13 +248,16 @@ impl Experiment for Motions {
             "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.",
             data.robot, self.frames, self.starts, data.reference
         );
-        Ok(vec![Table::new(&self.name(), &header).with(rows).noted(&note)])
+        let lost: usize = data.rows.iter().map(|row| row.lost).sum();
+        let left =
+            if lost > 0 { format!(" {lost} were lost by some solver, and are in no other figure of its row.") } else { String::new() };
+        Ok(vec![Table::new(&self.name(), &header).with(rows).noted(&(note + &left))])
     }
 
     fn pictures(&self, data: &Moved, stem: &Path) -> Result<()> {
         let mut series: Vec<Series> = Vec::new();
         for row in &data.rows {
-            let Some(microseconds) = row.microseconds else { continue };
+            let Some(microseconds) = row.microseconds.filter(|_| !row.motions.is_empty()) else { continue };
             let mark = (microseconds, mean(&row.motions), row.substeps.map_or_else(String::new, |n| format!("x{n}")));
             match series.last_mut().filter(|s| s.name == row.series) {
                 Some(s) => s.points.push(mark),
@@ -262,5 +282,23 @@ impl Experiment for Motions {
             levels,
         };
         figure.save(stem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three motions of one point over two frames, of which the solver loses one, and one leaves for a moment.
+    #[test]
+    fn what_is_lost_is_in_no_mean() {
+        let at = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];
+        let truth = vec![vec![at(1.0), at(1.0), at(1.0)], vec![at(1.0), at(1.0), at(1.0)]];
+        let places = vec![vec![at(1.1), at(1.0), at(1.3)], vec![at(1.2), at(5.0), at(50.0)]];
+        let (curve, motions) = distances(&places, &truth, &[false, true, false], true);
+        assert!(curve.len() == 2 && (curve[0] - 0.1).abs() < 1e-12 && (curve[1] - 0.2).abs() < 1e-12, "{curve:?}");
+        assert!(motions.len() == 1 && (motions[0] - 0.15).abs() < 1e-12, "{motions:?}");
+        assert_eq!(distances(&places, &truth, &[false; 3], false).1.len(), 3, "what knows no dynamics may go anywhere");
+        assert_eq!(distances(&places, &truth, &[true; 3], true), (Vec::new(), Vec::new()));
     }
 }

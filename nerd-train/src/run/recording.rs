@@ -54,6 +54,9 @@ impl RecordConfig {
     /// # Errors
     /// If a policy cannot be read or acts on another robot, or a number means nothing for this robot.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
+        if let Err(reason) = self.truth(system).check(system) {
+            refuse!("--truth: {reason}");
+        }
         let Self { frames, hold, resets, seed, .. } = *self;
         let torque_scale = Range { low: self.torque_scale, high: 1.0 };
         let pilot = self.pilot(system)?;

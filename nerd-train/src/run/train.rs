@@ -11,6 +11,7 @@ use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Positions, TransformerConfig, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
+use serde_json::{Value, json};
 
 use super::card::{Identity, export, history, resume};
 use super::engine::{arithmetic, engine};
@@ -289,7 +290,23 @@ fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form
         parent.weights.config.block = network.block;
     }
     if parent.config.network != network || like(parent.config.form()) != like(form) {
-        refuse!("--from: its network is {:?} in {:?}, this run's {network:?} in {form:?}", parent.config.network, parent.config.form());
+        let apart = apart((parent.config.form(), &parent.config.network), (form, &network));
+        refuse!("--from {}: its network is not as this run's: {apart}; give this run its settings", folder.display());
     }
     Ok(parent)
+}
+
+/// In which settings two networks differ, the second being this run's.
+fn apart(theirs: (Form, &TransformerConfig), ours: (Form, &TransformerConfig)) -> String {
+    let settings = |(form, network): (Form, &TransformerConfig)| {
+        let mut all = json!({ "base": form.base, "turns": form.turns, "view": form.view });
+        if let (Some(all), Value::Object(network)) = (all.as_object_mut(), json!(network)) {
+            all.extend(network);
+        }
+        all
+    };
+    let (theirs, ours) = (settings(theirs), settings(ours));
+    let word = |value: &Value| value.to_string().replace(['"', '{', '}'], "").replace(':', " ");
+    let keys = theirs.as_object().into_iter().flatten().filter(|(key, value)| ours[*key] != **value);
+    keys.map(|(key, value)| format!("{key} is {}, here {}", word(value), word(&ours[key]))).collect::<Vec<_>>().join(", ")
 }

@@ -1,0 +1,43 @@
+//! A cable from its TOML, through the verbs: what means nothing of it is refused in one line.
+
+mod common;
+
+use common::{refused, xtask};
+
+const LEAD: &str = "nerd-sim/assets/cables/lead.toml";
+
+#[test]
+fn what_means_nothing_of_a_cable_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("data");
+    let out = out.to_str().expect("utf-8");
+    let dataset = |option: [&str; 2], culprit: &str| {
+        refused(&["dataset", "--robot", LEAD, "--transitions", "8", "--out", out, option[0], option[1]], culprit);
+    };
+    dataset(["--frames", "0"], "--frames");
+    dataset(["--hold", "4"], "smooth");
+    dataset(["--truth", "paper"], "spring");
+    for option in ["--truth", "--preset"] {
+        refused(&["evaluate", "--robot", LEAD, "--scene", "plane", "--starts", "1", "--frames", "2", option, "paper"], "spring");
+    }
+    assert!(!folder.path().join("data/manifest.json").exists(), "nothing is written");
+}
+
+#[test]
+fn data_of_a_frame_each_are_recorded_and_ask_for_the_cables_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().to_str().expect("utf-8");
+    let made = xtask(&["dataset", "--robot", LEAD, "--transitions", "4", "--frames", "1", "--out", out]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    refused(&["inspect", out], "PATH/lead.toml");
+}
+
+#[test]
+fn a_model_of_another_form_is_refused_in_words() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let run = ["train", "--robot", "pendulum", "--recipe", "quick", "--from", "models/pendulum", "--transitions", "2000", "--out"];
+    let args: Vec<&str> = run.into_iter().chain([out.to_str().expect("utf-8")]).collect();
+    refused(&args, "base is draft 4, here state");
+    assert!(!String::from_utf8_lossy(&xtask(&args).stderr).contains("Config {"), "as Rust prints it");
+}
