@@ -36,8 +36,8 @@ pub struct DeviceArgs {
     /// Model folders [default: those that come with the project]
     #[arg(long, value_delimiter = ',', value_name = "FOLDER")]
     pub models: Vec<PathBuf>,
-    /// Tasks whose training is timed, comma-separated
-    #[arg(long, value_delimiter = ',', default_value = "cartpole-swingup,franka-reach,ant-run,anymal-forward")]
+    /// Tasks whose training is timed, comma-separated; without one, none is
+    #[arg(long, value_delimiter = ',', num_args = 0.., default_value = "cartpole-swingup,franka-reach,ant-run,anymal-forward")]
     pub tasks: Vec<String>,
     /// Python that has MuJoCo Warp, to ask that engine in
     #[arg(long, value_name = "PYTHON")]
@@ -45,7 +45,10 @@ pub struct DeviceArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
-    /// Folder for device.json and .md [default: results]
+    /// Name of the files
+    #[arg(long, default_value = "device", value_name = "NAME")]
+    pub name: String,
+    /// Folder for NAME.json and .md [default: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
@@ -53,7 +56,7 @@ pub struct DeviceArgs {
 /// Runs the verb.
 #[cfg(feature = "cuda")]
 pub fn run(args: DeviceArgs) -> Result<()> {
-    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, tasks, warp, seed, out } = args;
+    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, tasks, warp, seed, name, out } = args;
     let pair = |text: &String| {
         let (robot, scene) =
             text.split_once(':').ok_or_else(|| anyhow::anyhow!("--robots {text}: write ROBOT:SCENE, for example ant:ground"))?;
@@ -61,6 +64,7 @@ pub fn run(args: DeviceArgs) -> Result<()> {
     };
     let robots = robots.iter().map(pair).collect::<Result<Vec<_>>>()?;
     let experiment = nerd_train::experiments::device::OnDevice {
+        name,
         robots,
         models,
         states,

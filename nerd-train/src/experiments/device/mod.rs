@@ -34,6 +34,8 @@ const FALL: usize = 25;
 /// The experiment.
 #[derive(Clone, Debug)]
 pub struct OnDevice {
+    /// Name of the artefact.
+    pub name: String,
     /// Robots with their scenes.
     pub robots: Vec<(String, String)>,
     /// Model folders; none stands for those that come with the project. Each takes part where its robot does.
@@ -117,7 +119,7 @@ impl Experiment for OnDevice {
     type Data = Data;
 
     fn name(&self) -> String {
-        "device".into()
+        self.name.clone()
     }
 
     fn seed(&self) -> u64 {
@@ -200,13 +202,13 @@ impl Experiment for OnDevice {
                     all cores of the CPU. The paper's settings but for the number of environments.";
         let header = ["task", "environments", "steps an iteration", "steps/s", "solver (%)", "task (%)", "policy (%)", "update (%)"];
         let learning = Table::new("learning", &header).with(data.learning.iter().map(Learning::cells)).noted(note);
-        Ok(vec![parities, paces, learning])
+        Ok(if data.learning.is_empty() { vec![parities, paces] } else { vec![parities, paces, learning] })
     }
 
     fn pictures(&self, data: &Data, stem: &Path) -> Result<()> {
         for (robot, scene) in &self.robots {
             let shown: Vec<&Pace> = data.paces.iter().filter(|p| p.of == format!("{robot}, {scene}")).collect();
-            figure::figure(&shown, self.environments).save(&stem.with_file_name(format!("device-{robot}-{scene}")))?;
+            figure::figure(&shown, self.environments).save(&stem.with_file_name(format!("{}-{robot}-{scene}", self.name)))?;
         }
         Ok(())
     }

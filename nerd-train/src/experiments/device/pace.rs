@@ -20,7 +20,7 @@ use crate::report::table::digits;
 pub(super) const FRAMES: usize = 100;
 const LOOK: usize = 10;
 /// Most steps of MuJoCo Warp in a frame; its reference has four times as many.
-const STEPS: usize = 64;
+const STEPS: usize = 32;
 
 /// One setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
