@@ -189,14 +189,23 @@ impl Experiment for OnDevice {
         let note = format!(
             "No torques. Error: mean distance of configurations from `converged` over {} frames, {} rollouts that begin where those above do. \
              Frames/s: {} environments together, on all cores of the CPU with 64 bits, and on the device, which holds them for {} frames, with \
-             32 bits; transfers there and back are counted.{guest} Front (*): no other setting is faster and nearer to its reference.",
+             32 bits; transfers there and back are counted. Lost: environments that were given up.{guest} Front (*): no other setting is faster and nearer to its reference.",
             pace::FRAMES,
             self.rollouts,
             self.environments,
             pace::FRAMES
         );
-        let header =
-            ["robot, scene", "solver", "error, CPU (rad, m)", "error, device", "frames/s, CPU", "frames/s, device", "us a frame", "front"];
+        let header = [
+            "robot, scene",
+            "solver",
+            "error, CPU (rad, m)",
+            "error, device",
+            "frames/s, CPU",
+            "frames/s, device",
+            "us a frame",
+            "lost",
+            "front",
+        ];
         let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
         let note = "PPO in the shipped model of the task's robot, updates included: whole frames and updates on the device, tasks and policies on \
                     all cores of the CPU. The paper's settings but for the number of environments.";

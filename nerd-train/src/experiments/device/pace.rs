@@ -35,6 +35,8 @@ pub struct Pace {
     pub errors: [Option<f64>; 2],
     /// Frames a second of all environments: the CPU's on all cores, the device's.
     pub frames: [Option<f64>; 2],
+    /// Environments of the timed batch that were given up.
+    pub lost: usize,
     /// Whether no other of the robot beats it in both.
     pub front: bool,
 }
@@ -58,15 +60,19 @@ pub(super) fn measure(of: &str, settings: &[Setting], batch: &Batch, rollouts: u
             let mut many = few(batch, environments);
             // Kernels are compiled and memory taken once.
             let torques = idle(&many);
-            device.roll(&mut many, &torques, 1)?;
+            left(device.roll(&mut many, &torques, 1))?;
             let mut one = many.clone();
             let on_cpu = if alone {
-                let looks = || (0..LOOK).try_for_each(|_| cpu.step(&mut one, &torques));
+                let looks = || (0..LOOK).try_for_each(|_| left(cpu.step(&mut one, &torques)).map(drop));
                 Some(timed(environments * LOOK, looks)?)
             } else {
                 None
             };
-            let on_device = timed(environments * FRAMES, || device.roll(&mut many, &torques, FRAMES))?;
+            let mut lost = 0;
+            let on_device = timed(environments * FRAMES, || {
+                lost = left(device.roll(&mut many, &torques, FRAMES))?;
+                Ok(())
+            })?;
             let label = match setting {
                 Setting::Neural(folder) => {
                     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -75,7 +81,7 @@ pub(super) fn measure(of: &str, settings: &[Setting], batch: &Batch, rollouts: u
                 other => format!("x{}", other.substeps().unwrap_or(1)),
             };
             let series = setting.series().into();
-            paces.push(Pace { of: of.into(), series, label, errors, frames: [on_cpu, Some(on_device)], front: false });
+            paces.push(Pace { of: of.into(), series, label, errors, frames: [on_cpu, Some(on_device)], lost, front: false });
         }
     }
     Ok(paces)
@@ -97,7 +103,7 @@ pub(super) fn guests(of: &str, python: &Path, batch: &Batch, rollouts: usize, en
             let error = distance(system, &truth, &looks(played.frames));
             let frames = (environments * FRAMES) as f64 / played.seconds;
             let (of, series, label) = (of.into(), series.into(), format!("x{steps}"));
-            paces.push(Pace { of, series, label, errors: [None, Some(error)], frames: [None, Some(frames)], front: false });
+            paces.push(Pace { of, series, label, errors: [None, Some(error)], frames: [None, Some(frames)], lost: 0, front: false });
         }
     }
     Ok((warp.version.clone(), paces))
@@ -106,11 +112,14 @@ pub(super) fn guests(of: &str, python: &Path, batch: &Batch, rollouts: usize, en
 /// Marks what nothing else of the same robot beats in both.
 pub(super) fn mark(paces: &mut [Pace]) {
     for i in 0..paces.len() {
-        let beaten = |p: &Pace| match (p.errors[1], p.frames[1], paces[i].errors[1], paces[i].frames[1]) {
-            (Some(e), Some(f), Some(own), Some(fast)) => p.of == paces[i].of && e <= own && f >= fast && (e < own || f > fast),
-            _ => false,
+        let beaten = |p: &Pace| {
+            p.lost == 0
+                && match (p.errors[1], p.frames[1], paces[i].errors[1], paces[i].frames[1]) {
+                    (Some(e), Some(f), Some(own), Some(fast)) => p.of == paces[i].of && e <= own && f >= fast && (e < own || f > fast),
+                    _ => false,
+                }
         };
-        paces[i].front = !paces.iter().any(beaten);
+        paces[i].front = paces[i].lost == 0 && !paces.iter().any(beaten);
     }
 }
 
@@ -122,8 +131,13 @@ fn few(batch: &Batch, n: usize) -> Batch {
     part
 }
 
+/// How many environments could not be stepped; they stand where they stood.
+fn left(stepped: Result<(), StepError>) -> Result<usize> {
+    Ok(stepped.err().map_or(Ok(Vec::new()), StepError::faults)?.len())
+}
+
 /// So much work a second.
-fn timed(work: usize, run: impl FnOnce() -> Result<(), StepError>) -> Result<f64> {
+fn timed(work: usize, run: impl FnOnce() -> Result<()>) -> Result<f64> {
     let began = Instant::now();
     run()?;
     Ok(work as f64 / began.elapsed().as_secs_f64())
@@ -133,7 +147,7 @@ fn timed(work: usize, run: impl FnOnce() -> Result<(), StepError>) -> Result<f64
 fn course(solver: &mut dyn Solver, mut batch: Batch) -> Result<Vec<Vec<f64>>> {
     let torques = idle(&batch);
     let look = |_| {
-        (0..LOOK).try_for_each(|_| solver.step(&mut batch, &torques))?;
+        (0..LOOK).try_for_each(|_| left(solver.step(&mut batch, &torques)).map(drop))?;
         Ok(batch.states.clone())
     };
     (0..FRAMES / LOOK).map(look).collect()
@@ -163,6 +177,7 @@ impl Pace {
         let [slow, fast] = self.frames.map(|f| f.map_or_else(|| "-".into(), digits));
         let [cpu, device] = self.errors.map(cell);
         let front = if self.front { "*" } else { "" }.into();
-        vec![self.of.clone(), format!("{} {}", self.series, self.label), cpu, device, slow, fast, cell(self.microseconds()), front]
+        let (solver, lost) = (format!("{} {}", self.series, self.label), self.lost.to_string());
+        vec![self.of.clone(), solver, cpu, device, slow, fast, cell(self.microseconds()), lost, front]
     }
 }
