@@ -131,7 +131,11 @@ impl Device {
             return Ok(());
         }
         self.wait()?;
-        unsafe { driver::result::memcpy_htod_sync(buffer.at(first), values) }.map_err(failed("copy to the device"))
+        // In the stream's order, and to its end: a copy of its own from memory that may be paged comes back before all of it is there.
+        let stream = self.stream(Lane::Main);
+        self.context.bind_to_thread().map_err(failed("context"))?;
+        unsafe { driver::result::memcpy_htod_async(buffer.at(first), values, stream.cu_stream()) }.map_err(failed("copy to the device"))?;
+        stream.synchronize().map_err(failed("copy to the device"))
     }
 
     /// Copies the start of `buffer` to `values`, after the work before it.
