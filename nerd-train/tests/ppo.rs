@@ -38,7 +38,6 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
             surprise: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
             values: numbers(n, 0.4),
             advantages: numbers(n, 1.0),
-            ..Default::default()
         };
         let config = config(&format!("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\nvalue_clip = {value_clip:?}\n"));
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
