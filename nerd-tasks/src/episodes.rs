@@ -13,6 +13,8 @@ use crate::{Snapshot, Task, View, Work};
 
 /// Environments that one thread looks after in a row.
 const CHUNK: usize = 32;
+/// Numbers that one thread copies at least: of thousands of environments a step moves megabytes.
+pub(crate) const MOVED: usize = 1 << 14;
 /// A coordinate beyond this (m, rad, or their rates) is no motion any more: the episode has failed.
 const FAR: f64 = 1e5;
 
@@ -116,14 +118,10 @@ impl Episodes {
         (0..n).filter(|env| failed[*env]).for_each(|env| self.restart(env));
         self.judge(&failed, &mut result);
         self.observe();
-        result.reached.resize(self.observations.len(), 0.0);
-        std::mem::swap(&mut result.reached, &mut self.observations);
+        result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
         (0..n).filter(|env| ended(*env)).for_each(|env| self.restart(env));
-        self.look(|env, row| match ended(env) {
-            true => None,
-            false => Some(&result.reached[env * row..(env + 1) * row]),
-        });
+        self.look(ended);
         Ok(result)
     }
 
@@ -223,20 +221,19 @@ impl Episodes {
     }
 
     fn observe(&mut self) {
-        self.look(|_, _| None);
+        self.look(|_| true);
     }
 
-    /// Observes every environment of which nothing is `known`, by its number and the width of an observation.
-    fn look<'a>(&mut self, known: impl Fn(usize, usize) -> Option<&'a [f64]> + Sync) {
+    /// Observes some environments.
+    fn look(&mut self, some: impl Fn(usize) -> bool + Sync) {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let width = task.observation_dim();
         let chunks = self.observations.par_chunks_mut(CHUNK * width).zip(&mut self.works).enumerate();
         chunks.for_each(|(chunk, (rows, work))| {
             for (i, row) in rows.chunks_exact_mut(width).enumerate() {
                 let env = chunk * CHUNK + i;
-                match known(env, width) {
-                    Some(known) => row.copy_from_slice(known),
-                    None => task.observe(view(batch, goals, task.goal_dim(), env), work, row),
+                if some(env) {
+                    task.observe(view(batch, goals, task.goal_dim(), env), work, row);
                 }
             }
         });

@@ -6,6 +6,9 @@
 use std::collections::VecDeque;
 
 use nerd_sim::solver::{Simulation, StepError};
+use rayon::prelude::*;
+
+use crate::episodes::MOVED;
 
 /// Everything of [`crate::Episodes`] that later steps depend on; row-major over n environments.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,10 +41,10 @@ impl Past {
             return;
         }
         let mut oldest = if self.frames.len() >= self.most { self.frames.pop_front() } else { None }.unwrap_or_default();
-        oldest.0.clear();
-        oldest.0.extend_from_slice(states);
-        oldest.1.clear();
-        oldest.1.extend_from_slice(torques);
+        for (kept, now) in [(&mut oldest.0, states), (&mut oldest.1, torques)] {
+            kept.clear();
+            kept.par_extend(now.par_iter().with_min_len(MOVED).copied());
+        }
         self.frames.push_back(oldest);
     }
 

@@ -1,5 +1,5 @@
 //! Checks solvers whose batch stays on the GPU at hand: that they move as on the CPU, and that harm to one environment, a full memory or
-//! too large a robot ends in a line; and PPO's updates there against the CPU's. The first check that fails ends the program with an error.
+//! too large a robot ends in a line; and PPO's answers, rollouts and updates there against the CPU's. The first check that fails ends the program with an error.
 //!
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example device_check
@@ -12,11 +12,12 @@ use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, normal, start, stream};
+use nerd_tasks::{Snapshot, StepResult};
 use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
-use nerd_train::ppo::rollout::Rollout;
-use nerd_train::ppo::update::{Adam, OnCpu, Updated, Updater};
-use nerd_train::ppo::{Activation, CudaUpdater, Policy, PpoConfig, Shape, loss};
+use nerd_train::ppo::rollout::{Running, rollout};
+use nerd_train::ppo::update::{Adam, Updated};
+use nerd_train::ppo::{Activation, CudaEngine, Engine, Environments, OnCpu, Policy, PpoConfig, Shape};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -30,7 +31,7 @@ fn main() -> Outcome {
         full(&solver)?;
     }
     too_large()?;
-    passes()
+    learning()
 }
 
 fn ant() -> Result<Arc<System>, Box<dyn Error>> {
@@ -144,39 +145,113 @@ fn too_large() -> Outcome {
     demand(said.contains("too large") && !said.contains('\n'), format!("400 joints: {said}"))
 }
 
-/// PPO's passes over a rollout are the CPU's to rounding, for every kind of policy.
-fn passes() -> Outcome {
+/// Environments that heed no action, so that whoever acts sees the same: numbers drawn anew, episodes that end at random.
+struct Blind(u64, Vec<f64>);
+
+/// Environments, numbers of an observation and of an action.
+const BLIND: [usize; 3] = [128, 18, 7];
+
+impl Blind {
+    fn draw(&mut self, n: usize) -> Vec<f64> {
+        self.0 += 1;
+        let mut rng = stream(9, self.0);
+        (0..n).map(|k| 3.0 + normal(&mut rng) * (1.0 + k as f64 % 5.0)).collect()
+    }
+}
+
+impl Environments for Blind {
+    fn count(&self) -> usize {
+        BLIND[0]
+    }
+
+    fn observation_dim(&self) -> usize {
+        BLIND[1]
+    }
+
+    fn action_dim(&self) -> usize {
+        BLIND[2]
+    }
+
+    fn observations(&self) -> &[f64] {
+        &self.1
+    }
+
+    fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
+        assert!(actions.iter().all(|a| a.abs() <= 1.0), "actions are kept within +-1");
+        let (rewards, ends, reached) = (self.draw(BLIND[0]), self.draw(BLIND[0]), self.draw(BLIND[0] * BLIND[1]));
+        let terminated: Vec<bool> = ends.iter().map(|x| *x > 6.0).collect();
+        let truncated = ends.iter().map(|x| *x < 0.0).collect();
+        self.1 = self.draw(BLIND[0] * BLIND[1]);
+        let all = self.1.chunks_mut(BLIND[1]).zip(reached.chunks(BLIND[1])).zip(&ends);
+        all.filter(|(_, x)| (0.0..=6.0).contains(*x)).for_each(|((now, reached), _)| now.copy_from_slice(reached));
+        Ok(StepResult { rewards, terminated, truncated, reached, failed: 0 })
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        Snapshot::default()
+    }
+
+    fn restore(&mut self, _: &Snapshot) -> Result<(), StepError> {
+        Ok(())
+    }
+}
+
+/// PPO's rollouts and passes over them are the CPU's to rounding, for every kind of policy, also after an update.
+fn learning() -> Outcome {
     for (activation, spread_by_state, value_clip) in
         [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
-        let shape = Shape { observation: 36, stack: 1, action: 8, hidden: vec![128, 64, 32], activation, spread_by_state };
-        let config =
-            PpoConfig { environments: 128, horizon: 33, minibatch: 1000, epochs: 2, value_clip, entropy: 0.01, ..PpoConfig::default() };
-        let (n, mut rng) = (config.steps(), stream(8, 0));
-        let first = Policy::new(shape.clone(), &mut rng);
-        let mut noise = |n: usize| -> Vec<f64> { (0..n).map(|_| normal(&mut rng)).collect() };
-        let observations = noise(n * 36);
-        let said = first.answer(&observations);
-        let actions: Vec<f32> = said.mean.iter().zip(noise(n * 8)).map(|(mean, x)| mean + x as f32).collect();
-        let rows = actions.chunks(8).zip(said.mean.chunks(8)).zip(said.spread.chunks(8));
-        let surprise = rows.map(|((a, mean), spread)| loss::surprise(a, mean, spread)).collect();
-        let (values, advantages) = (first.values(&said), noise(n));
-        let (mean, spread) = (said.mean.clone(), said.spread.clone());
-        let rollout = Rollout { observations, actions, mean, spread, surprise, values, advantages, ..Rollout::default() };
-        let pass = |updater: &mut dyn Updater| -> Result<_, Box<dyn Error>> {
-            let (mut policy, mut adam) = (first.clone(), Adam::new(first.flat.len(), 1e-3));
-            let updated = updater.update(&mut policy, &mut adam, &rollout, &config, (5, 3))?;
-            Ok((policy, adam, updated))
-        };
-        let (cpu, gpu) = (pass(&mut OnCpu)?, pass(&mut CudaUpdater::new(&shape, &config)?)?);
-        let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
-        let apart = norm(&cpu.0.flat, &gpu.0.flat) / norm(&cpu.0.flat, &first.flat);
-        let terms = |u: &Updated| [u.actor_loss, u.critic_loss, u.bounds_loss, u.entropy, u.kl, u.clipped, u.gradient_norm];
-        let of_terms = largest(&terms(&gpu.2), &terms(&cpu.2));
-        let same = cpu.1.rate == gpu.1.rate && cpu.1.step == gpu.1.step && cpu.0.seen == gpu.0.seen;
-        let what =
-            format!("PPO, {activation:?}: weights {apart:.1e} of their way from the CPU's, terms {of_terms:.1e}, rate {:.1e}", gpu.1.rate);
-        demand(apart < 1e-2 && of_terms < 1e-3 && same, what)?;
+        let hidden = vec![128, 64, 32];
+        let shape = Shape { observation: BLIND[1], stack: 2, action: BLIND[2], hidden, activation, spread_by_state };
+        let [environments, ..] = BLIND;
+        let config = PpoConfig { environments, horizon: 33, minibatch: 1000, epochs: 2, value_clip, entropy: 0.01, ..PpoConfig::default() };
+        let first = Policy::new(shape.clone(), &mut stream(8, 0));
+        let (mut cpu, mut gpu) = (OnCpu::default(), CudaEngine::new(&shape, &config)?);
+        let mut sides = [(first.clone(), Adam::new(first.flat.len(), 1e-3)), (first.clone(), Adam::new(first.flat.len(), 1e-3))];
+        for iteration in 0..2 {
+            let before = sides[0].0.clone();
+            // Both by the CPU's policy: what one rounding made of the other is not asked again.
+            sides[1] = sides[0].clone();
+            let roll = |engine: &mut dyn Engine| -> Outcome {
+                let mut blind = Blind(iteration, Vec::new());
+                blind.1 = blind.draw(BLIND[0] * BLIND[1]);
+                let mut running = Running::new(&blind, 2);
+                rollout(&mut blind, &mut running, engine, &before, (33, 0.99, 0.95), (5, 33 * iteration))?;
+                Ok(())
+            };
+            roll(&mut cpu)?;
+            roll(&mut gpu)?;
+            let (one, other) = (&cpu.rollout, gpu.rollout()?);
+            let single =
+                |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs() / (1.0 + b.abs()))).fold(0.0, f64::max);
+            let apart = [
+                single(&other.mean, &one.mean),
+                single(&other.spread, &one.spread),
+                single(&other.actions, &one.actions),
+                single(&other.surprise, &one.surprise),
+                largest(&other.values, &one.values),
+                largest(&other.advantages, &one.advantages),
+            ];
+            let sizes = other.actions.len() == one.actions.len() && other.advantages.len() == one.advantages.len();
+            let apart = apart.into_iter().fold(0.0, f64::max);
+            let what = format!("PPO, {activation:?}: answers, actions, surprise, values and advantages {apart:.1e} from the CPU's");
+            demand(sizes && other.observations == one.observations && apart < 1e-4, what)?;
+            let ask = |engine: &mut dyn Engine, (policy, adam): &mut (Policy, Adam)| engine.update(policy, adam, &config, (5, iteration));
+            let said = [ask(&mut cpu, &mut sides[0])?, ask(&mut gpu, &mut sides[1])?];
+            let [(one, one_adam), (other, other_adam)] = &sides;
+            let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+            let apart = norm(&one.flat, &other.flat) / norm(&one.flat, &before.flat);
+            let terms = |u: &Updated| [u.actor_loss, u.critic_loss, u.bounds_loss, u.entropy, u.kl, u.clipped, u.gradient_norm];
+            let of_terms = largest(&terms(&said[1]), &terms(&said[0]));
+            let moments = |p: &Policy| [&p.seen, &p.returns].map(|m| [&m.mean[..], &m.variance[..], &[m.count][..]].concat()).concat();
+            let of_moments = largest(&moments(other), &moments(one));
+            let same = one_adam.rate == other_adam.rate && one_adam.step == other_adam.step;
+            let what = format!(
+                "PPO, {activation:?}: weights {apart:.1e} of their way from the CPU's, terms {of_terms:.1e}, moments {of_moments:.1e}, rate {:.1e}",
+                other_adam.rate
+            );
+            demand(apart < 1e-2 && of_terms < 1e-3 && of_moments < 1e-4 && same, what)?;
+        }
     }
     Ok(())
 }

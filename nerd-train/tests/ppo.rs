@@ -7,8 +7,8 @@ use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
 use nerd_train::ppo::gae::{Steps, advantages};
 use nerd_train::ppo::rollout::{Rollout, Running, rollout};
-use nerd_train::ppo::update::{Adam, Data, gradient, update};
-use nerd_train::ppo::{Activation, Environments, Policy, PpoConfig, RunningMoments, Shape, Stack, Trainer, folder, play};
+use nerd_train::ppo::update::{Adam, Data, gradient};
+use nerd_train::ppo::{Activation, Engine, Environments, OnCpu, Policy, PpoConfig, RunningMoments, Shape, Stack, Trainer, folder, play};
 
 fn config(text: &str) -> PpoConfig {
     let usual = "environments = 16\nhorizon = 16\niterations = 10\nminibatch = 128\nepochs = 4\nhidden = [16]\n";
@@ -38,7 +38,6 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
             surprise: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
             values: numbers(n, 0.4),
             advantages: numbers(n, 1.0),
-            ..Default::default()
         };
         let config = config(&format!("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\nvalue_clip = {value_clip:?}\n"));
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
@@ -228,11 +227,11 @@ fn the_first_ratio_of_an_update_is_one() {
     let mut environments = Point::new(32, 30, |x| -x * x);
     environments.x.iter_mut().for_each(|x| *x = 3.0 * *x + 1.0);
     let mut adam = Adam::new(policy.flat.len(), 1e-3);
-    let mut running = Running::new(&environments, 1);
+    let (mut running, mut engine) = (Running::new(&environments, 1), OnCpu::default());
     for iteration in 0..3 {
-        let steps = rollout(&mut environments, &mut running, &policy, (16, 0.99, 0.95), (7, iteration * 16)).expect("steps");
+        rollout(&mut environments, &mut running, &mut engine, &policy, (16, 0.99, 0.95), (7, iteration * 16)).expect("steps");
         let before = policy.seen.clone();
-        let updated = update(&mut policy, &mut adam, &steps, &config, (8, iteration));
+        let updated = engine.update(&mut policy, &mut adam, &config, (8, iteration)).expect("learns");
         println!("iteration {iteration}: KL {:.1e}, clipped {}, actor loss {:.1e}", updated.kl, updated.clipped, updated.actor_loss);
         assert!(updated.kl.abs() < 1e-6, "iteration {iteration}: KL {:.1e} before anything was learned", updated.kl);
         assert_eq!(updated.clipped, 0.0, "iteration {iteration}: ratios beyond 1 +- 1e-4");

@@ -6,9 +6,10 @@
 //! learned in the order of rl_games.
 //!
 //! Networks are small and environments many, so all of it is plain f32 on the CPU, over faer's products: an update of 65 536
-//! steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are the updates. Whatever the number of threads, the same seed gives the same bytes.
+//! steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are answers and updates. Whatever the number of threads,
+//! the same seed gives the same bytes.
 //!
-//! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`]; [`Trainer`] repeats it and keeps all that a run needs
+//! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`], all on an [`Engine`]; [`Trainer`] repeats it and keeps all that a run needs
 //! to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
 
 mod activation;
@@ -20,6 +21,7 @@ mod config;
 #[cfg(feature = "cuda")]
 mod cuda;
 pub mod curve;
+pub mod engine;
 mod environments;
 pub mod folder;
 pub mod gae;
@@ -40,7 +42,8 @@ pub use activation::Activation;
 pub use arena::Arena;
 pub use config::{ConfigError, PpoConfig};
 #[cfg(feature = "cuda")]
-pub use cuda::CudaUpdater;
+pub use cuda::CudaEngine;
+pub use engine::{Engine, OnCpu};
 pub use environments::Environments;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;

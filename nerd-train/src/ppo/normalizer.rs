@@ -51,8 +51,13 @@ impl RunningMoments {
         };
         let mean = means(&vec![0.0; columns], false);
         let variance = means(&mean, true);
+        self.absorb(&mean, &variance, m);
+    }
+
+    /// Takes in m rows of these means and variances.
+    pub(super) fn absorb(&mut self, mean: &[f64], variance: &[f64], m: f64) {
         let (n, total) = (self.count, self.count + m);
-        for k in 0..columns {
+        for k in 0..mean.len() {
             let d = mean[k] - self.mean[k];
             self.mean[k] += d * m / total;
             self.variance[k] = (n * self.variance[k] + m * variance[k] + d * d * n * m / total) / total;
@@ -93,7 +98,8 @@ impl RunningMoments {
         parts.collect::<Vec<_>>().concat()
     }
 
-    fn scale(&self, column: usize) -> f64 {
+    /// What a column is divided by.
+    pub(super) fn scale(&self, column: usize) -> f64 {
         (self.variance[column] + EPSILON).sqrt()
     }
 }

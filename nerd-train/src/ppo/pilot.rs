@@ -14,8 +14,8 @@ use nerd_tasks::{Task, TaskError, View, Work, fast_start, named};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::engine::normal;
 use super::policy::Policy;
-use super::rollout::normal;
 use super::stack::Stack;
 
 /// Widest noise on actions, in the policy's own spread: data that its surest actions alone had made says nothing beside them.

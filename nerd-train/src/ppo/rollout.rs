@@ -2,16 +2,13 @@
 
 use std::time::Instant;
 
-use nerd_sim::sampling::stream;
 use nerd_sim::solver::StepError;
-use rand::RngExt;
-use rayon::prelude::*;
 
+use super::engine::Engine;
 use super::environments::Environments;
-use super::gae::{Steps, advantages};
-use super::loss::surprise;
-use super::policy::{Answer, Policy};
+use super::policy::Policy;
 use super::stack::Stack;
+use super::trainer::PpoError;
 
 /// Steps `[step][env]` of one iteration.
 #[derive(Clone, Debug, Default)]
@@ -30,11 +27,16 @@ pub struct Rollout {
     pub values: Vec<f64>,
     /// Advantages, in units of reward.
     pub advantages: Vec<f64>,
+}
+
+/// How a rollout went.
+#[derive(Clone, Debug, Default)]
+pub struct Taken {
     /// Returns and lengths of the episodes that ended, in order.
     pub ended: Vec<(f64, f64)>,
     /// Episodes that the solver could not go on with.
     pub failed: usize,
-    /// Seconds that the policy took to answer.
+    /// Seconds in which the policy answered, and what it saw and did was kept.
     pub policy_seconds: f64,
 }
 
@@ -84,98 +86,35 @@ pub struct Stepped {
     pub ended: Vec<(usize, f64, f64)>,
 }
 
-/// Steps every environment `horizon` times. The noise of step t of the run is a ChaCha8 stream of its own, keyed by (seed, t).
+/// Steps every environment `horizon` times under a policy on an engine, which keeps the steps. Step 0 has the noise of number `first`.
 ///
 /// # Errors
-/// If the solver cannot step.
+/// If the solver cannot step, or the engine's device fails.
 pub fn rollout(
     environments: &mut impl Environments,
     running: &mut Running,
+    engine: &mut dyn Engine,
     policy: &Policy,
     (horizon, gamma, lambda): (usize, f64, f64),
     (seed, first): (u64, u64),
-) -> Result<Rollout, StepError> {
-    let n = environments.count();
-    let (mut r, mut reached, mut next) = (Rollout::default(), Vec::new(), Vec::new());
-    let (mut rewards, mut terminated, mut truncated) = (Vec::new(), Vec::new(), Vec::new());
+) -> Result<Taken, PpoError> {
+    let (mut taken, mut actions, mut reached) = (Taken::default(), Vec::new(), Vec::new());
     let mut thought = 0.0;
-    let mut ask = |rows: &[f64]| {
+    let mut timed = |work: &mut dyn FnMut(&mut dyn Engine) -> Result<(), PpoError>| {
         let started = Instant::now();
-        let answer = policy.answer(rows);
+        let done = work(engine);
         thought += started.elapsed().as_secs_f64();
-        answer
+        done
     };
-    let mut answer = ask(&running.stack.rows);
-    r.observations.reserve(horizon * running.stack.rows.len());
+    timed(&mut |engine| engine.begin(policy))?;
     for t in 0..horizon {
-        let drawn = drawn(&answer, (seed, first + t as u64));
-        let width = drawn.len() / n.max(1);
-        let rows = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
-        r.surprise.par_extend(rows.map(|((a, mu), s)| surprise(a, mu, s)));
-        r.observations.extend_from_slice(&running.stack.rows);
-        r.mean.extend_from_slice(&answer.mean);
-        r.spread.extend_from_slice(&answer.spread);
-        r.values.extend(policy.values(&answer));
-        let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
-        r.actions.extend(drawn);
+        timed(&mut |engine| engine.act(&running.stack.rows, (seed, first + t as u64), &mut actions))?;
         let stepped = running.step(environments, &actions, &mut reached)?;
-        r.ended.extend(stepped.ended.iter().map(|(_, total, length)| (*total, *length)));
-        r.failed += stepped.result.failed;
-        answer = ask(&running.stack.rows);
-        let mut values = policy.values(&answer);
-        // Where time ran out, the state reached is not the one that the next answer is about.
-        let there = policy.values(&ask(&reached));
-        (0..n).filter(|env| stepped.result.truncated[*env]).zip(there).for_each(|(env, value)| values[env] = value);
-        next.extend(values);
-        rewards.extend(stepped.result.rewards);
-        terminated.extend(stepped.result.terminated);
-        truncated.extend(stepped.result.truncated);
+        taken.ended.extend(stepped.ended.iter().map(|(_, total, length)| (*total, *length)));
+        taken.failed += stepped.result.failed;
+        timed(&mut |engine| engine.arrive(&stepped.result, &reached))?;
     }
-    let steps = Steps { rewards: &rewards, values: &r.values, next: &next, terminated: &terminated, truncated: &truncated };
-    r.policy_seconds = thought;
-    r.advantages = advantages(&steps, n, gamma, lambda);
-    Ok(r)
-}
-
-/// Actions around their means. Noise is one stream; a part of it begins where those before it would end.
-fn drawn(answer: &Answer, (seed, step): (u64, u64)) -> Vec<f32> {
-    /// Numbers of a part: even, since they are drawn in twos, of four words each.
-    const PART: usize = 4096;
-    let mut out = vec![0.0; answer.mean.len()];
-    let said = answer.mean.par_chunks(PART).zip(answer.spread.par_chunks(PART));
-    out.par_chunks_mut(PART).zip(said).enumerate().for_each(|(part, (out, (mean, spread)))| {
-        let (mut rng, mut spare) = (stream(seed, step), None);
-        rng.set_word_pos(2 * (part * PART) as u128);
-        for ((a, mu), s) in out.iter_mut().zip(mean).zip(spread) {
-            *a = mu + s.exp() * normal(&mut rng, &mut spare);
-        }
-    });
-    out
-}
-
-/// A standard normal number (Box and Muller), two at a time.
-pub(super) fn normal(rng: &mut rand_chacha::ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
-    if let Some(x) = spare.take() {
-        return x;
-    }
-    let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-    let (radius, (sin, cos)) = ((-2.0 * u.ln()).sqrt(), (std::f64::consts::TAU * v).sin_cos());
-    *spare = Some((radius * sin) as f32);
-    (radius * cos) as f32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn noise_drawn_in_parts_is_that_of_one_stream() {
-        let n = 10_001;
-        let answer = Answer { mean: vec![0.5; n], spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(), value: Vec::new() };
-        let (mut rng, mut spare) = (stream(3, 9), None);
-        let one: Vec<f32> = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
-        let parts = drawn(&answer, (3, 9));
-        let first = one.iter().zip(&parts).position(|(a, b)| a != b);
-        assert_eq!(first, None, "the first number that differs");
-    }
+    timed(&mut |engine| engine.finish(&running.stack.rows, (gamma, lambda)))?;
+    taken.policy_seconds = thought;
+    Ok(taken)
 }

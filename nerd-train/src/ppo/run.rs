@@ -90,8 +90,8 @@ impl PolicyRun {
         let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
         #[cfg(feature = "cuda")]
         if matches!(self.arena, Arena::Model { device: crate::device::Device::Cuda, .. }) {
-            let updater = super::CudaUpdater::new(&trainer.state.policy.shape, &self.config);
-            trainer.updater = Box::new(updater.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
+            let engine = super::CudaEngine::new(&trainer.state.policy.shape, &self.config);
+            trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
         }
         let _claim = crate::run::claimed(out)?;
         if out.join(LAST).exists() {

@@ -4,6 +4,11 @@
 //! Differences say no more than the observations would, but the policy normalises each column by its own moments: of two angles
 //! 8 ms apart a network hardly sees the speed, of their difference it sees nothing else.
 
+use rayon::prelude::*;
+
+/// Environments that one thread looks after at least.
+const FEW: usize = 256;
+
 /// Stacked observations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stack {
@@ -23,30 +28,29 @@ impl Stack {
 
     /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then those of episodes that `ended` begin anew with
     /// `fresh`.
-    pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool, fresh: &[f64], out: &mut Vec<f64>) {
+    pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool + Sync, fresh: &[f64], out: &mut Vec<f64>) {
         let (width, all) = (self.width, self.width * self.depth);
-        let seen = reached.chunks_exact(width);
-        for (row, now) in self.rows.chunks_exact_mut(all).zip(seen) {
-            if self.depth > 1 {
+        let seen = reached.par_chunks_exact(width);
+        self.rows.par_chunks_exact_mut(all).zip(seen).with_min_len(FEW).for_each(|(row, now)| {
+            if width < all {
                 row.copy_within(width..all - width, 2 * width);
                 let (newest, difference) = row[..2 * width].split_at_mut(width);
                 difference.iter_mut().zip(now).zip(newest).for_each(|((d, now), before)| *d = now - *before);
             }
             row[..width].copy_from_slice(now);
-        }
+        });
         out.clear();
         some.iter().for_each(|env| out.extend_from_slice(&self.rows[env * all..][..all]));
         self.begin(ended, fresh);
     }
 
     /// Episodes begin anew.
-    fn begin(&mut self, which: impl Fn(usize) -> bool, fresh: &[f64]) {
+    fn begin(&mut self, which: impl Fn(usize) -> bool + Sync, fresh: &[f64]) {
         let (width, all) = (self.width, self.width * self.depth);
-        for (env, (row, now)) in self.rows.chunks_exact_mut(all).zip(fresh.chunks_exact(width)).enumerate() {
-            if which(env) {
-                row.fill(0.0);
-                row[..width].copy_from_slice(now);
-            }
-        }
+        let rows = self.rows.par_chunks_exact_mut(all).zip(fresh.par_chunks_exact(width)).with_min_len(FEW).enumerate();
+        rows.filter(|(env, _)| which(*env)).for_each(|(_, (row, now))| {
+            row.fill(0.0);
+            row[..width].copy_from_slice(now);
+        });
     }
 }

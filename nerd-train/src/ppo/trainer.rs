@@ -8,10 +8,11 @@ use nerd_sim::solver::StepError;
 use serde::{Deserialize, Serialize};
 
 use super::config::{ConfigError, PpoConfig};
+use super::engine::{Engine, OnCpu};
 use super::environments::Environments;
 use super::policy::{Policy, Shape};
 use super::rollout::{Running, rollout};
-use super::update::{Adam, OnCpu, Updated, Updater};
+use super::update::{Adam, Updated};
 use crate::checkpoint::CheckpointError;
 
 /// Why a run cannot begin or go on.
@@ -27,7 +28,7 @@ pub enum PpoError {
     /// A file failed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The device that updates are computed on failed.
+    /// The device that the policy answers and learns on failed.
     #[error("device: {0}")]
     Device(String),
     /// The policy stopped being numbers.
@@ -65,7 +66,7 @@ pub struct Iteration {
     pub updated: Updated,
     /// Seconds stepping and asking the policy.
     pub rollout_seconds: f64,
-    /// Seconds of these in which the policy answered.
+    /// Seconds of these in which the policy answered, and what it saw and did was kept.
     #[serde(default)]
     pub policy_seconds: f64,
     /// Seconds learning.
@@ -99,8 +100,8 @@ pub struct Trainer<E> {
     pub seed: u64,
     /// Where it stands.
     pub state: State,
-    /// What makes its updates.
-    pub updater: Box<dyn Updater>,
+    /// What its policy answers on and learns.
+    pub engine: Box<dyn Engine>,
 }
 
 impl<E: Environments> Trainer<E> {
@@ -125,7 +126,7 @@ impl<E: Environments> Trainer<E> {
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&environments, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        Ok(Self { environments, config, seed, state, updater: Box::new(OnCpu) })
+        Ok(Self { environments, config, seed, state, engine: Box::new(OnCpu::default()) })
     }
 
     /// One rollout and its update.
@@ -133,15 +134,15 @@ impl<E: Environments> Trainer<E> {
     /// # Errors
     /// If the solver fails or the policy stops being finite.
     pub fn iterate(&mut self) -> Result<Iteration, PpoError> {
-        let Self { environments, config, state, updater, .. } = self;
+        let Self { environments, config, state, engine, .. } = self;
         let started = Instant::now();
         // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
         let (noise, orders) = (self.seed.wrapping_add(NOISE), self.seed.wrapping_add(ORDERS));
         let law = (config.horizon, config.gamma, config.lambda);
         let first = state.iteration * config.horizon as u64;
-        let steps = rollout(environments, &mut state.running, &state.policy, law, (noise, first))?;
+        let taken = rollout(environments, &mut state.running, &mut **engine, &state.policy, law, (noise, first))?;
         let rolled = started.elapsed().as_secs_f64();
-        state.recent.extend(&steps.ended);
+        state.recent.extend(&taken.ended);
         let most = config.environments.max(100);
         state.recent.drain(..state.recent.len().saturating_sub(most));
         let mean = |f: fn(&(f64, f64)) -> f64| {
@@ -153,7 +154,7 @@ impl<E: Environments> Trainer<E> {
         if let Some(reward) = reward.filter(|r| state.recent.len() == most && state.best.as_ref().is_none_or(|b| *r > b.0)) {
             state.best = Some((reward, state.policy.clone()));
         }
-        let updated = updater.update(&mut state.policy, &mut state.adam, &steps, config, (orders, state.iteration))?;
+        let updated = engine.update(&mut state.policy, &mut state.adam, config, (orders, state.iteration))?;
         state.iteration += 1;
         if state.policy.flat.iter().any(|w| !w.is_finite()) {
             return Err(PpoError::NotFinite(state.iteration));
@@ -163,12 +164,12 @@ impl<E: Environments> Trainer<E> {
             frames: state.iteration * config.steps() as u64,
             reward,
             length,
-            episodes: steps.ended.len(),
-            failed: steps.failed,
+            episodes: taken.ended.len(),
+            failed: taken.failed,
             rate: state.adam.rate,
             updated,
             rollout_seconds: rolled,
-            policy_seconds: steps.policy_seconds,
+            policy_seconds: taken.policy_seconds,
             update_seconds: started.elapsed().as_secs_f64() - rolled,
         })
     }

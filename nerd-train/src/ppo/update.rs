@@ -14,7 +14,6 @@ use super::loss::{Past, Terms, divergence, step};
 use super::mlp::Tape;
 use super::policy::{Policy, ROWS};
 use super::rollout::Rollout;
-use super::trainer::PpoError;
 use crate::learner::adam::norm;
 
 /// Least and largest learning rate, and by how much it moves.
@@ -84,39 +83,7 @@ impl Updated {
     }
 }
 
-/// Makes all passes over a rollout. The order of steps in pass e of iteration i is drawn from a ChaCha8 stream of its own.
-pub trait Updater: Send {
-    /// All passes over one rollout; `seeds` are that of orders and the iteration.
-    ///
-    /// # Errors
-    /// If the device fails.
-    fn update(
-        &mut self,
-        policy: &mut Policy,
-        adam: &mut Adam,
-        rollout: &Rollout,
-        config: &PpoConfig,
-        seeds: (u64, u64),
-    ) -> Result<Updated, PpoError>;
-}
-
-/// On the CPU.
-pub struct OnCpu;
-
-impl Updater for OnCpu {
-    fn update(
-        &mut self,
-        policy: &mut Policy,
-        adam: &mut Adam,
-        rollout: &Rollout,
-        config: &PpoConfig,
-        seeds: (u64, u64),
-    ) -> Result<Updated, PpoError> {
-        Ok(update(policy, adam, rollout, config, seeds))
-    }
-}
-
-/// What [`OnCpu`] does, which cannot fail.
+/// All passes over one rollout; see [`super::Engine::update`].
 pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, seeds: (u64, u64)) -> Updated {
     let mut data = begun(policy, rollout);
     let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
@@ -140,7 +107,7 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
 }
 
 /// Takes the returns of a rollout into their moments; the rollout as the network sees it.
-pub(super) fn begun<'a>(policy: &mut Policy, rollout: &'a Rollout) -> Data<'a> {
+fn begun<'a>(policy: &mut Policy, rollout: &'a Rollout) -> Data<'a> {
     let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
     // As the network said them: in moments that have moved on, a value would be held to what was never said.
     let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
@@ -149,7 +116,7 @@ pub(super) fn begun<'a>(policy: &mut Policy, rollout: &'a Rollout) -> Data<'a> {
 }
 
 /// Takes its observations into theirs.
-pub(super) fn ended(policy: &mut Policy, rollout: &Rollout) {
+fn ended(policy: &mut Policy, rollout: &Rollout) {
     policy.seen.update(&rollout.observations);
 }
 
@@ -188,15 +155,8 @@ impl<'a> Data<'a> {
     }
 
     /// Steps.
-    pub(super) fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.values.len()
-    }
-
-    /// What an engine needs of it, by step: inputs, advantages, goals, values, surprise, actions, means and spreads.
-    #[cfg(feature = "cuda")]
-    pub(super) fn columns(&self) -> [&[f32]; 8] {
-        let Self { rollout, inputs, advantages, goals, values, mean, spread } = self;
-        [inputs, advantages, goals, values, &rollout.surprise, &rollout.actions, mean, spread]
     }
 
     /// From now on these steps are compared with what the policy has just said of them.

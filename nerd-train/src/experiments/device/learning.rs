@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::ppo::clock::Clock;
-use crate::ppo::{Arena, CudaUpdater, PpoConfig, Trainer};
+use crate::ppo::{Arena, CudaEngine, PpoConfig, Trainer};
 use crate::report::table::digits;
 use crate::shipped;
 
@@ -34,8 +34,8 @@ pub(super) fn measure(task: &str, environments: usize, seed: u64) -> Result<Lear
     let robot = nerd_tasks::named(task)?.robot();
     let (arena, clock) = (Arena::Model { folder: shipped::models().join(robot), device: Device::Cuda }, Clock::default());
     let mut trainer = Trainer::new(arena.timed(task, environments, seed, &clock)?, config.clone(), seed)?;
-    let updater = CudaUpdater::new(&trainer.state.policy.shape, &config).map_err(|e| Error::Refused(e.to_string()))?;
-    trainer.updater = Box::new(updater);
+    let engine = CudaEngine::new(&trainer.state.policy.shape, &config).map_err(|e| Error::Refused(e.to_string()))?;
+    trainer.engine = Box::new(engine);
     // Kernels are compiled and memory taken once.
     (0..2).try_for_each(|_| trainer.iterate().map(drop))?;
     let before = clock.solver.load(Ordering::Relaxed);

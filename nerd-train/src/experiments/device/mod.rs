@@ -207,8 +207,8 @@ impl Experiment for OnDevice {
             "front",
         ];
         let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
-        let note = "PPO in the shipped model of the task's robot, updates included: whole frames and updates on the device, tasks and policies on \
-                    all cores of the CPU. The paper's settings but for the number of environments.";
+        let note = "PPO in the shipped model of the task's robot, updates included: whole frames, the policy's answers and its updates on the \
+                    device, tasks on all cores of the CPU. The paper's settings but for the number of environments.";
         let header = ["task", "environments", "steps an iteration", "steps/s", "solver (%)", "task (%)", "policy (%)", "update (%)"];
         let learning = Table::new("learning", &header).with(data.learning.iter().map(Learning::cells)).noted(note);
         Ok(if data.learning.is_empty() { vec![parities, paces] } else { vec![parities, paces, learning] })

@@ -1,0 +1,120 @@
+// A policy's answers and what becomes of a rollout, as on the CPU: the same noise, the same arithmetic, 64 bits where they are there.
+
+// Kept within +- most; what is no number stays none.
+__device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
+
+// Rows of observations as the network sees them (normalizer.rs).
+extern "C" __global__ void normalize(const double* rows, const double* mean, const double* inverse, float* to, u64 n, int width) {
+    const u64 i = INDEX;
+    if (i < n) to[i] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
+}
+
+__device__ void quarter(unsigned* x, int a, int b, int c, int d) {
+    const int at[4][3] = {{a, b, d}, {c, d, b}, {a, b, d}, {c, d, b}}, turn[4] = {16, 12, 8, 7};
+    for (int k = 0; k < 4; k++) {
+        const int to = at[k][0], from = at[k][1], other = at[k][2];
+        x[to] += x[from];
+        const unsigned mixed = x[other] ^ x[to];
+        x[other] = mixed << turn[k] | mixed >> (32 - turn[k]);
+    }
+}
+
+// One block of ChaCha8 (Bernstein 2008) with a 64-bit counter and a 64-bit stream.
+__device__ void chacha8(const u64 key[4], u64 counter, u64 stream, unsigned out[16]) {
+    const unsigned begin[16] = {0x61707865u, 0x3320646eu, 0x79622d32u, 0x6b206574u,
+                                (unsigned)key[0], (unsigned)(key[0] >> 32), (unsigned)key[1], (unsigned)(key[1] >> 32),
+                                (unsigned)key[2], (unsigned)(key[2] >> 32), (unsigned)key[3], (unsigned)(key[3] >> 32),
+                                (unsigned)counter, (unsigned)(counter >> 32), (unsigned)stream, (unsigned)(stream >> 32)};
+    for (int k = 0; k < 16; k++) out[k] = begin[k];
+    for (int round = 0; round < 4; round++) {
+        for (int k = 0; k < 4; k++) quarter(out, k, 4 + k, 8 + k, 12 + k);
+        for (int k = 0; k < 4; k++) quarter(out, k, 4 + (k + 1) % 4, 8 + (k + 2) % 4, 12 + (k + 3) % 4);
+    }
+    for (int k = 0; k < 16; k++) out[k] += begin[k];
+}
+
+// In [0, 1), of two words.
+__device__ double unit(const unsigned* words) { return (double)(((u64)words[1] << 32 | words[0]) >> 11) * 0x1p-53; }
+
+// What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions has the i-th
+// number of the noise, which comes in twos (Box and Muller) of four words each. Values are in units of reward.
+extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, u64 stream, double mean,
+                               double scale, float* means, float* spreads, float* actions, float* surprise, double* values, float* kept,
+                               int rows, int a, int outputs) {
+    const u64 row = INDEX;
+    if (row >= rows) return;
+    const u64 key[4] = {key0, key1, key2, key3};
+    const float *mu = said + row * outputs, *s = parameter ? parameter : mu + a + 1;
+    u64 known = ~(u64)0;
+    unsigned words[16];
+    float sum = 0;
+    for (int k = 0; k < a; k++) {
+        const u64 i = row * a + k, two = i / 2;
+        if (two / 4 != known) chacha8(key, known = two / 4, stream, words);
+        const double u = 1.0 - unit(words + two % 4 * 4), v = unit(words + two % 4 * 4 + 2);
+        const double radius = sqrt(-2.0 * log(u)), angle = 6.283185307179586 * v;
+        const float drawn = mu[k] + expf(s[k]) * (float)(radius * (i % 2 ? sin(angle) : cos(angle)));
+        const float z = (drawn - mu[k]) * expf(-s[k]);
+        sum += 0.5f * z * z + s[k] + 0.9189385f;
+        means[i] = mu[k];
+        spreads[i] = s[k];
+        actions[i] = drawn;
+        kept[i] = (float)within(drawn, 1.0);
+    }
+    surprise[row] = sum;
+    values[row] = (double)mu[a] * scale + mean;
+}
+
+// Values of rows that are others' by number: those of the last answer (`which` 0), or of states reached where time ran out.
+extern "C" __global__ void value(const float* said, const unsigned* which, double mean, double scale, double* values, int rows, int a,
+                                 int outputs) {
+    const u64 row = INDEX;
+    if (row < rows) values[which ? which[row] : row] = (double)said[row * outputs + a] * scale + mean;
+}
+
+// Advantages and returns (gae.rs) by environment; 1 ended in a terminal state, 2 where time ran out, and what was reached is worth `cut`.
+extern "C" __global__ void gae(const double* rewards, const unsigned char* ends, const double* values, const double* cut, double* both,
+                               int n, int horizon, double gamma, double lambda) {
+    const u64 env = INDEX;
+    if (env >= n) return;
+    double advantage = 0;
+    for (int t = horizon - 1; t >= 0; t--) {
+        const u64 i = (u64)t * n + env;
+        const double next = ends[i] == 2 ? cut[i] : values[i + n];
+        const double delta = rewards[i] + (ends[i] == 1 ? 0.0 : gamma * next) - values[i];
+        advantage = delta + (ends[i] || t + 1 == horizon ? 0.0 : gamma * lambda * advantage);
+        both[2 * i] = advantage;
+        both[2 * i + 1] = advantage + values[i];
+    }
+}
+
+// Sums of columns over every `parts`-th row, or of their squared distances from `means`.
+extern "C" __global__ void columns(const double* rows, const double* means, u64 n, int width, int parts, double* partial) {
+    const u64 i = INDEX, column = i % width;
+    if (i >= (u64)parts * width) return;
+    double sum = 0;
+    for (u64 row = i / width; row < n; row += parts) {
+        const double x = rows[row * width + column] - (means ? means[column] : 0.0);
+        sum += means ? x * x : x;
+    }
+    partial[i] = sum;
+}
+
+// And their means, in the order of the parts.
+extern "C" __global__ void mean(const double* partial, u64 n, int width, int parts, double* out) {
+    const u64 column = INDEX;
+    if (column >= width) return;
+    double sum = 0;
+    for (int part = 0; part < parts; part++) sum += partial[(u64)part * width + column];
+    out[column] = sum / n;
+}
+
+// What the loss asks of a step: advantage, return and the value said, each normalised by (mean, scale) of its own.
+extern "C" __global__ void goals(const double* both, const double* said, u64 n, double mean, double scale, double goal_mean, double goal_scale,
+                                 double said_mean, double said_scale, float* advantages, float* goals, float* values) {
+    const u64 i = INDEX;
+    if (i >= n) return;
+    advantages[i] = (float)((both[2 * i] - mean) / scale);
+    goals[i] = (float)within((both[2 * i + 1] - goal_mean) / goal_scale, 5.0);
+    values[i] = (float)within((said[i] - said_mean) / said_scale, 5.0);
+}

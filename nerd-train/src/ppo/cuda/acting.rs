@@ -1,0 +1,233 @@
+//! A rollout on the device: answers, values, advantages and moments, all by the kernels of `acting.cu`.
+
+use nerd_cuda::Arg::{Double, Int, Long, Ptr};
+use nerd_cuda::{Buffer, Device, DeviceError};
+use nerd_tasks::StepResult;
+
+use super::super::config::PpoConfig;
+use super::super::policy::{Policy, Shape};
+use super::super::rollout::Rollout;
+use super::CudaEngine;
+
+/// Parts that sums over all steps are made in.
+const PARTS: usize = 1024;
+
+/// What is kept of a rollout beside what passes read.
+pub(super) struct Kept {
+    environments: usize,
+    horizon: usize,
+    /// Steps taken.
+    step: usize,
+    /// Stacked observations.
+    observations: Buffer<f64>,
+    /// Values in units of reward, by step, of the last answer too.
+    values: Buffer<f64>,
+    /// Values of what was reached where time ran out.
+    cut: Buffer<f64>,
+    /// Advantages and returns, by step.
+    both: Buffer<f64>,
+    /// What came of each step: rewards, and how it ended (0 not, 1 terminated, 2 truncated). Here until the rollout is over.
+    told: (Vec<f64>, Vec<u8>),
+    rewards: Buffer<f64>,
+    ends: Buffer<u8>,
+    /// Rows that are not of a step, as told and as the network sees them, and whose they are.
+    rows: Buffer<f64>,
+    inputs: Buffer<f32>,
+    which: Buffer<u32>,
+    /// Actions within their bounds.
+    actions: Buffer<f32>,
+    /// Mean and inverse scale of the observations; mean and scale of the returns.
+    seen: [Buffer<f64>; 2],
+    returns: [f64; 2],
+    partial: Buffer<f64>,
+    means: [Buffer<f64>; 2],
+}
+
+impl Kept {
+    pub(super) fn new(device: &Device, shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
+        let (n, steps, width) = (config.environments, config.steps(), shape.observation * shape.stack);
+        let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
+        Ok(Self {
+            environments: n,
+            horizon: config.horizon,
+            step: 0,
+            observations: numbers(steps * width)?,
+            values: numbers(steps + n)?,
+            cut: numbers(steps)?,
+            both: numbers(2 * steps)?,
+            told: Default::default(),
+            rewards: numbers(steps)?,
+            ends: device.zeros(steps)?,
+            rows: numbers(n * width)?,
+            inputs: device.zeros(n * width)?,
+            which: device.zeros(n)?,
+            actions: device.zeros(n * shape.action)?,
+            seen: [numbers(width)?, numbers(width)?],
+            returns: [0.0, 1.0],
+            partial: numbers(PARTS * columns)?,
+            means: [numbers(columns)?, numbers(columns)?],
+        })
+    }
+}
+
+/// Values of the network in units of reward: mean and scale.
+fn units(policy: &Policy) -> [f64; 2] {
+    [policy.returns.mean[0], policy.returns.scale(0)]
+}
+
+impl CudaEngine {
+    /// Begins a rollout of a policy.
+    pub(super) fn take(&mut self, policy: &Policy) -> Result<(), DeviceError> {
+        let inverse: Vec<f64> = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect();
+        self.device.write(&self.weights, &policy.flat)?;
+        self.device.write(&self.kept.seen[0], &policy.seen.mean)?;
+        self.device.write(&self.kept.seen[1], &inverse)?;
+        (self.kept.step, self.kept.returns) = (0, units(policy));
+        self.kept.told.0.clear();
+        self.kept.told.1.clear();
+        Ok(())
+    }
+
+    /// The network where so many rows on the device are seen.
+    fn ask(&self, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
+        let (width, [mean, inverse]) = (self.network.sizes[0], &self.kept.seen);
+        let args = [Ptr(rows), Ptr(mean.ptr), Ptr(inverse.ptr), Ptr(inputs), Long((count * width) as u64), Int(width)];
+        self.over("normalize", count * width, &args)?;
+        self.forward(inputs, count)
+    }
+
+    /// Values of the rows last asked about, to where `which` says.
+    fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
+        let [mean, scale] = self.kept.returns.map(Double);
+        let sizes = [count, self.shape.action, self.outputs()].map(Int);
+        self.over("value", count, &[&[Ptr(self.said()), Ptr(which), mean, scale, Ptr(to)][..], &sizes].concat())
+    }
+
+    /// Refuses what there is no memory for.
+    fn fits(&self, what: &str, right: bool) -> Result<(), DeviceError> {
+        let Kept { environments, horizon, .. } = self.kept;
+        let wrong = || DeviceError(format!("{what} are not those of {environments} environments over {horizon} steps"));
+        right.then_some(()).ok_or_else(wrong)
+    }
+
+    /// Draws actions where `rows` are seen.
+    pub(super) fn answer(&mut self, rows: &[f64], key: [u8; 32], stream: u64, out: &mut Vec<f64>) -> Result<(), DeviceError> {
+        let Kept { environments: n, horizon, step, .. } = self.kept;
+        let (width, a) = (self.network.sizes[0], self.shape.action);
+        self.fits("rows", rows.len() == n * width && step < horizon)?;
+        let first = step * n;
+        self.device.write_at(&self.kept.observations, first * width, rows)?;
+        self.ask(self.kept.observations.at(first * width), self.steps[0].at(first * width), n)?;
+        let key = key.as_chunks::<8>().0.iter().map(|word| Long(u64::from_le_bytes(*word)));
+        let [_, _, _, _, surprise, actions, means, spreads] = &self.steps;
+        let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), surprise.at(first)];
+        let mut args = vec![Ptr(self.said()), Ptr(self.parameter())];
+        args.extend(key);
+        args.push(Long(stream));
+        args.extend(self.kept.returns.map(Double));
+        args.extend(written.map(Ptr));
+        args.extend([self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
+        args.extend([n, a, self.outputs()].map(Int));
+        self.over("act", n, &args)?;
+        let mut kept = vec![0f32; n * a];
+        self.device.read(&self.kept.actions, &mut kept)?;
+        out.clear();
+        out.extend(kept.into_iter().map(f64::from));
+        Ok(())
+    }
+
+    /// What came of the actions.
+    pub(super) fn keep(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), DeviceError> {
+        let Kept { environments: n, horizon, step, .. } = self.kept;
+        let cut: Vec<u32> = (0..).zip(&result.truncated).filter_map(|(env, over)| over.then_some(env)).collect();
+        let right = result.rewards.len() == n && reached.len() == cut.len() * self.network.sizes[0] && step < horizon;
+        self.fits("results of a step", right)?;
+        if !cut.is_empty() {
+            self.device.write(&self.kept.rows, reached)?;
+            self.device.write(&self.kept.which, &cut)?;
+            self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
+            self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
+        }
+        let ends = result.terminated.iter().zip(&result.truncated);
+        self.kept.told.0.extend_from_slice(&result.rewards);
+        self.kept.told.1.extend(ends.map(|(terminated, truncated)| if *terminated { 1 } else { 2 * u8::from(*truncated) }));
+        self.kept.step += 1;
+        Ok(())
+    }
+
+    /// Ends the rollout where `rows` are seen: advantages and returns.
+    pub(super) fn judge(&mut self, rows: &[f64], (gamma, lambda): (f64, f64)) -> Result<(), DeviceError> {
+        let Kept { environments: n, horizon, step, .. } = self.kept;
+        self.fits("rows", rows.len() == n * self.network.sizes[0] && step == horizon)?;
+        self.device.write(&self.kept.rows, rows)?;
+        self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, n)?;
+        self.value(0, self.kept.values.at(horizon * n), n)?;
+        let Kept { rewards, ends, values, cut, both, told, .. } = &self.kept;
+        self.device.write(rewards, &told.0)?;
+        self.device.write(ends, &told.1)?;
+        let all = [rewards.ptr, ends.ptr, values.ptr, cut.ptr, both.ptr].map(Ptr);
+        self.over("gae", n, &[&all[..], &[Int(n), Int(horizon), Double(gamma), Double(lambda)]].concat())
+    }
+
+    /// Means and variances of columns over all steps.
+    fn moments_of(&self, rows: u64, width: usize) -> Result<[Vec<f64>; 2], DeviceError> {
+        let (n, partial, mut moments) =
+            ((self.kept.horizon * self.kept.environments) as u64, self.kept.partial.ptr, [vec![0.0; width], vec![0.0; width]]);
+        let mut about = 0;
+        for (out, moments) in self.kept.means.iter().zip(&mut moments) {
+            self.over("columns", PARTS * width, &[Ptr(rows), Ptr(about), Long(n), Int(width), Int(PARTS), Ptr(partial)])?;
+            self.over("mean", width, &[Ptr(partial), Long(n), Int(width), Int(PARTS), Ptr(out.ptr)])?;
+            self.device.read(out, moments)?;
+            about = out.ptr;
+        }
+        Ok(moments)
+    }
+
+    /// Takes the returns into their moments, and makes of the rollout what the loss asks for.
+    pub(super) fn goals(&self, policy: &mut Policy) -> Result<(), DeviceError> {
+        let n = self.kept.horizon * self.kept.environments;
+        let [mean, variance] = self.moments_of(self.kept.both.ptr, 2)?;
+        // As the network said them: in moments that have moved on, a value would be held to what was never said.
+        let said = units(policy);
+        policy.returns.absorb(&mean[1..], &variance[1..], n as f64);
+        let laws = [[mean[0], variance[0].sqrt() + 1e-8], units(policy), said].concat().into_iter().map(Double);
+        let [_, advantages, goals, values, ..] = &self.steps;
+        let mut args = vec![Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
+        args.extend(laws);
+        args.extend([advantages.ptr, goals.ptr, values.ptr].map(Ptr));
+        self.over("goals", n, &args)
+    }
+
+    /// Takes the observations into their moments.
+    pub(super) fn seen(&self, policy: &mut Policy) -> Result<(), DeviceError> {
+        let [mean, variance] = self.moments_of(self.kept.observations.ptr, self.network.sizes[0])?;
+        policy.seen.absorb(&mean, &variance, (self.kept.horizon * self.kept.environments) as f64);
+        Ok(())
+    }
+
+    /// The rollout, to be looked at before an update.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn rollout(&self) -> Result<Rollout, DeviceError> {
+        let (n, Kept { observations, values, both, .. }) = (self.kept.horizon * self.kept.environments, &self.kept);
+        let numbers = |from: &Buffer<f64>, len: usize| {
+            let mut out = vec![0.0; len];
+            self.device.read(from, &mut out).map(|()| out)
+        };
+        let of_steps = |from: &Buffer<f32>| {
+            let mut out = vec![0.0; from.len];
+            self.device.read(from, &mut out).map(|()| out)
+        };
+        let [_, _, _, _, surprise, actions, mean, spread] = &self.steps;
+        Ok(Rollout {
+            observations: numbers(observations, observations.len)?,
+            actions: of_steps(actions)?,
+            mean: of_steps(mean)?,
+            spread: of_steps(spread)?,
+            surprise: of_steps(surprise)?,
+            values: numbers(values, n)?,
+            advantages: numbers(both, 2 * n)?.into_iter().step_by(2).collect(),
+        })
+    }
+}

@@ -1,0 +1,179 @@
+//! The kernels of PPO's rollouts against the CPU's engine, without a device: their text is compiled as C++ and run on the CPU.
+
+#[path = "../../nerd-sim/tests/cpp/mod.rs"]
+mod cpp;
+
+use nerd_sim::sampling::{normal, stream};
+use nerd_tasks::StepResult;
+use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, RunningMoments, Shape};
+
+/// Environments, numbers of an observation and of an action (odd, so that the two numbers of a draw can be of two rows), steps.
+const N: usize = 37;
+const SEEN: usize = 5;
+const A: usize = 3;
+const HORIZON: usize = 6;
+/// Discount and lambda, the step that is answered, its noise, and parts that sums are made in.
+const LAW: (f64, f64) = (0.97, 0.9);
+const STEP: usize = 4;
+const NOISE: (u64, u64) = (0x1234_5678_9abc_def0, (1 << 40) + 7);
+const PARTS: usize = 7;
+
+/// Every kernel in turn over a few more threads than it has work for.
+const MAIN: &str = r"
+#include <cmath>
+#include <cstdio>
+#include <vector>
+using std::vector;
+typedef unsigned long long u64;
+#define __global__
+#define __device__
+static u64 INDEX;
+#include KERNELS
+template <class T> vector<T> take(size_t n) { vector<T> x(n); if (fread(x.data(), sizeof(T), n, stdin) != n) throw 1; return x; }
+template <class T> void give(const vector<T>& x) { fwrite(x.data(), sizeof(T), x.size(), stdout); }
+#define RUN(threads, call) for (INDEX = 0; INDEX < (u64)(threads) + 5; INDEX++) call
+int main() {
+    auto sizes = take<int>(5);
+    const int n = sizes[0], seen = sizes[1], a = sizes[2], horizon = sizes[3], parts = sizes[4], steps = n * horizon;
+    auto key = take<u64>(5);
+    auto law = take<double>(10);
+    auto rows = take<double>(steps * seen), mean_of = take<double>(seen), inverse = take<double>(seen);
+    auto rewards = take<double>(steps), values = take<double>(steps + n), cut = take<double>(steps);
+    auto said = take<float>(n * (a + 1)), parameter = take<float>(a);
+    auto ends = take<unsigned char>(steps);
+    vector<float> inputs(steps * seen), means(n * a), spreads(n * a), actions(n * a), surprise(n), kept(n * a);
+    vector<float> advantages(steps), wanted(steps), known(steps);
+    vector<double> worth(n), both(2 * steps), partial(parts * seen), first(seen), second(seen);
+    RUN(steps * seen, normalize(rows.data(), mean_of.data(), inverse.data(), inputs.data(), steps * seen, seen));
+    RUN(n, act(said.data(), parameter.data(), key[0], key[1], key[2], key[3], key[4], law[0], law[1], means.data(), spreads.data(),
+               actions.data(), surprise.data(), worth.data(), kept.data(), n, a, a + 1));
+    RUN(n, gae(rewards.data(), ends.data(), values.data(), cut.data(), both.data(), n, horizon, law[2], law[3]));
+    RUN(parts * seen, columns(rows.data(), nullptr, steps, seen, parts, partial.data()));
+    RUN(seen, mean(partial.data(), steps, seen, parts, first.data()));
+    RUN(parts * seen, columns(rows.data(), first.data(), steps, seen, parts, partial.data()));
+    RUN(seen, mean(partial.data(), steps, seen, parts, second.data()));
+    RUN(steps, goals(both.data(), values.data(), steps, law[4], law[5], law[6], law[7], law[8], law[9], advantages.data(), wanted.data(),
+                     known.data()));
+    for (auto* x : {&inputs, &means, &spreads, &actions, &surprise, &kept, &advantages, &wanted, &known}) give(*x);
+    for (auto* x : {&worth, &both, &first, &second}) give(*x);
+}
+";
+
+/// What the CPU's engine was told and asked.
+struct Rolled {
+    policy: Policy,
+    engine: OnCpu,
+    rewards: Vec<f64>,
+    ends: Vec<u8>,
+    /// Values where time ran out, by step; and of the last answer.
+    cut: Vec<f64>,
+    last: Vec<f64>,
+    /// Actions of one step, as environments get them.
+    kept: Vec<f64>,
+}
+
+fn rolled() -> Rolled {
+    let mut rng = stream(2, 0);
+    let mut draw = |n: usize, by: f64| -> Vec<f64> { (0..n).map(|k| 0.5 * k as f64 % 3.0 + by * normal(&mut rng)).collect() };
+    let shape = Shape { observation: SEEN, stack: 1, action: A, hidden: vec![8], activation: Activation::Elu, spread_by_state: false };
+    let mut policy = Policy::new(shape, &mut stream(1, 0));
+    let inner = policy.flat.len() - A;
+    policy.flat[inner..].copy_from_slice(&[0.2, -0.4, 0.1]);
+    policy.seen.update(&draw(200 * SEEN, 2.0));
+    policy.returns.update(&draw(200, 3.0));
+    let (mut engine, mut actions, mut kept) = (OnCpu::default(), Vec::new(), Vec::new());
+    let (mut rewards, mut ends, mut cut) = (Vec::new(), Vec::new(), vec![f64::NAN; N * HORIZON]);
+    engine.begin(&policy).expect("the CPU");
+    for t in 0..HORIZON {
+        engine.act(&draw(N * SEEN, 4.0), (NOISE.0, NOISE.1 - STEP as u64 + t as u64), &mut actions).expect("the CPU");
+        if t == STEP {
+            kept.clone_from(&actions);
+        }
+        let ended: Vec<u8> = (0..N).map(|env| [0, 0, 1, 0, 2, 0, 0][(env + 3 * t) % 7]).collect();
+        let reached: Vec<Vec<f64>> = ended.iter().filter(|end| **end == 2).map(|_| draw(SEEN, 2.0)).collect();
+        for (row, env) in reached.iter().zip((0..N).filter(|env| ended[*env] == 2)) {
+            cut[t * N + env] = policy.values(&policy.answer(row))[0];
+        }
+        let is = |what: u8| ended.iter().map(|end| *end == what).collect();
+        let result = StepResult { rewards: draw(N, 1.0), terminated: is(1), truncated: is(2), ..StepResult::default() };
+        engine.arrive(&result, &reached.concat()).expect("the CPU");
+        rewards.extend(result.rewards);
+        ends.extend(ended);
+    }
+    let rows = draw(N * SEEN, 4.0);
+    engine.finish(&rows, LAW).expect("the CPU");
+    let last = policy.values(&policy.answer(&rows));
+    Rolled { engine, rewards, ends, cut, last, kept, policy }
+}
+
+fn scale(moments: &RunningMoments, k: usize) -> f64 {
+    moments.restore(k, 1.0) - moments.restore(k, 0.0)
+}
+
+fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let apart = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
+    println!("{what}: {apart:.1e} apart");
+    assert!(apart <= most, "{what}: {apart:.1e} apart, at most {most:.1e}");
+}
+
+#[test]
+fn kernels_answer_and_judge_as_the_cpu_does() {
+    let Some(compiler) = cpp::compiler() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = MAIN.replace("#include KERNELS", include_str!("../src/ppo/cuda/acting.cu"));
+    let made = cpp::compile(compiler, &text, folder.path(), "acting");
+    let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
+    let (r, steps) = (&engine.rollout, N * HORIZON);
+    let returns: Vec<f64> = r.advantages.iter().zip(&r.values).map(|(a, v)| a + v).collect();
+    let average = |x: &mut dyn Iterator<Item = f64>| x.sum::<f64>() / steps as f64;
+    let mean = average(&mut r.advantages.iter().copied());
+    let spread = average(&mut r.advantages.iter().map(|a| (a - mean).powi(2))).sqrt() + 1e-8;
+    let mut moved = policy.returns.clone();
+    moved.update(&returns);
+    let units = |m: &RunningMoments| [m.mean[0], scale(m, 0)];
+    let laws = [units(&policy.returns), [LAW.0, LAW.1], [mean, spread], units(&moved), units(&policy.returns)].concat();
+    let columns = &policy.seen;
+    let inverse: Vec<f64> = (0..SEEN).map(|k| scale(columns, k).recip()).collect();
+    let values = [&r.values[..], &last].concat();
+    let said = policy.answer(&r.observations[STEP * N * SEEN..][..N * SEEN]);
+    let rows = said.mean.chunks(A).zip(&said.value).flat_map(|(mean, value)| mean.iter().chain([value]));
+
+    let mut input: Vec<u8> = [N, SEEN, A, HORIZON, PARTS].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
+    input.extend(stream(NOISE.0, NOISE.1).get_seed());
+    input.extend(NOISE.1.to_le_bytes());
+    let numbers = [&laws, &r.observations, &columns.mean, &inverse, &rewards, &values, &cut];
+    input.extend(numbers.into_iter().flatten().flat_map(|x| x.to_le_bytes()));
+    input.extend(rows.chain(policy.spread()).flat_map(|x| x.to_le_bytes()));
+    input.extend(&ends);
+    let output = cpp::talk(&made, input);
+
+    let (singles, doubles) = output.split_at(4 * (steps * SEEN + 4 * N * A + N + 3 * steps));
+    let mut singles = singles.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b)));
+    let mut doubles = doubles.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b));
+    let mut single = |n: usize| singles.by_ref().take(n).collect::<Vec<_>>();
+    let mut double = |n: usize| doubles.by_ref().take(n).collect::<Vec<_>>();
+    let f64s = |x: &[f32]| x.iter().copied().map(f64::from).collect::<Vec<_>>();
+    let at = |x: &[f32]| f64s(&x[STEP * N * A..][..N * A]);
+
+    let mut seen = Vec::new();
+    policy.seen.rows(&r.observations, &mut seen);
+    near("inputs", &single(steps * SEEN), &f64s(&seen), 1e-6);
+    near("means", &single(N * A), &at(&r.mean), 0.0);
+    near("spreads", &single(N * A), &at(&r.spread), 0.0);
+    near("actions", &single(N * A), &at(&r.actions), 1e-6);
+    near("surprise", &single(N), &f64s(&r.surprise[STEP * N..][..N]), 1e-5);
+    near("actions kept within their bounds", &single(N * A), &kept, 1e-6);
+    let by = |x: &[f64], mean: f64, scale: f64| x.iter().map(|x| (x - mean) / scale).collect::<Vec<_>>();
+    near("advantages, normalised", &single(steps), &by(&r.advantages, mean, spread), 1e-6);
+    let normalised = |x: &[f64], m: &RunningMoments| x.iter().map(|x| m.normalize(0, *x)).collect::<Vec<_>>();
+    near("goals", &single(steps), &normalised(&returns, &moved), 1e-6);
+    near("values, normalised", &single(steps), &normalised(&r.values, &policy.returns), 1e-6);
+    near("values", &double(N), &r.values[STEP * N..][..N], 1e-12);
+    let both: Vec<f64> = r.advantages.iter().zip(&returns).flat_map(|(a, r)| [*a, *r]).collect();
+    near("advantages and returns", &double(2 * steps), &both, 1e-12);
+    let of = |k: usize, about: f64, power: i32| average(&mut r.observations.iter().skip(k).step_by(SEEN).map(|x| (x - about).powi(power)));
+    let means: Vec<f64> = (0..SEEN).map(|k| of(k, 0.0, 1)).collect();
+    near("means of columns", &double(SEEN), &means, 1e-12);
+    near("variances of columns", &double(SEEN), &(0..SEEN).map(|k| of(k, means[k], 2)).collect::<Vec<_>>(), 1e-12);
+}
