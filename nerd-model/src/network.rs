@@ -1,51 +1,9 @@
-//! Any of the networks: one burn module to train, one evaluator on the CPU.
+//! The fastest evaluator of any network on the CPU.
 
-use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use crate::mlp::Mlp;
-use crate::recurrent::Recurrent;
-use crate::transformer::{Architecture, Forward, ForwardError, Stream, Transformer, TransformerConfig, Weights, Windowed, check, packed};
-
-/// A network of any [`Architecture`] on one device.
-// One of them a thread: a box would save nothing.
-#[allow(clippy::large_enum_variant)]
-#[derive(Module, Debug)]
-pub enum Network {
-    /// The causal Transformer.
-    Transformer(Transformer),
-    /// A perceptron over single tokens.
-    Mlp(Mlp),
-    /// GRU or LSTM.
-    Recurrent(Recurrent),
-}
-
-impl Network {
-    /// With these weights on `device`; an autodiff device makes every tensor trainable.
-    pub fn new(weights: &Weights, device: &Device) -> Self {
-        match weights.config.architecture {
-            Architecture::Transformer => Self::Transformer(Transformer::new(weights, device)),
-            Architecture::Mlp => Self::Mlp(Mlp::new(weights, device)),
-            Architecture::Gru | Architecture::Lstm => Self::Recurrent(Recurrent::new(weights, device)),
-        }
-    }
-
-    /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first; none sees
-    /// a younger one.
-    pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
-        match self {
-            Self::Transformer(network) => network.forward(x),
-            Self::Mlp(network) => network.forward(x),
-            Self::Recurrent(network) => network.forward(x),
-        }
-    }
-
-    /// The gradients of one backward pass in the order of the flat vector; zeros where none was recorded.
-    #[cfg(feature = "autodiff")]
-    pub fn gradients(&self, gradients: &burn::tensor::Gradients) -> Vec<f32> {
-        crate::transformer::gradients_of(self, gradients)
-    }
-}
+pub use crate::program::Network;
+use crate::transformer::{Architecture, Forward, ForwardError, Stream, TransformerConfig, Weights, Windowed, check, packed};
 
 /// The fastest evaluator on the CPU.
 pub fn on_cpu(weights: &Weights) -> Box<dyn Stream> {

@@ -102,7 +102,7 @@ impl<I: Iterator<Item = (usize, usize)>> NullaryFnOnce for Attend<'_, I> {
 
 impl Forward for PackedForward {
     fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        crate::transformer::predictor::check(&self.packed.config, inputs, tokens, last)?;
+        crate::transformer::check(&self.packed.config, inputs, tokens, last)?;
         let c = self.packed.config;
         out.clear();
         out.resize(last.len() * c.outputs, 0.0);
