@@ -6,7 +6,6 @@ pub mod features;
 pub mod folder;
 pub mod form;
 mod frame;
-pub mod network;
 pub mod neural;
 pub mod normalizer;
 pub mod pick;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::network::{Network, PlainForward};
+use nerd_model::program::Network;
 use nerd_model::transformer::{
     Architecture, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
 };
@@ -42,7 +42,7 @@ fn inputs(windows: usize, tokens: usize) -> Vec<f32> {
 
 fn run(w: &Weights, x: &[f32], windows: usize, tokens: usize) -> Vec<f32> {
     let device = Device::flex();
-    let x = Tensor::from_data(TensorData::new(x.to_vec(), [windows, tokens, SMALL.inputs]), &device);
+    let x = Tensor::from_data(TensorData::new(x.to_vec(), [windows, tokens, w.config.inputs]), &device);
     Network::new(w, &device).forward(x).into_data().iter::<f32>().collect()
 }
 
@@ -290,8 +290,9 @@ fn the_packed_network_equals_burns() {
         let width = w.config.inputs;
         let x: Vec<f32> = (0..windows * tokens * width).map(|i| (1.7 * i as f32).sin() * 2.0).collect();
         let last: Vec<u32> = (0..windows).map(|i| (i % tokens) as u32).collect();
-        let (mut a, mut b) = (Vec::new(), vec![7.0; 3]);
-        PlainForward::new(&w).forward(&x, tokens, &last, &mut a).unwrap();
+        let all = run(&w, &x, windows, tokens);
+        let newest = |(i, l): (usize, &u32)| all[(i * tokens + *l as usize) * w.config.outputs..][..w.config.outputs].to_vec();
+        let (a, mut b) = (last.iter().enumerate().flat_map(newest).collect::<Vec<f32>>(), vec![7.0; 3]);
         let mut packed = PackedForward::new(&w);
         for _ in 0..2 {
             packed.forward(&x, tokens, &last, &mut b).unwrap();

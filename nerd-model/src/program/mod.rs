@@ -6,6 +6,7 @@
 //! and by inputs (`tests/program.rs`).
 
 mod burn;
+pub mod cpu;
 mod networks;
 
 pub use self::burn::Network;

@@ -1,7 +1,6 @@
 //! Networks: shapes, weights, and the engines of the CPU.
 
 mod config;
-pub mod elementwise;
 mod forward;
 mod packed;
 mod stream;

@@ -3,36 +3,32 @@
 //! With q, k, v of a head, `S = q k^T / sqrt(d)`, shares `P = softmax(S)` over the tokens that a token may see, `o = P v`; backward
 //! `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`, `dk = dS^T q / sqrt(d)`.
 
-use nerd_model::transformer::elementwise::softmax;
-use nerd_model::transformer::{Positions, TransformerConfig};
 use pulp::Arch;
 
+use super::elementwise::softmax;
+
 /// Shape of a window's attention, and memory for one head of one.
+#[derive(Default)]
 pub struct Attention {
     tokens: usize,
     heads: usize,
     embedding: usize,
     /// Tokens that a token sees, itself included.
     reach: usize,
-    /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing of a position table.
+    /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing where nothing is turned.
     turns: Vec<(f32, f32)>,
     /// Keys or values of a head turned on their side, `[d][width]`.
-    aside: Vec<f32>,
+    lying: Vec<f32>,
     row: Vec<f32>,
 }
 
 impl Attention {
-    pub fn new(config: &TransformerConfig) -> Self {
-        let tokens = config.sequence();
-        let rotary = config.positions == Positions::Rotary;
-        Self {
-            tokens,
-            heads: config.heads,
-            embedding: config.embedding,
-            reach: if rotary { config.history } else { tokens },
-            turns: (0..if rotary { tokens } else { 0 }).flat_map(|place| config.turn(place)).collect(),
-            aside: Vec::new(),
-            row: Vec::new(),
+    /// Of windows, see [`super::super::Op::Attend`].
+    pub fn shape(&mut self, embedding: usize, heads: usize, tokens: usize, band: Option<usize>, frequencies: &[f64]) {
+        (self.embedding, self.heads, self.tokens, self.reach) = (embedding, heads, tokens, band.unwrap_or(tokens));
+        if self.turns.len() != tokens * frequencies.len() {
+            let turn = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
+            self.turns = (0..tokens).flat_map(turn).map(|(sin, cos)| (cos as f32, sin as f32)).collect();
         }
     }
 
@@ -63,6 +59,7 @@ impl Attention {
     }
 
     /// Gradient `dqkv` in front of [`Attention::forward`] from that behind it.
+    #[cfg(feature = "autodiff")]
     pub fn backward(&mut self, qkv: &[f32], shares: &[f32], behind: &[f32], dqkv: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, self.width());
         dqkv.clear();
@@ -108,11 +105,11 @@ impl Attention {
     #[inline(always)]
     fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
         let (d, width) = (self.embedding / self.heads, self.width());
-        self.aside.clear();
-        self.aside.resize(d * width, 0.0);
+        self.lying.clear();
+        self.lying.resize(d * width, 0.0);
         for token in 0..self.tokens {
             for (m, x) in qkv[self.at(part, head, token)].iter().enumerate() {
-                self.aside[m * width + token] = *x;
+                self.lying[m * width + token] = *x;
             }
         }
     }
@@ -130,7 +127,7 @@ impl Attention {
         self.lay(qkv, 1, head);
         for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
             let seen = self.seen(i);
-            for (q, keys) in qkv[self.at(0, head, i)].iter().zip(self.aside.chunks_exact(width)) {
+            for (q, keys) in qkv[self.at(0, head, i)].iter().zip(self.lying.chunks_exact(width)) {
                 add(shares, q * scale, keys);
             }
             softmax(&mut shares[seen.clone()]);
@@ -143,6 +140,7 @@ impl Attention {
         }
     }
 
+    #[cfg(feature = "autodiff")]
     #[inline(always)]
     fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], behind: &[f32], dqkv: &mut [f32]) {
         let (d, width) = (self.embedding / self.heads, self.width());
@@ -153,7 +151,7 @@ impl Attention {
             let (seen, behind) = (self.seen(i), &behind[i * self.embedding + head * d..][..d]);
             slopes.clear();
             slopes.resize(width, 0.0);
-            for (g, values) in behind.iter().zip(self.aside.chunks_exact(width)) {
+            for (g, values) in behind.iter().zip(self.lying.chunks_exact(width)) {
                 add(&mut slopes, *g, values);
             }
             let along: f32 = slopes.iter().zip(shares).map(|(s, p)| s * p).sum();
