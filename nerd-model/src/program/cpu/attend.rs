@@ -42,9 +42,7 @@ impl Attention {
     pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, self.width());
         let windows = qkv.len() / (t * 3 * e);
-        shares.clear();
         shares.resize(windows * self.heads * t * width, 0.0);
-        out.clear();
         out.resize(windows * t * e, 0.0);
         Arch::new().dispatch(|| {
             for ((qkv, out), shares) in
@@ -127,16 +125,13 @@ impl Attention {
         self.lay(qkv, 1, head);
         for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
             let seen = self.seen(i);
-            for (q, keys) in qkv[self.at(0, head, i)].iter().zip(self.lying.chunks_exact(width)) {
-                add(shares, q * scale, keys);
-            }
+            sums(shares, &qkv[self.at(0, head, i)], &self.lying, width);
+            shares[seen.clone()].iter_mut().for_each(|s| *s *= scale);
             softmax(&mut shares[seen.clone()]);
             shares[..seen.start].fill(0.0);
             shares[seen.end..].fill(0.0);
             let out = &mut out[i * self.embedding + head * d..][..d];
-            for j in seen {
-                add(out, shares[j], &qkv[self.at(2, head, j)]);
-            }
+            sums(out, &shares[seen.clone()], &qkv[self.at(2, head, seen.start).start..], 3 * self.embedding);
         }
     }
 
@@ -149,16 +144,14 @@ impl Attention {
         let mut slopes = std::mem::take(&mut self.row);
         for (i, shares) in shares.chunks_exact(width).enumerate() {
             let (seen, behind) = (self.seen(i), &behind[i * self.embedding + head * d..][..d]);
-            slopes.clear();
             slopes.resize(width, 0.0);
-            for (g, values) in behind.iter().zip(self.lying.chunks_exact(width)) {
-                add(&mut slopes, *g, values);
-            }
+            sums(&mut slopes, behind, &self.lying, width);
             let along: f32 = slopes.iter().zip(shares).map(|(s, p)| s * p).sum();
             slopes.iter_mut().zip(shares).for_each(|(s, p)| *s = p * (*s - along) * scale);
+            let keys = &qkv[self.at(1, head, seen.start).start..];
+            sums(&mut dqkv[self.at(0, head, i)], &slopes[seen.clone()], keys, 3 * self.embedding);
             for j in seen {
                 add(&mut dqkv[self.at(2, head, j)], shares[j], behind);
-                add(&mut dqkv[self.at(0, head, i)], slopes[j], &qkv[self.at(1, head, j)]);
                 add(&mut dqkv[self.at(1, head, j)], slopes[j], &qkv[self.at(0, head, i)]);
             }
         }
@@ -166,7 +159,41 @@ impl Attention {
     }
 }
 
+/// `out_c = sum_k a_k rows_kc`, rows so far apart; sums stay in registers.
+#[inline(always)]
+fn sums(out: &mut [f32], a: &[f32], rows: &[f32], stride: usize) {
+    let mut first = 0;
+    let (wide, rest) = out.as_chunks_mut::<16>();
+    for out in wide {
+        *out = lanes(a, &rows[first..], stride);
+        first += 16;
+    }
+    let (narrow, rest) = rest.as_chunks_mut::<8>();
+    for out in narrow {
+        *out = lanes(a, &rows[first..], stride);
+        first += 8;
+    }
+    for (c, out) in rest.iter_mut().enumerate() {
+        [*out] = lanes(a, &rows[first + c..], stride);
+    }
+}
+
+/// As many columns of [`sums`] as a register may hold.
+#[inline(always)]
+fn lanes<const N: usize>(a: &[f32], rows: &[f32], stride: usize) -> [f32; N] {
+    let mut sum = [0.0; N];
+    for (k, a) in a.iter().enumerate() {
+        let row = &rows[k * stride..][..N];
+        // A loop, since a closure may be left outside of what is compiled for wide vectors.
+        for (sum, x) in sum.iter_mut().zip(row) {
+            *sum += a * x;
+        }
+    }
+    sum
+}
+
 /// `y += a x`.
+#[cfg(feature = "autodiff")]
 #[inline(always)]
 fn add(y: &mut [f32], a: f32, x: &[f32]) {
     let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());

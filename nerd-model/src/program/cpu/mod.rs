@@ -32,7 +32,7 @@ pub struct Loaded {
     panels: Vec<Option<Matrix>>,
     /// By slot, the last step that looks at it.
     ends: Vec<usize>,
-    /// The last step in which tokens look at each other.
+    /// The last step in which tokens look at each other or at their places.
     mixing: Option<usize>,
 }
 
@@ -65,7 +65,7 @@ impl Loaded {
     pub fn new(program: Program, flat: &[f32]) -> Self {
         let mut ends = vec![0; program.widths.len()];
         program.steps.iter().enumerate().for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
-        let mixing = program.steps.iter().rposition(|step| matches!(step.op, Op::Attend { .. } | Op::Cell { .. }));
+        let mixing = program.steps.iter().rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Cell { .. }));
         let (starts, steps) = (program.starts(), program.steps.len());
         let mut loaded = Self { program, flat: Vec::new(), starts, folded: vec![Vec::new(); steps], panels: Vec::new(), ends, mixing };
         loaded.load(flat);
