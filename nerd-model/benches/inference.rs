@@ -5,17 +5,15 @@
 
 use std::hint::black_box;
 
-use burn::tensor::Device;
 use criterion::{Criterion, criterion_group, criterion_main};
-use nerd_model::transformer::{BurnForward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed};
+use nerd_model::transformer::{PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed};
 
 fn inference(c: &mut Criterion) {
     let table = TransformerConfig::paper(37, 4, 192);
     let rotary = TransformerConfig { positions: Positions::Rotary, ..table };
     let small = TransformerConfig { embedding: 48, layers: 2, heads: 3, ..rotary };
     let (windows, stream) = (Weights::init(table, 0), Weights::init(rotary, 0));
-    let streams: [(&str, &[usize], Box<dyn Stream>); 4] = [
-        ("windows, burn", &[512], Box::new(Windowed::new(BurnForward::new(&windows, &Device::flex()), table))),
+    let streams: [(&str, &[usize], Box<dyn Stream>); 3] = [
         ("windows, packed", &[512], Box::new(Windowed::new(PackedForward::new(&windows), table))),
         ("stream, E192", &[1, 512, 2048], Box::new(PackedStream::new(&stream))),
         ("stream, E48", &[1, 2048], Box::new(PackedStream::new(&Weights::init(small, 0)))),

@@ -6,12 +6,10 @@ pub mod features;
 pub mod folder;
 pub mod form;
 mod frame;
-pub mod mlp;
-pub mod network;
 pub mod neural;
 pub mod normalizer;
 pub mod pick;
-pub mod recurrent;
+pub mod program;
 pub mod transformer;
 pub mod turns;
 

@@ -18,8 +18,7 @@ use rayon::prelude::*;
 use crate::base::Flight;
 use crate::folder::Model;
 use crate::frame::Frame;
-use crate::network;
-use crate::transformer::Stream;
+use crate::transformer::{Stream, packed};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
@@ -52,7 +51,7 @@ impl Neural {
 
     /// The same, evaluated on the CPU.
     pub fn on_cpu(model: Model, system: &Arc<System>) -> Self {
-        let network = network::on_cpu(&model.weights);
+        let network = packed(&model.weights);
         Self::new(model, system, network)
     }
 

@@ -2,8 +2,8 @@
 
 use burn::tensor::{Tensor, TensorData};
 use nerd_model::BurnDevice;
-use nerd_model::network::{Network, PlainForward};
-use nerd_model::transformer::{Architecture, Forward, Positions, Storage, TransformerConfig, Weights};
+use nerd_model::program::Network;
+use nerd_model::transformer::{Architecture, Forward, PackedForward, Positions, Storage, TransformerConfig, Weights};
 
 const ALL: [Architecture; 4] = [Architecture::Transformer, Architecture::Mlp, Architecture::Gru, Architecture::Lstm];
 
@@ -118,7 +118,7 @@ fn the_evaluator_is_the_module_at_the_newest_token() {
             x[(w * tokens + *l as usize + 1) * 5..(w + 1) * tokens * 5].fill(9.0);
         }
         let mut found = Vec::new();
-        let mut evaluator = PlainForward::new(&weights);
+        let mut evaluator = PackedForward::new(&weights);
         evaluator.forward(&x, tokens, &last, &mut found).expect("fits");
         let expected = last.iter().enumerate().flat_map(|(w, l)| &all[(w * tokens + *l as usize) * 3..][..3]);
         let worst = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
+use nerd_model::program::Network;
 use nerd_model::transformer::{
-    Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, Transformer, TransformerConfig, Weights,
-    Windowed,
+    Architecture, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
 };
 
 const SMALL: TransformerConfig = TransformerConfig {
@@ -42,8 +42,8 @@ fn inputs(windows: usize, tokens: usize) -> Vec<f32> {
 
 fn run(w: &Weights, x: &[f32], windows: usize, tokens: usize) -> Vec<f32> {
     let device = Device::flex();
-    let x = Tensor::from_data(TensorData::new(x.to_vec(), [windows, tokens, SMALL.inputs]), &device);
-    Transformer::new(w, &device).forward(x).into_data().iter::<f32>().collect()
+    let x = Tensor::from_data(TensorData::new(x.to_vec(), [windows, tokens, w.config.inputs]), &device);
+    Network::new(w, &device).forward(x).into_data().iter::<f32>().collect()
 }
 
 fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
@@ -142,7 +142,7 @@ fn parameter_counts_are_the_papers() {
         assert_eq!(TransformerConfig::paper(inputs, outputs, 384).parameters(), wide);
     }
     let weights = Weights::init(TransformerConfig::paper(6, 4, 192), 0);
-    assert_eq!(burn::module::Module::num_params(&Transformer::new(&weights, &Device::flex())), 2_713_668);
+    assert_eq!(burn::module::Module::num_params(&Network::new(&weights, &Device::flex())), 2_713_668);
 }
 
 #[test]
@@ -254,7 +254,7 @@ fn a_token_never_sees_newer_ones() {
 #[test]
 fn weights_survive_the_module_and_the_file() {
     let w = lively(3);
-    assert_eq!(Transformer::new(&w, &Device::flex()).weights(), w);
+    assert_eq!(Network::new(&w, &Device::flex()).flat(), w.flat);
     let bytes = w.to_bytes(HashMap::new(), Storage::F32).unwrap();
     assert_eq!(Weights::from_bytes(SMALL, &bytes).unwrap(), w);
     let half = w.to_bytes(HashMap::new(), Storage::F16).unwrap();
@@ -277,28 +277,7 @@ fn weights_survive_the_module_and_the_file() {
 #[test]
 fn weights_survive_an_autodiff_module() {
     let w = lively(3);
-    assert_eq!(Transformer::new(&w, &Device::flex().autodiff()).weights(), w);
-}
-
-#[test]
-fn the_predictor_gives_the_newest_tokens_prediction_whatever_the_padding_and_the_chunks() {
-    let (w, x, windows) = (lively(4), inputs(21, 6), 21usize);
-    let all = run(&w, &x, windows, 6);
-    let last: Vec<u32> = (0..windows as u32).map(|i| i % 6).collect();
-    let expected: Vec<f32> = last.iter().enumerate().flat_map(|(i, &l)| all[(i * 6 + l as usize) * 3..][..3].to_vec()).collect();
-    let mut padded = x.clone();
-    for (i, row) in padded.chunks_mut(SMALL.inputs).enumerate().filter(|(i, _)| i % 6 > last[i / 6] as usize) {
-        row.fill(i as f32);
-    }
-    for (chunk, threads) in [(64, 1), (4, 1), (4, 3)] {
-        let mut predictor = BurnForward::new(&w, &Device::flex()).chunks(chunk, threads);
-        let mut out = vec![7.0; 3];
-        for x in [&x, &padded] {
-            predictor.forward(x, 6, &last, &mut out).unwrap();
-            let worst = largest_difference(&out, &expected);
-            assert!(worst < 1e-5, "chunks of {chunk} on {threads} threads: {worst:.2e}");
-        }
-    }
+    assert_eq!(Network::new(&w, &Device::flex().autodiff()).flat(), w.flat);
 }
 
 /// Two engines, one network: burn's, and the one without a framework.
@@ -311,8 +290,9 @@ fn the_packed_network_equals_burns() {
         let width = w.config.inputs;
         let x: Vec<f32> = (0..windows * tokens * width).map(|i| (1.7 * i as f32).sin() * 2.0).collect();
         let last: Vec<u32> = (0..windows).map(|i| (i % tokens) as u32).collect();
-        let (mut a, mut b) = (Vec::new(), vec![7.0; 3]);
-        BurnForward::new(&w, &Device::flex()).forward(&x, tokens, &last, &mut a).unwrap();
+        let all = run(&w, &x, windows, tokens);
+        let newest = |(i, l): (usize, &u32)| all[(i * tokens + *l as usize) * w.config.outputs..][..w.config.outputs].to_vec();
+        let (a, mut b) = (last.iter().enumerate().flat_map(newest).collect::<Vec<f32>>(), vec![7.0; 3]);
         let mut packed = PackedForward::new(&w);
         for _ in 0..2 {
             packed.forward(&x, tokens, &last, &mut b).unwrap();
@@ -333,7 +313,7 @@ fn shorter_windows_use_the_first_positions() {
 
 #[test]
 fn ill_formed_windows_are_errors_that_say_why() {
-    let mut predictor = BurnForward::new(&lively(6), &Device::flex());
+    let mut predictor = PackedForward::new(&lively(6));
     let mut ask = |n: usize, tokens, last: &[u32]| predictor.forward(&vec![0.0; n], tokens, last, &mut Vec::new()).unwrap_err().to_string();
     assert!(ask(30, 6, &[0, 0]).contains("30 input values"));
     assert!(ask(30, 6, &[6]).contains("newest token 6 of 6"));

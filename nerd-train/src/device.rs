@@ -44,7 +44,7 @@ impl Device {
     /// If this build or machine has no such device, or it computes no such network.
     pub fn network(self, weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
         match self {
-            Self::Cpu => Ok(nerd_model::network::on_cpu(weights)),
+            Self::Cpu => Ok(nerd_model::transformer::packed(weights)),
             Self::Cuda => on_cuda(weights, envs),
         }
     }

@@ -23,7 +23,6 @@ pub mod metrics;
 pub mod paper;
 pub mod ppo;
 pub mod prepare;
-mod product;
 pub mod progress;
 pub mod ranges;
 pub mod report;

@@ -1,16 +1,8 @@
-//! Shape of the causal Transformer (paper A.2; nanoGPT blocks, pre-norm).
-//!
-//! `x = W_in u + b_in + P[k]`, then per block `x += Attn(LN(x))`, `x += MLP(LN(x))`, a last `LN`, a linear
-//! `E -> E` without bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Inside the blocks no biases; `LN` has a
-//! weight only, epsilon 1e-5; the MLP's activation is the exact (erf) GELU.
-//!
-//! With [`Positions::Rotary`] there is no table P: queries and keys are turned by angles proportional to their place (Su et
-//! al. 2021), so that only distances in time count, and a token sees the last h tokens alone. Then keys and values never
-//! change once computed, and a rollout evaluates one token a frame.
+//! Shape of a network; what it computes is written in [`crate::program`].
 
 use serde::{Deserialize, Serialize};
 
-use crate::{mlp, recurrent};
+use crate::program::{self, Program};
 
 /// What maps windows to predictions: the causal Transformer, or what it is compared with (paper A.3.3.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -19,11 +11,11 @@ pub enum Architecture {
     /// The causal Transformer.
     #[default]
     Transformer,
-    /// [`crate::mlp`].
+    /// [`program::mlp`].
     Mlp,
-    /// [`crate::recurrent`], gated recurrent units.
+    /// [`program::recurrent`], gated recurrent units.
     Gru,
-    /// [`crate::recurrent`], long short-term memory.
+    /// [`program::recurrent`], long short-term memory.
     Lstm,
 }
 
@@ -167,38 +159,18 @@ impl TransformerConfig {
         self.tensors().iter().map(|t| t.len()).sum()
     }
 
+    /// What the network does.
+    pub fn program(&self) -> Program {
+        match self.architecture {
+            Architecture::Transformer => program::transformer(self),
+            Architecture::Mlp => program::mlp(self),
+            Architecture::Gru | Architecture::Lstm => program::recurrent(self),
+        }
+    }
+
     /// Every tensor of the network in the order it is used. Linear weights are `[in, out]`, row-major: `y = x W + b`.
     pub fn tensors(&self) -> Vec<TensorSpec> {
-        match self.architecture {
-            Architecture::Transformer => {}
-            Architecture::Mlp => return mlp::tensors(self),
-            Architecture::Gru | Architecture::Lstm => return recurrent::tensors(self),
-        }
-        let e = self.embedding;
-        let scaled = 0.02 / (2.0 * self.layers as f64).sqrt();
-        let mut t = vec![
-            TensorSpec::new("embed.weight", &[self.inputs, e], Init::Normal(0.02)),
-            TensorSpec::new("embed.bias", &[e], Init::Constant(0.0)),
-        ];
-        if self.positions == Positions::Table {
-            t.push(TensorSpec::new("position.weight", &[self.block, e], Init::Normal(0.02)));
-        }
-        for i in 0..self.layers {
-            let mut block = |name: &str, shape: &[usize], init| t.push(TensorSpec::new(&format!("blocks.{i}.{name}"), shape, init));
-            block("norm_attn.weight", &[e], Init::Constant(1.0));
-            block("attn.qkv.weight", &[e, 3 * e], Init::Normal(0.02));
-            block("attn.proj.weight", &[e, e], Init::Normal(scaled));
-            block("norm_mlp.weight", &[e], Init::Constant(1.0));
-            block("mlp.up.weight", &[e, 4 * e], Init::Normal(0.02));
-            block("mlp.down.weight", &[4 * e, e], Init::Normal(scaled));
-        }
-        t.push(TensorSpec::new("norm.weight", &[e], Init::Constant(1.0)));
-        t.push(TensorSpec::new("out.weight", &[e, e], Init::Normal(0.02)));
-        t.push(TensorSpec::new("head.hidden.weight", &[e, self.head], Init::FanIn(e)));
-        t.push(TensorSpec::new("head.hidden.bias", &[self.head], Init::FanIn(e)));
-        t.push(TensorSpec::new("head.out.weight", &[self.head, self.outputs], Init::FanIn(self.head)));
-        t.push(TensorSpec::new("head.out.bias", &[self.outputs], Init::FanIn(self.head)));
-        t
+        self.program().tensors
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a learned solver asks of a network, whoever evaluates it.
 
+use super::config::{Positions, TransformerConfig};
+
 /// Evaluates a network on windows; what computes it is the implementer's business.
 pub trait Forward: Send {
     /// Predictions at the newest token of each window, in normalised target units.
@@ -19,4 +21,19 @@ pub trait Forward: Send {
 pub struct ForwardError {
     /// What went wrong.
     pub message: String,
+}
+
+/// Refuses windows that do not fit a network.
+pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
+    let expected = last.len() * tokens * config.inputs;
+    let message = if tokens == 0 || (config.positions == Positions::Table && tokens > config.block) {
+        format!("{tokens} tokens in a window, the position table has {}", config.block)
+    } else if inputs.len() != expected {
+        format!("{} input values, expected {} windows x {tokens} tokens x {} = {expected}", inputs.len(), last.len(), config.inputs)
+    } else if let Some(w) = last.iter().position(|&l| l as usize >= tokens) {
+        format!("window {w}: newest token {} of {tokens}", last[w])
+    } else {
+        return Ok(());
+    };
+    Err(ForwardError { message })
 }

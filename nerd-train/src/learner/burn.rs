@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::network::Network;
+use nerd_model::program::Network;
 use nerd_model::transformer::Weights;
 
 use super::sharded::{Loss, Pass, Shard, Sharded};

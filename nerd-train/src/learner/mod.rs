@@ -9,10 +9,12 @@ pub mod adam;
 mod burn;
 mod cpu;
 pub mod muon;
+mod rounding;
 mod sharded;
 
 pub use burn::BurnLearner;
-pub use cpu::{CpuLearner, round_hidden};
+pub use cpu::CpuLearner;
+pub use rounding::round_hidden;
 #[cfg(feature = "cuda")]
 pub mod cuda;
 

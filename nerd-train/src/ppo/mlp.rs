@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::activation::Activation;
-use crate::product::{matrix, product};
+use nerd_model::program::cpu::product::{matrix, product};
 
 /// Shape of a network.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use nerd_model::BurnDevice;
-use nerd_model::transformer::{Architecture, TransformerConfig};
+use nerd_model::transformer::TransformerConfig;
 
 use super::RunConfig;
 use crate::device::Device;
 use crate::error::Result;
-use crate::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
+use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState};
 use crate::windows::Windows;
 
 /// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
@@ -37,10 +36,7 @@ pub fn engine(
     validation: Arc<Windows>,
 ) -> Result<Box<dyn Learner>> {
     match device {
-        Device::Cpu => Ok(match state.weights.config.architecture {
-            Architecture::Transformer => Box::new(CpuLearner::new(learner, state, training, validation)?),
-            _ => Box::new(BurnLearner::new(learner, state, training, validation, &BurnDevice::flex())?),
-        }),
+        Device::Cpu => Ok(Box::new(CpuLearner::new(learner, state, training, validation)?)),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use crate::learner::cuda::{CudaLearner, Precision};

@@ -5,9 +5,10 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::matrix::Lanes;
+use crate::program::cpu::Lanes;
+use crate::program::cpu::elementwise::exp;
+use crate::program::{Op, Program, Step};
 use crate::transformer::TransformerConfig;
-use crate::transformer::elementwise::exp;
 
 /// Most vectors of a tile.
 const MOST: usize = 64;
@@ -35,8 +36,34 @@ impl Columns {
         Self { width: heads * d, heads, real, d, vectors }
     }
 
+    /// The program with queries, keys, values and what is mixed of them in this order; its parameters likewise, none of it zeros.
+    pub fn arrange(&self, mut program: Program, flat: &[f32]) -> (Program, Vec<f32>) {
+        let starts = program.starts();
+        let mut tensors: Vec<Vec<f32>> = starts.windows(2).map(|w| flat[w[0]..w[1]].to_vec()).collect();
+        let attentions: Vec<Step> = program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).copied().collect();
+        for Step { from, to, .. } in attentions {
+            (program.widths[from.0], program.widths[to.0]) = (3 * self.width, self.width);
+            for step in &program.steps {
+                let Op::Linear { weight, .. } = step.op else { continue };
+                let (spec, values) = (&mut program.tensors[weight.0], &mut tensors[weight.0]);
+                let e = self.real * self.d;
+                if step.to == from {
+                    let part = |part: &[f32]| (0..self.width).map(|i| self.source(i).map_or(0.0, |s| part[s])).collect::<Vec<_>>();
+                    *values = values.chunks_exact(e).flat_map(part).collect();
+                    spec.shape[1] = 3 * self.width;
+                } else if step.from == to {
+                    let (rows, out) = (std::mem::take(values), spec.shape[1]);
+                    let row = |i: usize| self.source(i).map_or(vec![0.0; out], |s| rows[s * out..][..out].to_vec());
+                    *values = (0..self.width).flat_map(row).collect();
+                    spec.shape[0] = self.width;
+                }
+            }
+        }
+        (program, tensors.concat())
+    }
+
     /// The network's column that stands in this one, if any does.
-    pub fn source(&self, column: usize) -> Option<usize> {
+    fn source(&self, column: usize) -> Option<usize> {
         let (m, head) = (column / self.heads, column % self.heads);
         (head < self.real).then_some(head * self.d + m)
     }

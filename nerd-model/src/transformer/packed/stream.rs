@@ -12,13 +12,15 @@ use std::collections::VecDeque;
 use pulp::Arch;
 use rayon::prelude::*;
 
+use super::ROWS;
 use super::attention::{Attend, Columns};
-use super::{Memory, Packed, ROWS, norm};
+use crate::program::cpu::{Loaded, Memory, Pass};
 use crate::transformer::{ForwardError, Positions, Stream, TransformerConfig, Weights};
 
 /// A network that remembers.
 pub struct PackedStream {
-    packed: Packed,
+    config: TransformerConfig,
+    network: Loaded,
     columns: Columns,
     /// Cosines and sines of a frame's turn, `[2][d / 2]`.
     turn: Vec<f64>,
@@ -38,6 +40,11 @@ pub struct PackedStream {
 struct Work {
     memory: Memory,
     rows: Vec<Row>,
+    tokens: Vec<f32>,
+    /// Of their places.
+    turns: Vec<f32>,
+    scratch: Vec<f32>,
+    newest: Vec<usize>,
     /// `[asked][outputs]`.
     out: Vec<f32>,
 }
@@ -51,21 +58,32 @@ impl PackedStream {
         let c = weights.config;
         assert_eq!(c.positions, Positions::Rotary, "keys and values can be kept only if positions are relative");
         let columns = Columns::new(&c);
-        let packed = Packed::new(weights, columns.width, |i| columns.source(i));
+        let (program, flat) = columns.arrange(c.program(), &weights.flat);
+        let network = Loaded::new(program, &flat);
         let turn = c.frequencies().map(f64::cos).chain(c.frequencies().map(f64::sin)).collect();
-        Self { packed, columns, turn, places: Vec::new(), rings: Vec::new(), taken: Vec::new(), waiting: Vec::new(), work: Vec::new() }
+        Self {
+            config: c,
+            network,
+            columns,
+            turn,
+            places: Vec::new(),
+            rings: Vec::new(),
+            taken: Vec::new(),
+            waiting: Vec::new(),
+            work: Vec::new(),
+        }
     }
 
     /// Floats of one environment's keys and values.
     fn ring(&self) -> usize {
-        let c = &self.packed.config;
+        let c = &self.config;
         c.layers * c.history * 2 * self.columns.width
     }
 }
 
 impl Stream for PackedStream {
     fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        let c = self.packed.config;
+        let c = self.config;
         let envs = crate::transformer::stream::check(&c, tokens, asked)?;
         let ring = self.ring();
         self.rings.resize(envs * ring, 0.0);
@@ -78,7 +96,7 @@ impl Stream for PackedStream {
         let size = envs.div_ceil(threads * envs.div_ceil(threads * ROWS).max(1)).max(1);
         let mut work = std::mem::take(&mut self.work);
         work.resize_with(work.len().max(envs.div_ceil(size)), Work::default);
-        let (packed, columns, turn) = (&self.packed, &self.columns, &self.turn);
+        let (network, columns, turn) = (&self.network, &self.columns, &self.turn);
         let kept = self.rings.par_chunks_mut(size * ring).zip(self.places.par_chunks_mut(size * d));
         let kept = kept.zip(self.taken.par_chunks_mut(size)).zip(self.waiting.par_chunks_mut(size));
         kept.zip(work.par_iter_mut()).enumerate().for_each(|(i, ((((rings, places), taken), waiting), work))| {
@@ -86,7 +104,7 @@ impl Stream for PackedStream {
             let from = asked.partition_point(|env| *env < first);
             let to = asked.partition_point(|env| *env < first + taken.len());
             let tokens = &tokens[first * c.inputs..][..taken.len() * c.inputs];
-            let mut block = Envs { packed, columns, turn, places, rings, taken, waiting, first };
+            let mut block = Envs { config: &c, network, columns, turn, places, rings, taken, waiting, first };
             block.push(tokens, &asked[from..to], work);
         });
         out.clear();
@@ -114,7 +132,8 @@ struct Row {
 
 /// A block of environments, counted from `first`.
 struct Envs<'a> {
-    packed: &'a Packed,
+    config: &'a TransformerConfig,
+    network: &'a Loaded,
     columns: &'a Columns,
     turn: &'a [f64],
     places: &'a mut [f64],
@@ -127,7 +146,7 @@ struct Envs<'a> {
 impl Envs<'_> {
     /// A token of each environment, and predictions `[asked][outputs]`.
     fn push(&mut self, tokens: &[f32], asked: &[usize], work: &mut Work) {
-        let c = self.packed.config;
+        let c = self.config;
         let most = c.reach() * c.inputs;
         for (waiting, token) in self.waiting.iter_mut().zip(tokens.chunks_exact(c.inputs)) {
             if waiting.len() == most {
@@ -146,10 +165,10 @@ impl Envs<'_> {
 
     /// Lays out the waiting tokens of as many environments as make a block; their number.
     fn take(&mut self, asked: &[usize], work: &mut Work) -> usize {
-        let Work { memory: Memory { x, tokens, turns, .. }, rows, .. } = work;
-        let width = self.packed.config.inputs;
+        let Work { rows, tokens, turns, .. } = work;
+        let width = self.config.inputs;
         rows.clear();
-        [&mut *x, tokens, turns].into_iter().for_each(Vec::clear);
+        [&mut *tokens, turns].into_iter().for_each(Vec::clear);
         for (done, env) in asked.iter().enumerate() {
             let env = env - self.first;
             let count = self.waiting[env].len() / width;
@@ -158,7 +177,6 @@ impl Envs<'_> {
             }
             tokens.extend(self.waiting[env].drain(..));
             for k in 1..=count {
-                x.extend_from_slice(&self.packed.place);
                 self.place(env, turns);
                 rows.push(Row { env, before: self.taken[env], newest: k == count });
                 self.taken[env] += 1;
@@ -169,15 +187,13 @@ impl Envs<'_> {
 
     /// Predictions of the newest token of each environment laid out, into `part` of those of all.
     fn compute(&mut self, work: &mut Work, part: std::ops::Range<usize>) {
-        let TransformerConfig { embedding: e, layers, history, .. } = self.packed.config;
-        let Work { memory, rows, out } = work;
-        let Memory { x, tokens, normed, qkv, mixed, wide, newest, scores, turns } = memory;
-        self.packed.embed.add_product(tokens, x);
-        for (layer, block) in self.packed.blocks.iter().enumerate() {
-            norm(x, e, normed);
-            block.qkv.product(normed, qkv);
+        let TransformerConfig { layers, history, .. } = *self.config;
+        let Work { memory, rows, tokens, turns, scratch, newest, out } = work;
+        newest.clear();
+        newest.extend(rows.iter().enumerate().filter_map(|(i, row)| row.newest.then_some(i)));
+        // Rows of one environment come in the order of time, so each finds the keys of those before it.
+        let mut mix = |layer: usize, qkv: &mut [f32], mixed: &mut Vec<f32>| {
             mixed.resize(rows.len() * self.columns.width, 0.0);
-            // Rows of one environment come in the order of time, so each finds the keys of those before it.
             Arch::new().dispatch(Attend {
                 columns: self.columns,
                 envs: &mut rows.iter().map(|row| (row.env, row.before)),
@@ -188,15 +204,10 @@ impl Envs<'_> {
                 qkv,
                 turns,
                 out: mixed,
-                scratch: scores,
+                scratch,
             });
-            block.proj.add_product(mixed, x);
-            block.mlp(e, x, normed, wide);
-        }
-        newest.clear();
-        let last = rows.iter().zip(x.chunks_exact(e)).filter(|(row, _)| row.newest);
-        last.for_each(|(_, x)| newest.extend_from_slice(x));
-        self.packed.top(newest, normed, mixed, wide, &mut out[part]);
+        };
+        out[part].copy_from_slice(self.network.forward(tokens, memory, Pass::Stream(&mut mix, newest)));
     }
 
     /// Turns the place of environment i on, and appends its cosines and sines, each once for every head: `[2][d / 2][heads]`.

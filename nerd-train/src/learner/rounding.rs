@@ -2,12 +2,13 @@
 
 use half::f16;
 use nalgebra::DMatrix;
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+use nerd_model::program::{Op, Step};
 use nerd_model::transformer::{Architecture, Weights};
 use rayon::prelude::*;
 
-use super::network::Network;
-use crate::learner::LearnError;
-use crate::learner::sharded::shard;
+use super::LearnError;
+use super::sharded::shard;
 use crate::windows::Windows;
 
 /// Windows of a shard.
@@ -49,12 +50,20 @@ pub fn round_hidden(weights: &Weights, windows: &Windows) -> Result<Weights, Lea
 
 /// `sum x^T x` of each hidden matrix's inputs.
 fn moments(weights: &Weights, windows: &Windows) -> Result<Vec<DMatrix<f64>>, LearnError> {
+    let network = Loaded::new(weights.config.program(), &weights.flat);
+    let hidden = |step: &Step| match step.op {
+        Op::Linear { weight, scale, .. } if network.program.tensors[weight.0].hidden() => Some((step.from, scale)),
+        _ => None,
+    };
+    let read: Vec<_> = network.program.steps.iter().filter_map(hidden).collect();
     let rows: Vec<u64> = (0..windows.len() as u64).step_by(windows.history).collect();
     let parts = rows.par_chunks(SHARD).fold(Vec::new, |mut sums: Vec<DMatrix<f64>>, rows| {
-        let mut network = Network::new(weights.config);
-        network.load(&weights.flat);
-        network.forward(&shard(windows, rows));
-        for (k, x) in network.hidden_inputs().into_iter().enumerate() {
+        let mut memory = Memory::default();
+        let shard = shard(windows, rows);
+        network.forward(&shard.x, &mut memory, Pass::Kept(shard.tokens));
+        for (k, (from, scale)) in read.iter().enumerate() {
+            let (x, width) = (network.read(&memory, *from, *scale), network.program.width(*from));
+            let x = DMatrix::from_row_iterator(x.len() / width, width, x.iter().map(|x| f64::from(*x)));
             match sums.get_mut(k) {
                 Some(sum) => sum.gemm_tr(1.0, &x, &x, 1.0),
                 None => sums.push(x.tr_mul(&x)),

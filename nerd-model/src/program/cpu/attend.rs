@@ -3,36 +3,32 @@
 //! With q, k, v of a head, `S = q k^T / sqrt(d)`, shares `P = softmax(S)` over the tokens that a token may see, `o = P v`; backward
 //! `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`, `dk = dS^T q / sqrt(d)`.
 
-use nerd_model::transformer::elementwise::softmax;
-use nerd_model::transformer::{Positions, TransformerConfig};
 use pulp::Arch;
 
+use super::elementwise::softmax;
+
 /// Shape of a window's attention, and memory for one head of one.
+#[derive(Default)]
 pub struct Attention {
     tokens: usize,
     heads: usize,
     embedding: usize,
     /// Tokens that a token sees, itself included.
     reach: usize,
-    /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing of a position table.
+    /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing where nothing is turned.
     turns: Vec<(f32, f32)>,
     /// Keys or values of a head turned on their side, `[d][width]`.
-    aside: Vec<f32>,
+    lying: Vec<f32>,
     row: Vec<f32>,
 }
 
 impl Attention {
-    pub fn new(config: &TransformerConfig) -> Self {
-        let tokens = config.sequence();
-        let rotary = config.positions == Positions::Rotary;
-        Self {
-            tokens,
-            heads: config.heads,
-            embedding: config.embedding,
-            reach: if rotary { config.history } else { tokens },
-            turns: (0..if rotary { tokens } else { 0 }).flat_map(|place| config.turn(place)).collect(),
-            aside: Vec::new(),
-            row: Vec::new(),
+    /// Of windows, see [`super::super::Op::Attend`].
+    pub fn shape(&mut self, embedding: usize, heads: usize, tokens: usize, band: Option<usize>, frequencies: &[f64]) {
+        (self.embedding, self.heads, self.tokens, self.reach) = (embedding, heads, tokens, band.unwrap_or(tokens));
+        if self.turns.len() != tokens * frequencies.len() {
+            let turn = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
+            self.turns = (0..tokens).flat_map(turn).map(|(sin, cos)| (cos as f32, sin as f32)).collect();
         }
     }
 
@@ -46,9 +42,7 @@ impl Attention {
     pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, self.width());
         let windows = qkv.len() / (t * 3 * e);
-        shares.clear();
         shares.resize(windows * self.heads * t * width, 0.0);
-        out.clear();
         out.resize(windows * t * e, 0.0);
         Arch::new().dispatch(|| {
             for ((qkv, out), shares) in
@@ -63,6 +57,7 @@ impl Attention {
     }
 
     /// Gradient `dqkv` in front of [`Attention::forward`] from that behind it.
+    #[cfg(feature = "autodiff")]
     pub fn backward(&mut self, qkv: &[f32], shares: &[f32], behind: &[f32], dqkv: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, self.width());
         dqkv.clear();
@@ -108,11 +103,11 @@ impl Attention {
     #[inline(always)]
     fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
         let (d, width) = (self.embedding / self.heads, self.width());
-        self.aside.clear();
-        self.aside.resize(d * width, 0.0);
+        self.lying.clear();
+        self.lying.resize(d * width, 0.0);
         for token in 0..self.tokens {
             for (m, x) in qkv[self.at(part, head, token)].iter().enumerate() {
-                self.aside[m * width + token] = *x;
+                self.lying[m * width + token] = *x;
             }
         }
     }
@@ -130,19 +125,17 @@ impl Attention {
         self.lay(qkv, 1, head);
         for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
             let seen = self.seen(i);
-            for (q, keys) in qkv[self.at(0, head, i)].iter().zip(self.aside.chunks_exact(width)) {
-                add(shares, q * scale, keys);
-            }
+            sums(shares, &qkv[self.at(0, head, i)], &self.lying, width);
+            shares[seen.clone()].iter_mut().for_each(|s| *s *= scale);
             softmax(&mut shares[seen.clone()]);
             shares[..seen.start].fill(0.0);
             shares[seen.end..].fill(0.0);
             let out = &mut out[i * self.embedding + head * d..][..d];
-            for j in seen {
-                add(out, shares[j], &qkv[self.at(2, head, j)]);
-            }
+            sums(out, &shares[seen.clone()], &qkv[self.at(2, head, seen.start).start..], 3 * self.embedding);
         }
     }
 
+    #[cfg(feature = "autodiff")]
     #[inline(always)]
     fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], behind: &[f32], dqkv: &mut [f32]) {
         let (d, width) = (self.embedding / self.heads, self.width());
@@ -151,16 +144,14 @@ impl Attention {
         let mut slopes = std::mem::take(&mut self.row);
         for (i, shares) in shares.chunks_exact(width).enumerate() {
             let (seen, behind) = (self.seen(i), &behind[i * self.embedding + head * d..][..d]);
-            slopes.clear();
             slopes.resize(width, 0.0);
-            for (g, values) in behind.iter().zip(self.aside.chunks_exact(width)) {
-                add(&mut slopes, *g, values);
-            }
+            sums(&mut slopes, behind, &self.lying, width);
             let along: f32 = slopes.iter().zip(shares).map(|(s, p)| s * p).sum();
             slopes.iter_mut().zip(shares).for_each(|(s, p)| *s = p * (*s - along) * scale);
+            let keys = &qkv[self.at(1, head, seen.start).start..];
+            sums(&mut dqkv[self.at(0, head, i)], &slopes[seen.clone()], keys, 3 * self.embedding);
             for j in seen {
                 add(&mut dqkv[self.at(2, head, j)], shares[j], behind);
-                add(&mut dqkv[self.at(0, head, i)], slopes[j], &qkv[self.at(1, head, j)]);
                 add(&mut dqkv[self.at(1, head, j)], slopes[j], &qkv[self.at(0, head, i)]);
             }
         }
@@ -168,7 +159,41 @@ impl Attention {
     }
 }
 
+/// `out_c = sum_k a_k rows_kc`, rows so far apart; sums stay in registers.
+#[inline(always)]
+fn sums(out: &mut [f32], a: &[f32], rows: &[f32], stride: usize) {
+    let mut first = 0;
+    let (wide, rest) = out.as_chunks_mut::<16>();
+    for out in wide {
+        *out = lanes(a, &rows[first..], stride);
+        first += 16;
+    }
+    let (narrow, rest) = rest.as_chunks_mut::<8>();
+    for out in narrow {
+        *out = lanes(a, &rows[first..], stride);
+        first += 8;
+    }
+    for (c, out) in rest.iter_mut().enumerate() {
+        [*out] = lanes(a, &rows[first + c..], stride);
+    }
+}
+
+/// As many columns of [`sums`] as a register may hold.
+#[inline(always)]
+fn lanes<const N: usize>(a: &[f32], rows: &[f32], stride: usize) -> [f32; N] {
+    let mut sum = [0.0; N];
+    for (k, a) in a.iter().enumerate() {
+        let row = &rows[k * stride..][..N];
+        // A loop, since a closure may be left outside of what is compiled for wide vectors.
+        for (sum, x) in sum.iter_mut().zip(row) {
+            *sum += a * x;
+        }
+    }
+    sum
+}
+
 /// `y += a x`.
+#[cfg(feature = "autodiff")]
 #[inline(always)]
 fn add(y: &mut [f32], a: f32, x: &[f32]) {
     let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());

@@ -41,23 +41,39 @@ pub fn erf_and_bell(x: f32) -> (f32, f32) {
 }
 
 /// `x (1 + erf(x / sqrt 2)) / 2`.
-pub(super) fn gelu(x: &mut [f32]) {
+pub fn gelu(x: &mut [f32]) {
     Arch::new().dispatch(|| x.iter_mut().for_each(|x| *x *= 0.5 * (1.0 + erf(*x * std::f32::consts::FRAC_1_SQRT_2))));
 }
 
 /// `max(x, 0)`.
-pub(super) fn relu(x: &mut [f32]) {
+pub fn relu(x: &mut [f32]) {
     x.iter_mut().for_each(|x| *x = at_least(*x, 0.0));
 }
 
-/// Rows of `e` to mean 0 and variance 1 (epsilon 1e-5, biased variance).
-pub(super) fn normalize(rows: &mut [f32], e: usize) {
+/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the slope there, so that the backward pass only multiplies.
+pub fn gelu_and_slope(x: &mut [f32], active: &mut Vec<f32>) {
+    use std::f32::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
+    active.resize(x.len(), 0.0);
     Arch::new().dispatch(|| {
-        for row in rows.chunks_exact_mut(e) {
-            let mean = sum(row, |x| x) / e as f32;
-            let variance = sum(row, |x| (x - mean) * (x - mean)) / e as f32;
-            let scale = (variance + 1e-5).sqrt().recip();
-            row.iter_mut().for_each(|x| *x = (*x - mean) * scale);
+        for (x, active) in x.iter_mut().zip(active.iter_mut()) {
+            let (erf, bell) = erf_and_bell(*x * FRAC_1_SQRT_2);
+            let share = 0.5 * (1.0 + erf);
+            *active = *x * share;
+            *x = share + *x * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI);
+        }
+    });
+}
+
+/// Rows of x to mean 0 and variance 1 (epsilon 1e-5, biased variance), and what they were divided by, inverted.
+pub fn normalize(x: &[f32], e: usize, out: &mut Vec<f32>, inverse: &mut Vec<f32>) {
+    out.resize(x.len(), 0.0);
+    inverse.resize(x.len() / e, 0.0);
+    Arch::new().dispatch(|| {
+        for ((x, out), inverse) in x.chunks_exact(e).zip(out.chunks_exact_mut(e)).zip(inverse.iter_mut()) {
+            let mean = sum(x, |x| x) / e as f32;
+            let variance = sum(x, |x| (x - mean) * (x - mean)) / e as f32;
+            *inverse = (variance + 1e-5).sqrt().recip();
+            out.iter_mut().zip(x).for_each(|(o, x)| *o = (x - mean) * *inverse);
         }
     });
 }
@@ -74,21 +90,6 @@ pub fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
-/// `a . b`, in eight lanes.
-#[inline(always)]
-pub fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut lanes = [0.0f32; 8];
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    for (a, b) in a.iter().zip(b) {
-        for i in 0..8 {
-            lanes[i] += a[i] * b[i];
-        }
-    }
-    let halves = [lanes[0] + lanes[4], lanes[1] + lanes[5], lanes[2] + lanes[6], lanes[3] + lanes[7]];
-    (halves[0] + halves[2]) + (halves[1] + halves[3]) + rest
-}
-
 /// Scores to shares that add up to 1.
 #[inline(always)]
 pub fn softmax(scores: &mut [f32]) {
@@ -100,6 +101,51 @@ pub fn softmax(scores: &mut [f32]) {
     }
     let inverse = 1.0 / total;
     scores.iter_mut().for_each(|s| *s *= inverse);
+}
+
+/// Adds to `dx` the gradient in front of [`normalize`], `behind` being that behind it: `(g - mean g - y mean g y) / deviation`.
+#[cfg(feature = "autodiff")]
+pub fn normalize_back(behind: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
+    let e = out.len() / inverse.len();
+    Arch::new().dispatch(|| {
+        for (((g, y), inverse), dx) in behind.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e)) {
+            let mean = sum(g, |g| g) / e as f32;
+            // The mean of y is 0, so that of g may be taken away first.
+            g.iter_mut().for_each(|g| *g -= mean);
+            let along = products(g, y) / e as f32;
+            dx.iter_mut().zip(g).zip(y).for_each(|((dx, g), y)| *dx += (*g - y * along) * inverse);
+        }
+    });
+}
+
+/// `a . b`, in sixteen lanes.
+#[cfg(feature = "autodiff")]
+#[inline(always)]
+fn products(a: &[f32], b: &[f32]) -> f32 {
+    let mut lanes = [0.0f32; 16];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<16>(), b.as_chunks::<16>());
+    for (a, b) in a.iter().zip(b) {
+        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(l, (a, b))| *l += a * b);
+    }
+    lanes.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
+}
+
+/// The gradient in front of [`relu`].
+#[cfg(feature = "autodiff")]
+pub fn relu_back(behind: &mut [f32], out: &[f32]) {
+    behind.iter_mut().zip(out).for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 });
+}
+
+/// `a *= b`.
+#[cfg(feature = "autodiff")]
+pub fn multiply(a: &mut [f32], b: &[f32]) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a *= b);
+}
+
+/// `out += ` the sum of all rows.
+#[cfg(feature = "autodiff")]
+pub fn sum_rows(rows: &[f32], out: &mut [f32]) {
+    rows.chunks_exact(out.len()).for_each(|row| out.iter_mut().zip(row).for_each(|(o, x)| *o += x));
 }
 
 #[cfg(test)]

@@ -1,0 +1,97 @@
+//! The way back through a program, over what the last pass kept.
+//!
+//! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
+
+use faer::Accum::{Add, Replace};
+
+use super::elementwise::{multiply, normalize_back, relu_back, sum_rows};
+use super::product::{matrix, product};
+use super::{Loaded, Memory, cell, taken};
+use crate::program::{Activation, Op, Step, Weight};
+
+impl Loaded {
+    /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
+    /// if that is asked for, or else nothing.
+    pub fn backward(&self, tokens: usize, behind: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
+        let mut gradient = vec![0.0; self.flat.len()];
+        let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
+        slopes[self.program.predictions().0] = behind.to_vec();
+        for i in (0..self.program.steps.len()).rev() {
+            self.back(i, tokens, &mut slopes, memory, &mut gradient, by_tokens);
+        }
+        let of_tokens = std::mem::take(&mut slopes[0]);
+        memory.spare.extend(slopes.into_iter().filter(|s| s.capacity() > 0));
+        (gradient, of_tokens)
+    }
+
+    fn back(&self, i: usize, tokens: usize, slopes: &mut [Vec<f32>], memory: &mut Memory, gradient: &mut [f32], by_tokens: bool) {
+        let Step { from, to, op } = self.program.steps[i];
+        let Memory { values, aside, spare, attention } = memory;
+        let (x, y) = (&values[from.0], &values[to.0]);
+        let mut dy = std::mem::take(&mut slopes[to.0]);
+        let range = |w: Weight| self.starts[w.0]..self.starts[w.0 + 1];
+        // What is read twice has a gradient already.
+        let mut dx = std::mem::take(&mut slopes[from.0]);
+        let first = dx.is_empty();
+        if first && to != from && !matches!(op, Op::Activate(_)) {
+            dx = taken(spare, dy.len() / self.program.width(to) * self.program.width(from));
+        }
+        match op {
+            Op::Linear { weight, scale, bias, .. } => {
+                let (inner, outer) = (self.program.width(from), self.program.width(to));
+                let (n, w) = (dy.len() / outer, self.tensor(weight));
+                let behind = matrix(&dy, n, outer);
+                product(&mut gradient[range(weight)], Replace, matrix(x, n, inner).transpose(), behind);
+                if let Some(bias) = bias {
+                    sum_rows(&dy, &mut gradient[range(bias)]);
+                }
+                if from != self.program.tokens() || by_tokens {
+                    dx.resize(n * inner, 0.0);
+                    let folded = if scale.is_some() { &self.folded[i] } else { w };
+                    product(&mut dx, if first { Replace } else { Add }, behind, matrix(folded, inner, outer).transpose());
+                }
+                if let Some(scale) = scale {
+                    let mut norms = vec![0.0; inner];
+                    let rows = gradient[range(weight)].chunks_exact_mut(outer).zip(w.chunks_exact(outer));
+                    for ((d, s), (d_row, row)) in norms.iter_mut().zip(self.tensor(scale)).zip(rows) {
+                        *d = d_row.iter().zip(row).map(|(d, x)| d * x).sum();
+                        d_row.iter_mut().for_each(|d| *d *= s);
+                    }
+                    gradient[range(scale)].copy_from_slice(&norms);
+                }
+            }
+            Op::Place(table) => sum_rows(&dy, &mut gradient[range(table)][..tokens * self.program.width(to)]),
+            Op::Norm => {
+                if first {
+                    dx.clear();
+                    dx.resize(dy.len(), 0.0);
+                }
+                normalize_back(&mut dy, y, &aside[i], &mut dx);
+            }
+            Op::Attend { heads, band } => {
+                attention.shape(self.program.width(to), heads, tokens, band, &self.program.frequencies);
+                attention.backward(x, &aside[i], &dy, &mut dx);
+            }
+            Op::Activate(f) => {
+                std::mem::swap(&mut dx, &mut dy);
+                match f {
+                    Activation::Gelu => multiply(&mut dx, x),
+                    Activation::Relu => relu_back(&mut dx, y),
+                }
+            }
+            Op::Cell { weight, bias, lstm } => {
+                // The bias stands behind its matrix.
+                let own = &mut gradient[range(weight).start..range(bias).end];
+                cell::backward(&dy, tokens, (self.tensor(weight), lstm), (&aside[i], y), own, &mut dx);
+            }
+        }
+        if to == from || matches!(op, Op::Linear { add: true, .. }) {
+            slopes[to.0] = dy;
+        } else if dy.capacity() > 0 {
+            spare.push(dy);
+        }
+        if to != from {
+            slopes[from.0] = dx;
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Programs on the CPU: forward for windows and for streams, and (feature `autodiff`) backward by weights and by tokens.
+//!
+//! Matrices are cut in panels when weights are loaded, with the norms' weights before them folded in (`diag(w) W`); element-wise work
+//! runs with the widest vectors the processor has. Equal to burn's [`super::Network`] to rounding (`tests/program.rs`).
+
+mod attend;
+#[cfg(feature = "autodiff")]
+mod backward;
+mod cell;
+pub mod elementwise;
+mod matrix;
+#[cfg(feature = "autodiff")]
+pub mod product;
+
+pub(crate) use matrix::{Lanes, Matrix};
+
+use super::{Activation, Op, Program, Slot, Weight};
+use attend::Attention;
+use elementwise::{gelu, gelu_and_slope, normalize, relu};
+
+/// A program with weights.
+pub struct Loaded {
+    /// What is done.
+    pub program: Program,
+    /// Its parameters.
+    flat: Vec<f32>,
+    starts: Vec<usize>,
+    /// By step, `diag(scale) W` where there is a scale.
+    #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the way back"))]
+    folded: Vec<Vec<f32>>,
+    /// By step, its matrix in panels.
+    panels: Vec<Option<Matrix>>,
+    /// By slot, the last step that looks at it.
+    ends: Vec<usize>,
+    /// The last step in which tokens look at each other or at their places.
+    mixing: Option<usize>,
+}
+
+/// Activations of one thread, whose memory every pass uses again.
+#[derive(Default)]
+pub struct Memory {
+    /// Rows by slot; after a pass that does not keep them only the predictions.
+    values: Vec<Vec<f32>>,
+    /// What the way back needs beside them, by step.
+    aside: Vec<Vec<f32>>,
+    spare: Vec<Vec<f32>>,
+    attention: Attention,
+}
+
+/// What mixes the tokens of a stream: told which of the program's attentions it is, gives mixed values of `[q k v]`.
+pub type Mix<'a> = &'a mut dyn FnMut(usize, &mut [f32], &mut Vec<f32>);
+
+/// Which tokens look at each other, and which are asked.
+pub enum Pass<'a> {
+    /// Windows of so many tokens; everything is kept for the way back.
+    Kept(usize),
+    /// Windows of so many tokens; predictions of these rows alone.
+    Windows(usize, &'a [usize]),
+    /// Tokens that something else mixes; predictions of these rows alone.
+    Stream(Mix<'a>, &'a [usize]),
+}
+
+impl Loaded {
+    /// Cuts the matrices of `flat`.
+    pub fn new(program: Program, flat: &[f32]) -> Self {
+        let mut ends = vec![0; program.widths.len()];
+        program.steps.iter().enumerate().for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
+        let mixing = program.steps.iter().rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Cell { .. }));
+        let (starts, steps) = (program.starts(), program.steps.len());
+        let mut loaded = Self { program, flat: Vec::new(), starts, folded: vec![Vec::new(); steps], panels: Vec::new(), ends, mixing };
+        loaded.load(flat);
+        loaded
+    }
+
+    /// Takes other weights.
+    pub fn load(&mut self, flat: &[f32]) {
+        self.flat.clear();
+        self.flat.extend_from_slice(flat);
+        let mut folded = std::mem::take(&mut self.folded);
+        self.panels = self.program.steps.iter().zip(&mut folded).map(|(step, folded)| self.cut(step.op, folded)).collect();
+        self.folded = folded;
+    }
+
+    fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Option<Matrix> {
+        let (weight, scale) = match op {
+            Op::Linear { weight, scale, .. } => (weight, scale),
+            Op::Cell { weight, .. } => (weight, None),
+            _ => return None,
+        };
+        let (inner, values) = (self.program.tensors[weight.0].shape[0], self.tensor(weight));
+        let Some(scale) = scale else { return Some(Matrix::new(inner, values)) };
+        folded.clear();
+        let rows = values.chunks_exact(values.len() / inner).zip(self.tensor(scale));
+        rows.for_each(|(row, w)| folded.extend(row.iter().map(|x| x * w)));
+        Some(Matrix::new(inner, folded))
+    }
+
+    /// Entries of a tensor.
+    fn tensor(&self, weight: Weight) -> &[f32] {
+        &self.flat[self.starts[weight.0]..self.starts[weight.0 + 1]]
+    }
+
+    /// Predictions for tokens, `[row][outputs]`; they stand in `memory`.
+    pub fn forward<'a>(&self, tokens: &[f32], memory: &'a mut Memory, mut pass: Pass) -> &'a mut Vec<f32> {
+        memory.values.resize_with(self.program.widths.len(), Vec::new);
+        memory.aside.resize_with(self.program.steps.len(), Vec::new);
+        if memory.values[0].capacity() == 0 {
+            memory.values[0] = taken(&mut memory.spare, tokens.len());
+        }
+        memory.values[0].clear();
+        memory.values[0].extend_from_slice(tokens);
+        if self.mixing.is_none() {
+            self.narrow(memory, &pass);
+        }
+        let mut attentions = 0..;
+        for i in 0..self.program.steps.len() {
+            self.step(i, &mut attentions, memory, &mut pass);
+            if self.mixing == Some(i) {
+                self.narrow(memory, &pass);
+            }
+        }
+        &mut memory.values[self.program.predictions().0]
+    }
+
+    fn step(&self, i: usize, attentions: &mut impl Iterator<Item = usize>, memory: &mut Memory, pass: &mut Pass) {
+        let super::Step { from, to, op } = self.program.steps[i];
+        let (width, keep) = (self.program.width(from), matches!(pass, Pass::Kept(_)));
+        let Memory { values, aside, spare, attention } = memory;
+        let mut x = std::mem::take(&mut values[from.0]);
+        let mut y = if to == from { Vec::new() } else { std::mem::take(&mut values[to.0]) };
+        if y.capacity() == 0 && to != from && !keep && !matches!(op, Op::Activate(_)) {
+            y = taken(spare, x.len() / width * self.program.width(to));
+        }
+        let aside = &mut aside[if keep { i } else { 0 }];
+        match op {
+            Op::Linear { bias, add, .. } => {
+                let panels = self.panels[i].as_ref().expect("panels of every product");
+                if let Some(bias) = bias {
+                    y.clear();
+                    (0..x.len() / width).for_each(|_| y.extend_from_slice(self.tensor(bias)));
+                }
+                match add || bias.is_some() {
+                    true => panels.add_product(&x, &mut y),
+                    false => panels.product(&x, &mut y),
+                }
+            }
+            Op::Place(table) => {
+                let tokens = pass.tokens().unwrap_or(1);
+                let rows = &self.tensor(table)[..tokens * width];
+                x.chunks_exact_mut(rows.len()).for_each(|x| x.iter_mut().zip(rows).for_each(|(x, p)| *x += p));
+            }
+            Op::Norm => normalize(&x, width, &mut y, aside),
+            Op::Attend { heads, band } => match pass {
+                Pass::Stream(mix, _) => mix(attentions.next().unwrap_or(0), &mut x, &mut y),
+                Pass::Kept(tokens) | Pass::Windows(tokens, _) => {
+                    attention.shape(width / 3, heads, *tokens, band, &self.program.frequencies);
+                    attention.forward(&mut x, aside, &mut y);
+                }
+            },
+            // The slope takes the place of what it is of.
+            Op::Activate(Activation::Gelu) if keep => gelu_and_slope(&mut x, &mut y),
+            Op::Activate(f) => {
+                std::mem::swap(&mut x, &mut y);
+                match f {
+                    Activation::Gelu => gelu(&mut y),
+                    Activation::Relu => relu(&mut y),
+                }
+            }
+            Op::Cell { bias, lstm, .. } => {
+                let panels = self.panels[i].as_ref().expect("panels of every product");
+                cell::forward(&x, pass.tokens().unwrap_or(1), panels, self.tensor(bias), lstm, aside, &mut y);
+            }
+        }
+        if !keep && self.ends[from.0] == i && x.capacity() > 0 {
+            spare.push(std::mem::take(&mut x));
+        }
+        if to != from {
+            values[to.0] = y;
+        }
+        values[from.0] = x;
+    }
+
+    /// Behind the last look at other tokens, rows that nobody asked for are dropped.
+    fn narrow(&self, memory: &mut Memory, pass: &Pass) {
+        let (Pass::Windows(_, rows) | Pass::Stream(_, rows)) = pass else { return };
+        let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);
+        for (&width, x) in self.program.widths.iter().zip(&mut memory.values[..=newest.0]) {
+            if x.len() > rows.len() * width {
+                // Rows come in order, so none is written over before it is read.
+                rows.iter().enumerate().for_each(|(k, row)| x.copy_within(row * width..(row + 1) * width, k * width));
+                x.truncate(rows.len() * width);
+            }
+        }
+    }
+
+    /// What a linear step read in the last pass that kept it, times its scale.
+    pub fn read(&self, memory: &Memory, from: Slot, scale: Option<Weight>) -> Vec<f32> {
+        let mut x = memory.values[from.0].clone();
+        if let Some(w) = scale.map(|w| self.tensor(w)) {
+            x.chunks_exact_mut(w.len()).for_each(|row| row.iter_mut().zip(w).for_each(|(x, w)| *x *= w));
+        }
+        x
+    }
+}
+
+impl Pass<'_> {
+    /// Of a window.
+    fn tokens(&self) -> Option<usize> {
+        match self {
+            Self::Kept(tokens) | Self::Windows(tokens, _) => Some(*tokens),
+            Self::Stream(..) => None,
+        }
+    }
+}
+
+/// A spare buffer, of this length if there is one: another would have to be filled up first.
+fn taken(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
+    let found = spare.iter().position(|s| s.len() == length).or(spare.len().checked_sub(1));
+    found.map(|i| spare.swap_remove(i)).unwrap_or_default()
+}

@@ -1,0 +1,95 @@
+//! The networks, each beside its equations.
+
+use super::{Activation, Op, Program, Slot, Step};
+use crate::transformer::{Architecture, Init, Positions, TransformerConfig};
+
+/// The causal Transformer (paper A.2; nanoGPT blocks, pre-norm).
+///
+/// `x = W_in u + b_in + P[k]`, then per block `x += Attn(LN(x))`, `x += W_down gelu(W_up LN(x))`, a last `LN`, a linear `E -> E` without
+/// bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Inside the blocks no biases; `LN` has a weight only. Attention is
+/// `[q k v] = x W_qkv`, mixed by heads, times `W_proj`.
+///
+/// With [`Positions::Rotary`] there is no table P: queries and keys are turned by angles proportional to their place (Su et
+/// al. 2021), so that only distances in time count, and a token sees the last h tokens alone. Then keys and values never
+/// change once computed, and a rollout evaluates one token a frame.
+pub fn transformer(c: &TransformerConfig) -> Program {
+    let (e, small, scaled) = (c.embedding, Init::Normal(0.02), Init::Normal(0.02 / (2.0 * c.layers as f64).sqrt()));
+    let mut p = Program::new(c.inputs);
+    let x = p.linear("embed", p.tokens(), e, [small, Init::Constant(0.0)]);
+    let band = match c.positions {
+        Positions::Table => {
+            let table = p.tensor("position.weight", &[c.block, e], small);
+            p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+            None
+        }
+        Positions::Rotary => {
+            p.frequencies = c.frequencies().collect();
+            Some(c.history)
+        }
+    };
+    for i in 0..c.layers {
+        let of = |name: &str| format!("blocks.{i}.{name}");
+        let qkv = p.normed(&of("norm_attn"), &of("attn.qkv"), x, 3 * e, small);
+        let mixed = p.then(qkv, e, Op::Attend { heads: c.heads, band });
+        p.residual(&of("attn.proj"), mixed, x, scaled);
+        let up = p.normed(&of("norm_mlp"), &of("mlp.up"), x, 4 * e, small);
+        let active = p.then(up, 4 * e, Op::Activate(Activation::Gelu));
+        p.residual(&of("mlp.down"), active, x, scaled);
+    }
+    let x = p.normed("norm", "out", x, e, small);
+    head(p, x, c)
+}
+
+/// A perceptron over single tokens, to be compared with the Transformer (paper A.3.3.1): a window is one token.
+///
+/// `x -> relu(W x + b)` in layers of 4 E, 2 E and E units (the official one has 512, 256, 128), then the head
+/// `W_2 relu(W_1 x + b_1) + b_2`. Initial weights and biases uniform in +-1/sqrt(fan in).
+pub fn mlp(c: &TransformerConfig) -> Program {
+    let mut p = Program::new(c.inputs);
+    let mut x = p.tokens();
+    for (i, width) in [4 * c.embedding, 2 * c.embedding, c.embedding].into_iter().enumerate() {
+        let init = Init::FanIn(p.width(x));
+        let wide = p.linear(&format!("layers.{i}"), x, width, [init; 2]);
+        x = p.then(wide, width, Op::Activate(Activation::Relu));
+    }
+    head(p, x, c)
+}
+
+/// Recurrent networks over the tokens of a window, to be compared with the Transformer (paper A.3.3.1).
+///
+/// Cells of width E one above the other, then the head `W_2 relu(W_1 x + b_1) + b_2`. With `u = W x + b` of the token and
+/// `v = U h + c` of the state, both split by gate, a GRU's cell is (Cho and others 2014, as in PyTorch)
+///
+/// ```text
+/// r = s(u_r + v_r)   z = s(u_z + v_z)   n = tanh(u_n + r v_n)   h' = n + z (h - n)
+/// ```
+///
+/// and an LSTM's (Hochreiter and Schmidhuber 1997, with forget gate)
+///
+/// ```text
+/// i, f, o = s(u + v)   g = tanh(u_g + v_g)   c' = f c + i g   h' = o tanh(c')
+/// ```
+///
+/// The state is zero before the oldest token of a window, in training and in rollouts alike. Initial weights and biases
+/// uniform in +-1/sqrt(E), as PyTorch's.
+pub fn recurrent(c: &TransformerConfig) -> Program {
+    let (e, lstm, init) = (c.embedding, c.architecture == Architecture::Lstm, Init::FanIn(c.embedding));
+    let gates = if lstm { 4 } else { 3 };
+    let mut p = Program::new(c.inputs);
+    let mut x = p.tokens();
+    for i in 0..c.layers {
+        let u = p.linear(&format!("cells.{i}.token"), x, gates * e, [init; 2]);
+        let weight = p.tensor(&format!("cells.{i}.state.weight"), &[e, gates * e], init);
+        let bias = p.tensor(&format!("cells.{i}.state.bias"), &[gates * e], init);
+        x = p.then(u, e, Op::Cell { weight, bias, lstm });
+    }
+    head(p, x, c)
+}
+
+/// `W_2 relu(W_1 x + b_1) + b_2`.
+fn head(mut p: Program, x: Slot, c: &TransformerConfig) -> Program {
+    let hidden = p.linear("head.hidden", x, c.head, [Init::FanIn(c.embedding); 2]);
+    let hidden = p.then(hidden, c.head, Op::Activate(Activation::Relu));
+    p.linear("head.out", hidden, c.outputs, [Init::FanIn(c.head); 2]);
+    p
+}

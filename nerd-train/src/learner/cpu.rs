@@ -1,0 +1,80 @@
+//! Any network's update on the CPU, over its program ([`nerd_model::program::cpu`]). Equal to burn's ([`super::BurnLearner`]) to
+//! rounding (test), at a fraction of the time.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nerd_model::program::cpu::{Loaded, Memory, Pass as Tokens};
+use nerd_model::transformer::Weights;
+
+use super::sharded::{Loss, Pass, Shard, Sharded};
+use super::{LearnError, LearnerConfig, LearnerState};
+use crate::windows::Windows;
+
+/// Trains on the CPU.
+pub type CpuLearner = Sharded<Fused>;
+
+/// Networks between two updates, whose memory the next one uses again.
+#[derive(Default)]
+pub struct Fused {
+    idle: Mutex<Vec<(Loaded, Memory)>>,
+}
+
+impl Sharded<Fused> {
+    /// Continues `state`, in shards of 32 windows on every core.
+    ///
+    /// # Errors
+    /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
+    pub fn new(config: LearnerConfig, state: LearnerState, train: Arc<Windows>, validation: Arc<Windows>) -> Result<Self, LearnError> {
+        Self::with(Fused::default(), config, state, train, validation)
+    }
+}
+
+impl Pass for Fused {
+    type Worker = (Loaded, Memory);
+
+    fn worker(&self, weights: &Weights, _: bool) -> Self::Worker {
+        match self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+            Some((mut network, memory)) => {
+                network.load(&weights.flat);
+                (network, memory)
+            }
+            None => (Loaded::new(weights.config.program(), &weights.flat), Memory::default()),
+        }
+    }
+
+    fn rest(&self, worker: Self::Worker) {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(worker);
+    }
+
+    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError> {
+        Ok(squares(&errors(worker, &shard)))
+    }
+
+    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError> {
+        let mut error = errors(worker, &shard);
+        let squares = squares(&error) * loss.scale;
+        slope(&mut error, loss);
+        let (network, memory) = worker;
+        Ok((squares, network.backward(shard.tokens, &error, memory, false).0))
+    }
+}
+
+/// Predictions minus targets, `[windows][tokens][outputs]`.
+fn errors((network, memory): &mut (Loaded, Memory), shard: &Shard) -> Vec<f32> {
+    let said = network.forward(&shard.x, memory, Tokens::Kept(shard.tokens));
+    said.iter().zip(&shard.y).map(|(said, y)| said - y).collect()
+}
+
+/// Sum of squares.
+fn squares(error: &[f32]) -> f64 {
+    error.iter().map(|e| f64::from(e * e)).sum()
+}
+
+/// Errors become the loss's slopes.
+fn slope(error: &mut [f32], Loss { scale, huber }: Loss) {
+    let scale = scale as f32;
+    match huber {
+        None => error.iter_mut().for_each(|e| *e *= 2.0 * scale),
+        Some(d) => error.iter_mut().for_each(|e| *e *= 2.0 * scale / (1.0 + (*e / d) * (*e / d)).sqrt()),
+    }
+}
