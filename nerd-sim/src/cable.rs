@@ -43,7 +43,7 @@ const PACE: Range = Range { low: 0.3, high: 1.5 };
 /// that loses nothing shakes ever faster.
 const REST: f64 = 0.01;
 /// Keys of a robot's TOML that mean nothing of a cable, and what stands in their place.
-const FOREIGN: [(&str, &str); 4] = [
+pub(crate) const FOREIGN: [(&str, &str); 4] = [
     ("floating", "a cable's root is decided by [cable] held"),
     ("urdf", "a cable has none, [cable] says all of it"),
     ("mesh_points", "a cable has no meshes"),

@@ -24,6 +24,9 @@ pub enum StepError {
         /// Joints of the robot.
         joints: usize,
     },
+    /// The batch asks for what this solver has not; nothing was stepped.
+    #[error("{0}")]
+    Refused(String),
     /// The solver as a whole failed; nothing was stepped.
     #[error("{0}")]
     Solver(String),
@@ -86,7 +89,7 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 /// number, or whose scene is none. For solvers that have no drives inside their frame, and one robot for all environments.
 ///
 /// # Errors
-/// [`StepError::Solver`] or [`StepError::Torques`].
+/// [`StepError::Refused`], [`StepError::Solver`] or [`StepError::Torques`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     plain(batch)?;
     sound(batch, torques, faults)
@@ -95,27 +98,27 @@ pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<
 /// Refuses drives, to tell forces, and robots that differ.
 ///
 /// # Errors
-/// [`StepError::Solver`].
+/// [`StepError::Refused`].
 pub fn plain(batch: &Batch) -> Result<(), StepError> {
     undriven(batch)?;
     if batch.systems.is_empty() {
         return Ok(());
     }
     let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
-    Err(StepError::Solver(text.into()))
+    Err(StepError::Refused(text.into()))
 }
 
 /// Refuses drives, and to tell forces.
 pub(crate) fn undriven(batch: &Batch) -> Result<(), StepError> {
     if !batch.forces.is_empty() {
-        return Err(StepError::Solver("this solver tells no contact forces: leave `forces` empty, or step with articulated".into()));
+        return Err(StepError::Refused("this solver tells no contact forces: leave `forces` empty, or step with articulated".into()));
     }
     if batch.drives.is_empty() {
         return Ok(());
     }
     let text =
         "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
-    Err(StepError::Solver(text.into()))
+    Err(StepError::Refused(text.into()))
 }
 
 /// The same as [`check`], drives and robots of their own allowed and looked at.

@@ -9,6 +9,7 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Link, Robot, UrdfError};
 use toml::Table;
 
+use crate::cable::FOREIGN;
 use crate::columns::name_columns;
 use crate::derive::{derived, floats, plain};
 use crate::limits::stiffen;
@@ -190,7 +191,13 @@ impl System {
 
     /// Its specification as TOML: with `urdf = ...` it may stand beside the file, and be changed.
     pub fn spec_text(&self) -> String {
-        toml::to_string(&self.spec).unwrap_or_default()
+        if self.source != Source::Cable {
+            return toml::to_string(&self.spec).unwrap_or_default();
+        }
+        // Beside `[cable]` stand only the keys that mean something of one.
+        let mut keys = Table::try_from(&self.spec).unwrap_or_default();
+        keys.retain(|key, _| FOREIGN.iter().all(|(foreign, _)| *foreign != key));
+        toml::to_string(&keys).unwrap_or_default()
     }
 
     /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known

@@ -6,6 +6,7 @@
 //! ```
 
 use std::error::Error;
+use std::path::Path;
 use std::sync::Arc;
 
 use nerd_model::pick::Setting;
@@ -13,7 +14,7 @@ use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, normal, start, stream};
 use nerd_tasks::{Snapshot, StepResult};
-use nerd_train::device::resident;
+use nerd_train::device::{Device, resident};
 use nerd_train::learner::cuda::Precision;
 use nerd_train::ppo::rollout::{Running, rollout};
 use nerd_train::ppo::update::{Adam, Updated};
@@ -30,6 +31,7 @@ fn main() -> Outcome {
         begun_anew(&solver)?;
         full(&solver)?;
     }
+    hills()?;
     too_large()?;
     learning()
 }
@@ -73,7 +75,8 @@ fn frames_in_a_row(setting: &Setting, solver: Make) -> Outcome {
     let every: Vec<f64> = (0..FRAMES).flat_map(|frame| torques(100, frame)).collect();
     rolled.roll(&mut all, &every, FRAMES)?;
     demand(one.states == all.states && one.frames == all.frames, format!("{FRAMES} frames one by one and in a row: the same bits"))?;
-    let mut apart: Vec<f64> = one.states.chunks(29).zip(cpu.states.chunks(29)).map(|(a, b)| largest(a, b)).collect();
+    let d = one.system.robot.state_dim();
+    let mut apart: Vec<f64> = one.states.chunks(d).zip(cpu.states.chunks(d)).map(|(a, b)| largest(a, b)).collect();
     apart.sort_by(f64::total_cmp);
     // Where an edge is met a motion may part; most do not.
     demand(apart[50] < 1e-4, format!("after them {:.1e} from the CPU in the median of 100, {:.1e} at most", apart[50], apart[99]))
@@ -125,6 +128,21 @@ fn full(solver: Make) -> Outcome {
     demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| said.contains(word)), format!("a full memory: {said}"))?;
     solver()?.step(&mut batch, &torques(2000, 0))?;
     Ok(())
+}
+
+/// A ground that has no kernels: the network alone is on the device, and moves as on the CPU.
+fn hills() -> Outcome {
+    let (system, folder) = (ant()?, Path::new("models/ant"));
+    let mut device = batch(100)?;
+    device.scenes.fill(system.scene("hills")?);
+    let mut cpu = device.clone();
+    let mut solvers = [Device::Cuda, Device::Cpu].map(|d| d.neural(folder, &system, None, 100));
+    for (solver, batch) in solvers.iter_mut().zip([&mut device, &mut cpu]) {
+        let solver = solver.as_mut().map_err(|e| e.to_string())?;
+        (0..3).try_for_each(|frame| solver.step(batch, &torques(100, frame)))?;
+    }
+    let apart = largest(&device.states, &cpu.states);
+    demand(apart < 1e-4, format!("hills, by the network alone: {apart:.1e} from the CPU after 3 frames"))
 }
 
 /// A robot that no thread has room for.

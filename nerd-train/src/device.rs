@@ -10,7 +10,11 @@ use nerd_model::pick::Setting;
 use nerd_model::transformer::{Stream, Weights};
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
+#[cfg(feature = "cuda")]
+use nerd_sim::batch::Batch;
 use nerd_sim::solver::Solver;
+#[cfg(feature = "cuda")]
+use nerd_sim::solver::StepError;
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
@@ -67,16 +71,81 @@ impl Device {
         model: Model,
         system: &Arc<System>,
         envs: usize,
-        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
+        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream> + Send + 'static,
     ) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
-        if self == Self::Cuda
-            && let Ok(whole) = cuda::neural(model.clone(), system, Real::F32, Precision::F32)
-        {
-            return Ok(Box::new(whole));
+        if self == Self::Cuda {
+            match cuda::neural(model.clone(), system, Real::F32, Precision::F32) {
+                Ok(whole) => {
+                    let system = system.clone();
+                    let alone = move || self.alone(model, &system, envs, wrap);
+                    return Ok(Box::new(Willing { whole, stepped: false, alone: Some(Box::new(alone)), instead: None }));
+                }
+                Err(why) => eprintln!("{why}"),
+            }
         }
+        self.alone(model, system, envs, wrap)
+    }
+
+    /// A model whose network alone is on this device.
+    fn alone(
+        self,
+        model: Model,
+        system: &Arc<System>,
+        envs: usize,
+        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
+    ) -> Result<Box<dyn Solver>> {
         let network = self.network(&model.weights, envs)?;
         Ok(Box::new(Neural::new(model, system, wrap(network))))
+    }
+}
+
+/// Makes a solver when it is needed.
+#[cfg(feature = "cuda")]
+type Alone = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
+
+/// Whole frames on the card, until a batch asks for what has no kernels (a scene with hills, say): from there on the network alone is there.
+#[cfg(feature = "cuda")]
+struct Willing {
+    whole: cuda::CudaNeural,
+    /// Whether whole frames went well.
+    stepped: bool,
+    /// How to go on, until it is needed.
+    alone: Option<Alone>,
+    instead: Option<Box<dyn Solver>>,
+}
+
+#[cfg(feature = "cuda")]
+impl Solver for Willing {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> std::result::Result<(), StepError> {
+        if let Some(instead) = &mut self.instead {
+            return instead.step(batch, torques);
+        }
+        let why = match self.whole.step(batch, torques) {
+            Err(StepError::Refused(why)) => why,
+            // A robot too large for the card is known when its kernels are made.
+            Err(StepError::Solver(why)) if !self.stepped => why,
+            done => {
+                self.stepped = true;
+                return done;
+            }
+        };
+        // What asks too much of the solver on the card may do so of every one; then that one says it.
+        let Some(alone) = self.alone.take() else { return Err(StepError::Refused(why)) };
+        let mut instead = alone().map_err(|e| StepError::Solver(format!("{why}; the network alone: {e}")))?;
+        let done = instead.step(batch, torques);
+        if !matches!(done, Err(StepError::Refused(_))) {
+            eprintln!("from now on the network alone is on the card: {why}");
+        }
+        self.instead = Some(instead);
+        done
+    }
+
+    fn reset(&mut self, env: usize) {
+        match &mut self.instead {
+            Some(instead) => instead.reset(env),
+            None => self.whole.reset(env),
+        }
     }
 }
 

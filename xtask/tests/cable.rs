@@ -24,6 +24,23 @@ fn what_means_nothing_of_a_cable_is_refused() {
 }
 
 #[test]
+fn what_inspect_prints_of_a_cable_stands_beside_its_section() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("printed.toml");
+    let printed = xtask(&["inspect", "--robot", LEAD]);
+    assert!(printed.status.success(), "{}", String::from_utf8_lossy(&printed.stderr));
+    let printed = String::from_utf8(printed.stdout).expect("utf-8");
+    let lead = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-sim/assets/cables/lead.toml")).expect("the lead");
+    let section = &lead[lead.find("[cable]").expect("its section")..];
+    let section = section.split("\n\n").next().expect("itself");
+    std::fs::write(&path, format!("{printed}\n{section}\n")).expect("the file");
+    let again = xtask(&["inspect", "--robot", path.to_str().expect("utf-8")]);
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    let keys = |text: &str| text.lines().filter(|line| !line.starts_with('#')).map(str::to_string).collect::<Vec<_>>();
+    assert_eq!(keys(&String::from_utf8_lossy(&again.stdout)), keys(&printed));
+}
+
+#[test]
 fn data_of_a_frame_each_are_recorded_and_ask_for_the_cables_file() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().to_str().expect("utf-8");

@@ -16,6 +16,15 @@ const DEEP: usize = 60;
 /// So many springs are a chain that may whip, however short it is, and whips are followed along the tree alone.
 const CHAIN: usize = 3;
 
+/// Whether implicit steps of a robot are solved along its tree, and whips looked for; otherwise by its matrix.
+pub fn along(robot: &Robot) -> bool {
+    let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
+    let mut depths: Vec<usize> = Vec::new();
+    above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
+    let springs = robot.joints().filter(|j| j.stiffness > 0.0).count();
+    springs >= CHAIN || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
+}
+
 /// Working memory.
 pub(super) struct Tree {
     factor: TreeFactor,
@@ -30,16 +39,9 @@ pub(super) struct Tree {
 impl Tree {
     /// None for a robot that the matrix is faster for, or that has more in its matrix than its tree says.
     pub(super) fn new(robot: &Robot) -> Option<Self> {
-        let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
-        let mut depths: Vec<usize> = Vec::new();
-        above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
-        let springs = robot.joints().filter(|j| j.stiffness > 0.0).count();
-        if springs < CHAIN && depths.iter().map(|d| d * d).sum::<usize>() < DEEP * robot.nv() {
-            return None;
-        }
         let (links, joints) = (robot.links.len(), robot.joint_count());
-        Some(Self {
-            factor: TreeFactor::new(robot)?,
+        along(robot).then(|| TreeFactor::new(robot)).flatten().map(|factor| Self {
+            factor,
             links: vec![Matrix6::zeros(); links],
             joints: vec![0.0; joints],
             dampers: vec![0.0; joints],

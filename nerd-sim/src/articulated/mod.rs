@@ -17,6 +17,7 @@ mod solver;
 mod stiff;
 mod touches;
 
+pub use along::along;
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
 pub use draft::Draft;
 pub use solver::Articulated;

@@ -39,6 +39,8 @@ pub struct Played {
     pub frames: Vec<Vec<f64>>,
     /// Seconds of stepping all starts over all frames on one core: of a few runs the fastest; 0 if not timed.
     pub seconds: f64,
+    /// Starts that were given up in the timed run, of MuJoCo Warp.
+    pub lost: usize,
 }
 
 /// What the referee is told first, and then for each run.
@@ -85,6 +87,8 @@ struct Version {
 struct Rolled {
     states: Vec<Vec<Option<Vec<f64>>>>,
     seconds: f64,
+    #[serde(default)]
+    lost: usize,
 }
 
 /// MuJoCo at work on one model from the same starts, at one setting after another.
@@ -175,10 +179,10 @@ impl Referee {
     }
 
     fn set(&mut self, setting: Setting) -> Result<Played, MjcfError> {
-        let Rolled { states, seconds } = self.ask(&setting)?;
+        let Rolled { states, seconds, lost } = self.ask(&setting)?;
         let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
-        Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
+        Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds, lost })
     }
 
     pub(super) fn ask<A: DeserializeOwned>(&mut self, question: &impl Serialize) -> Result<A, MjcfError> {

@@ -40,6 +40,8 @@ def main():
         mujoco.mj_forward(model, data)
         fullest = [max(fullest[0], data.ncon), max(fullest[1], data.nefc)]
     room = {"nconmax": 2 * fullest[0] + 8, "njmax": 2 * fullest[1] + 4 * model.nv + 16}
+    kinds = mujoco_warp.OverflowType
+    full = int(kinds.NEFC | kinds.NJMAX_NNZ | kinds.BROADPHASE | kinds.NARROWPHASE)
     cones = model.opt.cone, model.opt.impratio
     first = numpy.array(starts, dtype=numpy.float32)
 
@@ -74,19 +76,25 @@ def main():
             both = numpy.concatenate([self.data.qpos.numpy(), self.data.qvel.numpy()], axis=1)
             return [row.tolist() if numpy.isfinite(row).all() and (abs(row) < 1e10).all() else None for row in both]
 
+        def check(self):
+            # Contacts and constraints beyond the room are left out without a word.
+            if (self.data.overflow.numpy() & full).any():
+                raise RuntimeError(f"more contacts or constraints than there is room for ({room})")
+
     for line in sys.stdin:
         setting = json.loads(line)
         substeps = setting["substeps"]
         model.opt.timestep = request["frame_time"] / substeps
         model.opt.integrator = getattr(mujoco.mjtIntegrator, "mjINT_" + setting["integrator"])
         model.opt.cone, model.opt.impratio = (mujoco.mjtCone.mjCONE_PYRAMIDAL, 1) if setting["plain"] else cones
-        states, spent = [], 0.0
+        states, spent, lost = [], 0.0, 0
         if setting["told"]:
             run = Run(len(starts))
             run.begin()
             for _ in range(frames):
                 run.steps(substeps)
                 states.append(run.states())
+            run.check()
         if setting["timed"]:
             run = Run(setting["worlds"] or len(starts))
             run.begin()
@@ -95,7 +103,9 @@ def main():
             run.steps(substeps * frames)
             warp.synchronize()
             spent = time.perf_counter() - before
-        say({"states": states, "seconds": spent})
+            run.check()
+            lost = sum(state is None for state in run.states())
+        say({"states": states, "seconds": spent, "lost": lost})
 
 
 try:

@@ -5,6 +5,7 @@ use super::error::Error;
 use super::fault::Fault;
 use super::method::Method;
 use super::trial::Trial;
+use crate::solver::StepError;
 
 /// One scene and what is measured in it.
 #[derive(Clone, Copy, Debug)]
@@ -55,7 +56,7 @@ impl Row {
     pub fn cell(&self, method: &Method, fault: Option<Fault>) -> Cell {
         let trial = Trial::new(method, fault);
         match (self.measure)(&trial) {
-            Err(Error::NoFiner) => Cell::unasked(),
+            Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => Cell::unasked(),
             measured => Cell::new(measured, trial.lost.take(), self.limit),
         }
     }

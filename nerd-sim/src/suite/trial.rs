@@ -11,7 +11,7 @@ use super::fault::Fault;
 use super::method::Method;
 use crate::batch::{Batch, contacts};
 use crate::scene::Scene;
-use crate::solver::Solver;
+use crate::solver::{Solver, StepError};
 use crate::system::System;
 
 /// A method under test, perhaps with a fault.
@@ -139,6 +139,9 @@ impl<'a> Trial<'a> {
         for _ in 0..frames {
             drive(batch.state(0), &mut torques);
             if let Err(error) = solver.step(&mut batch, &torques) {
+                if matches!(error, StepError::Refused(_)) {
+                    return Err(error.into());
+                }
                 self.lost.borrow_mut().get_or_insert(error.to_string());
                 states.resize(frames + 1, batch.state(0).to_vec());
                 work.resize(frames + 1, work[work.len() - 1]);

@@ -1,13 +1,15 @@
 //! The stability map: every row of [`nerd_sim::suite`] under every analytic method, and the faults that show its rows can fail.
 
 use std::path::Path;
+#[cfg(feature = "cuda")]
+use std::sync::Arc;
 
 use nerd_model::pick::Setting;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real};
 use nerd_sim::prelude::System;
 #[cfg(feature = "cuda")]
-use nerd_sim::prelude::{ArticulatedConfig, Friction};
+use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Fault, Line, Method, Suite, Verdict};
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +43,9 @@ impl StabilityMap {
             start.into_iter().chain(l.cells.iter().map(cell)).collect()
         });
         let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str)).collect();
-        Table::new("stability", &header).with(rows).noted("!: up to ten times the limit; !!: beyond; lost: the solver gave up.")
+        Table::new("stability", &header)
+            .with(rows)
+            .noted("!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it has not what the row asks for.")
     }
 }
 
@@ -67,13 +71,17 @@ impl Stability {
     /// As [`Stability::new`].
     #[cfg(feature = "cuda")]
     pub fn on_device(words: &[String]) -> Result<Self> {
-        let gpu = |name: &str, real: Real, config: fn(&System) -> ArticulatedConfig| {
-            Method::new(name, move |system| Box::new(CudaArticulated::new(config(system), real)))
+        // Settings, and the same with so many times the substeps.
+        type Settings = fn(&System, usize) -> ArticulatedConfig;
+        let gpu = |name: &str, real: Real, config: Settings| {
+            let at =
+                move |times| move |system: &Arc<System>| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config(system, times), real)) };
+            Method::new(name, at(1)).finer(at(4))
         };
-        let of = [
-            ("accurate", ArticulatedConfig::accurate as fn(&System) -> ArticulatedConfig),
-            ("implicit x16", |_| ArticulatedConfig::implicit(16, Friction::Coulomb)),
-            ("Euler x64", |_| ArticulatedConfig::explicit(64, Friction::Coulomb)),
+        let of: [(&str, Settings); 3] = [
+            ("accurate", |system, times| ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb)),
+            ("implicit x16", |_, times| ArticulatedConfig::implicit(16 * times, Friction::Coulomb)),
+            ("Euler x64", |_, times| ArticulatedConfig::explicit(64 * times, Friction::Coulomb)),
         ];
         let mut methods = Vec::new();
         for (name, config) in of {

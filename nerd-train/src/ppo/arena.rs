@@ -114,7 +114,8 @@ impl Arena {
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
                 let reach = model.config.network.reach();
-                let timed = |network| -> Box<dyn Stream> { Box::new(Timed(network, clock.network.clone())) };
+                let time = clock.network.clone();
+                let timed = move |network| -> Box<dyn Stream> { Box::new(Timed(network, time)) };
                 (device.solver(model, &system, n, timed)?, reach)
             }
             Self::Judge(setting) => (setting.solver(&system)?, 0),

@@ -92,7 +92,7 @@ impl Held {
         for scene in &batch.scenes {
             // Environments mostly share one.
             if !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
-                records.extend(record(scene, &batch.system, config, reach).map_err(StepError::Solver)?);
+                records.extend(record(scene, &batch.system, config, reach).map_err(StepError::Refused)?);
                 (last, count) = (Some(scene), count + 1);
             }
             of.push(count - 1);

@@ -36,11 +36,11 @@ impl Motion for Whole {
         self.config.check().map_err(StepError::Solver)?;
         if let Some(joint) = batch.system.robot.joints().find(|j| j.stiffness > 0.0) {
             let text = format!("joint `{}` has a spring (stiffness), which has no kernel; step it with articulated on the CPU", joint.name);
-            return Err(StepError::Solver(text));
+            return Err(StepError::Refused(text));
         }
         if !batch.systems.is_empty() {
             let text = "on a device all environments are of one robot: leave `systems` empty, or step with articulated on the CPU";
-            return Err(StepError::Solver(text.into()));
+            return Err(StepError::Refused(text.into()));
         }
         Ok(())
     }

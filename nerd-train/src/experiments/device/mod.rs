@@ -22,10 +22,10 @@ pub use parity::Parity;
 
 use super::Experiment;
 use crate::choice::Choice;
-use crate::error::Result;
+use crate::error::{Result, refuse};
 use crate::progress::bar;
 use crate::report::table::digits;
-use crate::report::{Inputs, Table};
+use crate::report::{Input, Inputs, Table};
 use crate::shipped;
 
 /// Frames after which most robots touch something.
@@ -84,14 +84,21 @@ impl OnDevice {
 
     /// The models of a robot.
     fn models(&self, robot: &str) -> Result<Vec<Setting>> {
-        let mut folders = self.models.clone();
-        if folders.is_empty() {
-            let models = shipped::models();
-            folders = shipped::folders(&models.join("sizes"), &format!("{robot}-")).unwrap_or_default();
-            folders.extend([models.join(robot)].into_iter().filter(|folder| folder.join("config.json").exists()));
+        if self.models.is_empty() {
+            let own = shipped::models().join(robot);
+            return Ok(own.join("config.json").exists().then_some(Setting::Neural(own)).into_iter().collect());
         }
-        folders.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == robot));
-        Ok(folders.into_iter().map(Setting::Neural).collect())
+        let mut models = Vec::new();
+        for folder in &self.models {
+            let of = ModelConfig::read(folder)?.robot;
+            if of == robot {
+                models.push(Setting::Neural(folder.clone()));
+            } else if self.robots.iter().all(|(robot, _)| *robot != of) {
+                let known: Vec<&str> = self.robots.iter().map(|(robot, _)| robot.as_str()).collect();
+                refuse!("{} is a model of `{of}`; robots here are {}", folder.display(), known.join(", "));
+            }
+        }
+        Ok(models)
     }
 
     /// All settings of a robot in a scene.
@@ -133,10 +140,15 @@ impl Experiment for OnDevice {
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
         for (robot, scene) in &self.robots {
-            inputs.add(crate::report::Input::robot(&*System::named(robot)?));
+            inputs.add(Input::robot(&*System::named(robot)?));
             for setting in self.models(robot)?.into_iter().chain([Setting::Accurate]) {
                 Choice::Setting(setting).inputs(robot, scene, &mut inputs)?;
             }
+        }
+        for task in &self.tasks {
+            let robot = nerd_tasks::named(task)?.robot();
+            inputs.add(Input::robot(&*System::named(robot)?));
+            inputs.add(Input::model(&shipped::models().join(robot))?);
         }
         Ok(inputs)
     }
@@ -169,7 +181,7 @@ impl Experiment for OnDevice {
 
     fn tables(&self, data: &Data) -> Result<Vec<Table>> {
         let note = format!(
-            "One frame from the same {} states, {FALL} frames after a start, under random torques: difference of the device's state from the \
+            "One frame from the same {} states, {FALL} frames after a start, under torques of up to a quarter of what each joint takes: difference of the device's state from the \
              CPU's, by number relative to 1 + its size; largest over the numbers of a state. Networks have 32 bits everywhere.",
             self.states
         );
@@ -184,11 +196,13 @@ impl Experiment for OnDevice {
         ];
         let parities = Table::new("parity", &header).with(data.parities.iter().map(Parity::cells)).noted(&note);
         let guest = data.warp.as_ref().map_or_else(String::new, |version| {
-            format!(" MuJoCo {version} is held against its own converged run, all others against ours.")
+            format!(
+                " MuJoCo {version} is held against its own converged run, all others against ours; its time is that of its steps alone."
+            )
         });
         let note = format!(
             "No torques. Error: mean distance of configurations from `converged` over {} frames, {} rollouts that begin where those above do. \
-             Frames/s: {} environments together, on all cores of the CPU with 64 bits, and on the device, which holds them for {} frames, with \
+             Frames/s: {} environments together, on all cores of the CPU with 64 bits over ten frames, and on the device, which holds them for {} frames, with \
              32 bits; transfers there and back are counted. Lost: environments that were given up.{guest} Front (*): no other setting is faster and nearer to its reference.",
             pace::FRAMES,
             self.rollouts,

@@ -103,7 +103,15 @@ pub(super) fn guests(of: &str, python: &Path, batch: &Batch, rollouts: usize, en
             let error = distance(system, &truth, &looks(played.frames));
             let frames = (environments * FRAMES) as f64 / played.seconds;
             let (of, series, label) = (of.into(), series.into(), format!("x{steps}"));
-            paces.push(Pace { of, series, label, errors: [None, Some(error)], frames: [None, Some(frames)], lost: 0, front: false });
+            paces.push(Pace {
+                of,
+                series,
+                label,
+                errors: [None, Some(error)],
+                frames: [None, Some(frames)],
+                lost: played.lost,
+                front: false,
+            });
         }
     }
     Ok((warp.version.clone(), paces))

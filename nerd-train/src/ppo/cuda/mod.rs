@@ -34,6 +34,8 @@ pub struct CudaEngine {
     kept: Kept,
     /// Of a rollout, by step: inputs, advantages, goals, values, surprise; actions, means and spreads.
     steps: [Buffer<f32>; 8],
+    /// Steps of an iteration, and of a minibatch.
+    sizes: [usize; 2],
     order: Buffer<u32>,
     /// Of a minibatch or an answer: rows into each layer and out of the last, and gradients of two layers turn about.
     layers: Vec<Buffer<f32>>,
@@ -56,7 +58,8 @@ impl CudaEngine {
     pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
         let device = Device::open(SOURCE, &KERNELS)?.with_products(Precision::F32)?;
         let (network, n, a) = (shape.network(), config.steps(), shape.action);
-        let (rows, parameters) = (config.minibatch.min(n), shape.parameters());
+        let (sizes, parameters) = (sizes(config), shape.parameters());
+        let rows = sizes[1];
         let widest = network.sizes.iter().copied().max().unwrap_or(1);
         let zeros = |len: usize| device.zeros::<f32>(len);
         let [one, all] = [1, a].map(|width| n * width);
@@ -66,6 +69,7 @@ impl CudaEngine {
         Ok(Self {
             kept: Kept::new(&device, shape, config)?,
             steps,
+            sizes,
             order: device.zeros(n)?,
             layers: network.sizes.iter().map(|width| zeros(most * width)).collect::<Result<_, _>>()?,
             behind: [zeros(rows * widest)?, zeros(rows * widest)?],
@@ -143,6 +147,11 @@ impl CudaEngine {
     }
 }
 
+/// Steps of an iteration, and of a minibatch.
+fn sizes(config: &PpoConfig) -> [usize; 2] {
+    [config.steps(), config.minibatch.min(config.steps())]
+}
+
 fn failed(error: DeviceError) -> PpoError {
     PpoError::Device(error.to_string())
 }
@@ -165,6 +174,11 @@ impl Engine for CudaEngine {
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, seeds: (u64, u64)) -> Result<Updated, PpoError> {
+        let found = sizes(config);
+        if found != self.sizes {
+            let text = format!("made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
+            return Err(PpoError::Device(text));
+        }
         let mut learn = |policy: &mut Policy| {
             self.goals(policy)?;
             let updated = self.passes(policy, adam, config, seeds)?;
