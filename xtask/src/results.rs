@@ -33,7 +33,7 @@ pub enum Part {
     Write,
     /// Draw records anew, tables and pictures, from what was measured then
     Redraw {
-        /// Which [default: all sweeps and ablations]
+        /// Which [default: all that can be]
         names: Vec<String>,
     },
 }

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::Experiment;
 use super::ablations::Ablated;
 use super::calibrated::CalibratedAll;
+use super::stability::{Stability, StabilityMap};
 use super::sweep::Swept;
 use crate::error::{Error, Result, refuse};
 use crate::report::artifact::Head;
@@ -15,11 +16,12 @@ use crate::report::write;
 
 /// Whether [`redraw`] knows results of this name.
 pub fn drawn(name: &str) -> bool {
-    name == "ablations" || ["sweep-", "calibrate-"].iter().any(|kind| name.starts_with(kind))
+    name == "ablations" || ["sweep-", "calibrate-", "stability"].iter().any(|kind| name.starts_with(kind))
 }
 
 /// Writes `NAME.md`, the tables of `NAME.json` and its pictures anew; what was measured, and where it comes from, stays as it is.
-/// For sweeps and ablations, which cannot be measured again in a day, and for calibrations, whose logs are not everybody's.
+/// For sweeps and ablations, which cannot be measured again in a day, for calibrations, whose logs are not everybody's, and for stability maps,
+/// one of which needs a GPU.
 ///
 /// # Errors
 /// If there is no such record, or its files cannot be written.
@@ -27,8 +29,9 @@ pub fn redraw(folder: &Path, name: &str) -> Result<()> {
     match name {
         "ablations" => again(folder, name, |data: &Ablated| data.settings.clone()),
         _ if name.starts_with("calibrate-") => again(folder, name, |data: &CalibratedAll| data.settings.clone()),
+        _ if name.starts_with("stability") => again(folder, name, |_: &StabilityMap| Stability::recorded(name)),
         _ if drawn(name) => again(folder, name, |data: &Swept| data.settings.clone()),
-        _ => refuse!("{name}: only sweeps, ablations and calibrations are drawn from their data; measure it again"),
+        _ => refuse!("{name}: only sweeps, ablations, calibrations and stability maps are drawn from their data; measure it again"),
     }
 }
 

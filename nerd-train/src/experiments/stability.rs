@@ -51,7 +51,7 @@ impl StabilityMap {
 
 /// The suite under all analytic methods, perhaps broken ones.
 pub struct Stability {
-    name: &'static str,
+    name: String,
     suite: Suite,
     methods: Vec<Method>,
 }
@@ -62,7 +62,7 @@ impl Stability {
     /// # Errors
     /// If a word is in no name.
     pub fn new(words: &[String], fault: Option<Fault>) -> Result<Self> {
-        Ok(Self { name: "stability", suite: Suite::new().only(words)?.fault(fault), methods: Method::known() })
+        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?.fault(fault), methods: Method::known() })
     }
 
     /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
@@ -89,7 +89,12 @@ impl Stability {
             methods.push(gpu(&format!("{name}, GPU, 32 bits"), Real::F32, config));
             methods.push(gpu(&format!("{name}, GPU, 64 bits"), Real::F64, config));
         }
-        Ok(Self { name: "stability-device", suite: Suite::new().only(words)?, methods })
+        Ok(Self { name: "stability-device".into(), suite: Suite::new().only(words)?, methods })
+    }
+
+    /// A record of this name, to be drawn from what was measured.
+    pub(super) fn recorded(name: &str) -> Self {
+        Self { name: name.into(), suite: Suite::new(), methods: Vec::new() }
     }
 
     /// Names of the rows that a fault must turn red.
@@ -102,7 +107,7 @@ impl Experiment for Stability {
     type Data = StabilityMap;
 
     fn name(&self) -> String {
-        self.name.into()
+        self.name.clone()
     }
 
     fn seed(&self) -> u64 {

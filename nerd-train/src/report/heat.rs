@@ -38,7 +38,12 @@ impl Picture for Heat<'_> {
         area.fill(&WHITE).map_err(failed)?;
         text(self.title, (LEFT, 20), style(17, BLACK, HPos::Left))?;
         for (k, name) in self.columns.iter().enumerate() {
-            text(name, (LEFT + CELL.0 * k as i32 + CELL.0 / 2, TOP - 14), style(13, BLACK, HPos::Center))?;
+            // What follows a comma stands below, or names would run into each other.
+            let parts: Vec<&str> = name.splitn(2, ", ").collect();
+            for (row, part) in parts.iter().rev().enumerate() {
+                let at = (LEFT + CELL.0 * k as i32 + CELL.0 / 2, TOP - 12 - 16 * row as i32);
+                text(part, at, style(13, BLACK, HPos::Center))?;
+            }
         }
         for (r, line) in self.lines.iter().enumerate() {
             let y = TOP + CELL.1 * r as i32;
