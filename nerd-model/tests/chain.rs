@@ -45,7 +45,7 @@ fn normalizer() -> Normalizer {
             1e-6
         }
     };
-    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: (0..OUTPUTS).map(variance).collect(), epsilon: 1e-30 };
+    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: (0..OUTPUTS).map(variance).collect(), epsilon: 1e-24 };
     Normalizer { inputs: Moments::identity(INPUTS), outputs }
 }
 

@@ -21,6 +21,7 @@ mod view;
 pub use data::Motions;
 pub use judge::distance;
 pub use learner::{ChainLearner, ROLLOUTS};
+pub use loss::Loss;
 pub use scales::scales;
 pub use unroll::{Rollout, Unroll};
 pub use view::View;

@@ -27,7 +27,7 @@ pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
         _ => mean[k - 3],
     };
     let variance = (0..OUTPUTS).map(|k| scale(k) * scale(k)).collect();
-    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance, epsilon: 1e-30 };
+    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance, epsilon: 1e-24 };
     (Normalizer { inputs: Moments::identity(INPUTS), outputs }, mean[2])
 }
 
