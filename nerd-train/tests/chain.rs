@@ -3,12 +3,14 @@
 use std::sync::Arc;
 
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods};
+use nerd_model::pick::Setting;
 use nerd_model::program::cpu::{Loaded, Memory};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate};
 use nerd_sim::prelude::*;
 use nerd_train::chain::{ChainLearner, Loss, Motions, Rollout, Unroll, View, distance, scales};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
+use nerd_train::run::{Run, RunConfig, Variant};
 
 const CABLE: &str = "[cable]\nlength = 0.4\ndiameter = 0.008\nmass = 0.03\nbending = 1e-3\nlinks = 6\nat = [0.1, 0.05, 0.1]\n\
     [random_pegs]\ncount = 3\nradius = \"U(0.02, 0.04)\"\nheight = 0.15\nat = [\"U(0.0, 0.6)\", \"U(-0.3, 0.3)\", \"U(0, 0)\"]";
@@ -170,4 +172,41 @@ fn the_same_updates_on_any_number_of_threads() {
         })
     };
     assert!(trained(1) == trained(3), "weights differ");
+}
+
+#[test]
+fn a_run_makes_a_model_that_is_picked_like_all_others() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = folder.path().join("cable.toml");
+    std::fs::write(&robot, CABLE).expect("written");
+    let mut config = RunConfig::new(&robot.to_string_lossy(), folder.path().join("out"));
+    (config.variant, config.embedding, config.layers) = (Variant::Chain, 16, 3);
+    (config.transitions, config.updates, config.batch, config.rollouts) = (600, 6, 8, 2);
+    (config.record.frames, config.sequence, config.validation_windows) = (30, Some(2), 50);
+    let model = Run::new(&config).expect("a run").train().expect("trained").expect("a model");
+    let system = System::named(&robot.to_string_lossy()).expect("the cable");
+    let mut solver = Setting::Neural(model.clone()).solver(&system).expect("its solver");
+    let mut batch = Batch::new(&system, &system.scene("plane").expect("a floor"), 2);
+    solver.step(&mut batch, &vec![0.0; 2 * system.robot.joint_count()]).expect("a frame");
+
+    let but = |change: &dyn Fn(&mut RunConfig)| {
+        let mut config = config.clone();
+        change(&mut config);
+        Run::new(&config)
+    };
+    // A run from it begins with its weights and goes by its scales.
+    let onward = but(&|c| (c.from, c.out, c.sequence) = (Some(model.clone()), folder.path().join("next"), Some(3)));
+    onward.expect("a run").train().expect("trained").expect("a model");
+    // Rollouts of another length are another run.
+    let error = but(&|c| c.sequence = Some(4)).expect("a run").train().expect_err("another").to_string();
+    assert!(error.contains("other settings") && error.contains("unrolled"), "{error}");
+    let streamed = but(&|c| c.stream = true).err().expect("refused").to_string();
+    assert!(streamed.contains("--stream means nothing with --variant chain"), "{streamed}");
+    let pendulum = but(&|c| c.robot = "pendulum".into()).err().expect("refused").to_string();
+    assert!(pendulum.starts_with("robot `pendulum` is no chain") && !pendulum.contains('\n'), "{pendulum}");
+
+    // One rod fewer: another robot, by its name the same.
+    let shorter = Arc::new(System::from_toml("cable", &CABLE.replace("links = 6", "links = 5")).expect("a cable"));
+    let error = Setting::Neural(model).solver(&shorter).err().expect("six rods were learned").to_string();
+    assert!(error.contains("6") && error.contains("5 rods"), "{error}");
 }

@@ -119,6 +119,11 @@ impl RunConfig {
         (self.variant == Variant::Chain).then(|| self.sequence.unwrap_or(1))
     }
 
+    /// Whether rollouts choose its weights: where a chain is taught single frames, they say little of what it has learned.
+    pub(super) fn rolls(&self) -> bool {
+        self.rollouts > 0 && self.unrolled() != Some(1)
+    }
+
     /// What an update needs beside the learning rate.
     pub fn learner(&self) -> LearnerConfig {
         let Self { batch, average, huber, optimizer, .. } = *self;

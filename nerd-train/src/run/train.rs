@@ -187,7 +187,7 @@ impl Run {
             Ok(())
         };
         let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>, HookError> {
-            let error = if self.config.rollouts > 0 {
+            let error = if self.config.rolls() {
                 let weights = Weights { config: self.network, flat: learner.state()?.average };
                 // Early weights may leave; that is an infinite error, not the end of the run.
                 Some(self.rollout_error(identity, judge, weights).unwrap_or_else(|e| {
@@ -222,7 +222,7 @@ impl Run {
 
     /// The best average, or the last weights: where the rate has fallen to zero they need none, and may be better than it.
     fn choose(&self, identity: &Identity, judge: &Judge, best: Best, engine: &mut dyn Learner) -> Result<(Weights, String)> {
-        if self.config.rollouts > 0 {
+        if self.config.rolls() {
             let last = engine.state()?.weights;
             let found = self.rollout_error(identity, judge, last.clone()).unwrap_or(f64::INFINITY);
             if found < best.criterion {
