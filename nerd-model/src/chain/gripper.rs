@@ -65,10 +65,9 @@ impl Chain {
     /// `e' = (e + (v + w e) dt) exp(-w dt)`, `v' = (v - w (v + w e) dt) exp(-w dt)`. `torques` (N, N m) are those of its six axes.
     pub fn glide(&self, gripper: &Gripper, torques: &[f64]) -> Gripper {
         let mut next = *gripper;
-        for k in 0..6 {
-            let i = k % 3;
-            let (home, [x, v]) = (if k < 3 { self.home[i] } else { 0.0 }, axis(&mut next, k));
-            let (goal, w) = (torques[k] / self.stiffness[k] + home, self.pulse[k]);
+        for (k, torque) in torques.iter().enumerate().take(6) {
+            let (home, [x, v]) = (if k < 3 { self.home[k] } else { 0.0 }, axis(&mut next, k));
+            let (goal, w) = (torque / self.stiffness[k] + home, self.pulse[k]);
             let (e, fade) = (*x - goal, (-w * self.frame_time).exp());
             let pull = *v + w * e;
             *x = goal + (e + pull * self.frame_time) * fade;
