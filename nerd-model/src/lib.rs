@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod base;
+pub mod chain;
 pub mod device;
 pub mod features;
 pub mod folder;

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::base::Flight;
 use crate::folder::Model;
 use crate::frame::Frame;
-use crate::transformer::{Stream, packed};
+use crate::transformer::{Architecture, Stream, packed};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
@@ -67,6 +67,9 @@ impl Neural {
 
     /// Makes room for a batch, and forgets what was before a gap.
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
+        if self.model.config.network.architecture == Architecture::Chain {
+            return Err(StepError::Solver("a model of a chain: make its solver with nerd_model::pick::learned".into()));
+        }
         let n = batch.len();
         if self.newest.len() != n {
             self.tokens = vec![0.0; n * self.model.config.network.inputs];

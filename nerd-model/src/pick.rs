@@ -11,8 +11,10 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
+use crate::chain::ChainSolver;
 use crate::folder::{Model, ModelError};
 use crate::neural::Neural;
+use crate::transformer::Architecture;
 
 /// A solver at one setting. Its words, in every table and picture, are those of [`Setting::series`] and of its `Display`:
 ///
@@ -90,7 +92,7 @@ impl Setting {
     pub fn solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>, PickError> {
         match (self, self.articulated(system)) {
             (_, Some(config)) => Ok(Box::new(Articulated::new(config))),
-            (Self::Neural(folder), None) => Ok(Box::new(Neural::on_cpu(Model::load(folder, system, None)?, system))),
+            (Self::Neural(folder), None) => Ok(learned(Model::load(folder, system, None)?, system)?),
             #[cfg(feature = "rapier")]
             (Self::Rapier(n), None) => Ok(Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             #[cfg(feature = "rapier")]
@@ -111,6 +113,17 @@ impl fmt::Display for Setting {
             Self::Neural(folder) => write!(f, "NeRD of {}", folder.display()),
         }
     }
+}
+
+/// A model as a solver on the CPU: of a chain [`ChainSolver`], of any other robot [`Neural`].
+///
+/// # Errors
+/// If it is of a chain, and the robot is another one.
+pub fn learned(model: Model, system: &Arc<System>) -> Result<Box<dyn Solver>, ModelError> {
+    Ok(match model.config.network.architecture {
+        Architecture::Chain => Box::new(ChainSolver::new(&model.weights, &model.normalizer, system)?),
+        _ => Box::new(Neural::on_cpu(model, system)),
+    })
 }
 
 /// What a truth is, as a setting.

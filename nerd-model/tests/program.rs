@@ -57,6 +57,18 @@ fn operations() -> Vec<(&'static str, Program)> {
         ("attention over a window", attend(None)),
         ("attention over a band", attend(Some(3))),
         (
+            "neighbours",
+            around(7, |p, x| {
+                p.then(x, 21, Op::Neighbours(2));
+            }),
+        ),
+        (
+            "neighbours beyond the window",
+            around(7, |p, x| {
+                p.then(x, 21, Op::Neighbours(TOKENS + 1));
+            }),
+        ),
+        (
             "gelu",
             around(7, |p, x| {
                 p.then(x, 7, Op::Activate(Activation::Gelu));

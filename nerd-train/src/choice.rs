@@ -7,6 +7,7 @@ use std::sync::Arc;
 use nerd_model::base::Base;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::{Setting, pick};
+use nerd_model::transformer::Architecture;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 
@@ -172,6 +173,7 @@ pub fn describe(model: &ModelConfig) -> String {
     let form = match model.base {
         Base::Flight | Base::ExactFlight => "on flight".into(),
         Base::Draft(n) => format!("on a draft x{n}"),
+        Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain".into(),
         Base::State | Base::Nothing => "paper's form".to_string(),
     };
     format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)

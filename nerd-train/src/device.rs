@@ -7,7 +7,8 @@ use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 #[cfg(feature = "cuda")]
 use nerd_model::pick::Setting;
-use nerd_model::transformer::{Stream, Weights};
+use nerd_model::pick::learned;
+use nerd_model::transformer::{Architecture, Stream, Weights};
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 #[cfg(feature = "cuda")]
@@ -95,6 +96,9 @@ impl Device {
         envs: usize,
         wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
     ) -> Result<Box<dyn Solver>> {
+        if self == Self::Cpu && model.config.network.architecture == Architecture::Chain {
+            return Ok(learned(model, system)?);
+        }
         let network = self.network(&model.weights, envs)?;
         Ok(Box::new(Neural::new(model, system, wrap(network))))
     }

@@ -7,6 +7,7 @@ macro_rules! eprintln {
 
 pub mod best;
 pub mod bounds;
+pub mod chain;
 pub mod checkpoint;
 pub mod choice;
 #[cfg(feature = "report")]

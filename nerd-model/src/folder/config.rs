@@ -10,9 +10,10 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{ModelError, read_json, wrong};
 use crate::base::Base;
+use crate::chain::{self, Chain};
 use crate::features::Features;
 use crate::form::{Form, View};
-use crate::transformer::TransformerConfig;
+use crate::transformer::{Architecture, TransformerConfig};
 use crate::turns::Turns;
 
 /// What was learned, from what, how; `config.json`.
@@ -94,12 +95,26 @@ impl ModelConfig {
         if let Some(wanted) = truth.filter(|t| *t != self.truth) {
             return Err(other("truth", &self.truth, wanted));
         }
-        let (found, wanted) = ((self.network.inputs, self.network.outputs), widths(system, self.form()));
+        let wanted = match self.network.architecture {
+            Architecture::Chain => self.chain(folder, system)?,
+            _ => widths(system, self.form()),
+        };
+        let found = (self.network.inputs, self.network.outputs);
         if found != wanted {
             let (of, needs) = (format!("{} to {}", found.0, found.1), format!("{} to {}", wanted.0, wanted.1));
             return Err(wrong(&folder.join("config.json"), format!("maps {of} numbers; robot `{}` needs {needs}", system.name)));
         }
         Ok(())
+    }
+
+    /// Numbers that the network of a chain takes and gives; refuses a robot that is none, or another one.
+    fn chain(&self, folder: &Path, system: &System) -> Result<(usize, usize), ModelError> {
+        let path = folder.join("config.json");
+        let chain = Chain::of(system).map_err(|e| wrong(&path, e.to_string()))?;
+        if self.network.block != chain.rods {
+            return Err(wrong(&path, format!("`block` is {}, robot `{}` has {} rods", self.network.block, system.name, chain.rods)));
+        }
+        Ok((chain::INPUTS, chain::OUTPUTS))
     }
 }
 

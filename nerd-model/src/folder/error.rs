@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use crate::chain::NoChain;
+
 /// Why a model cannot be loaded or saved.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -64,6 +66,9 @@ pub enum ModelError {
         /// Hash in `config.json`.
         wanted: String,
     },
+    /// The model of a chain, and a robot that it cannot be of.
+    #[error(transparent)]
+    Chain(#[from] NoChain),
     /// The folder does not say which robot or which weights it is of.
     #[error("{path}: `config.json` has no `{key}`, so nothing tells whether it fits; `cargo xtask stamp {path}` adds it", path = path.display())]
     NoStamp {

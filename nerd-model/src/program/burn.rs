@@ -54,6 +54,7 @@ impl Network {
                     burn::tensor::module::layer_norm(rows, ones, None, 1e-5)
                 }
                 Op::Attend { heads, band } => attend(x, heads, tokens, band.map(|band| (band, self.program.frequencies.as_slice()))),
+                Op::Neighbours(apart) => neighbours(x, tokens, apart),
                 Op::Activate(Activation::Gelu) => gelu(x),
                 Op::Activate(Activation::Relu) => relu(x),
                 Op::Cell { weight, bias, lstm } => cell(x, tokens, self.matrix(weight), self.row(bias), lstm),
@@ -116,6 +117,15 @@ fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     let (cos, sin) = (angles(f64::cos), angles(f64::sin));
     let (a, b) = (x.clone().narrow(3, 0, d / 2), x.narrow(3, d / 2, d / 2));
     Tensor::cat(vec![a.clone() * cos.clone() - b.clone() * sin.clone(), a * sin + b * cos], 3)
+}
+
+/// Rows `[windows tokens, width]` beside those of the tokens before and behind.
+fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
+    let ([rows, width], device) = (x.dims(), x.device());
+    let (x, beyond) = (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));
+    let padded = Tensor::cat(vec![beyond.clone(), x.clone(), beyond], 1);
+    let (before, behind) = (padded.clone().narrow(1, 0, tokens), padded.narrow(1, 2 * apart, tokens));
+    Tensor::cat(vec![before, x, behind], 2).reshape([rows, 3 * width])
 }
 
 /// What tokens say to the gates, `[windows tokens, gates E]`, to states `[windows tokens, E]`.

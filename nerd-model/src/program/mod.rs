@@ -10,7 +10,7 @@ pub mod cpu;
 mod networks;
 
 pub use self::burn::Network;
-pub use networks::{mlp, recurrent, transformer};
+pub use networks::{chain, mlp, recurrent, transformer};
 
 use crate::transformer::{Init, TensorSpec};
 
@@ -59,6 +59,8 @@ pub enum Op {
         /// its window, and nothing is turned.
         band: Option<usize>,
     },
+    /// `y_k = [x_{k-d} x_k x_{k+d}]`, d tokens apart in a window, zeros beyond its ends.
+    Neighbours(usize),
     /// `y = f(x)`.
     Activate(Activation),
     /// States of a recurrent cell, the oldest token first: x is `u`, what tokens say to its gates, and `v = h W + b` what the state says

@@ -86,6 +86,33 @@ pub fn recurrent(c: &TransformerConfig) -> Program {
     head(p, x, c)
 }
 
+/// How far apart the rods are that look at each other, block by block: with eight blocks each of forty sees all others.
+const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
+
+/// A network along a chain, whose tokens are its rods in one frame ([`crate::chain`]).
+///
+/// `h = W_in u + b_in + P[k]`, then per block `h += W_mix gelu(W_near [n_{k-d} n_k n_{k+d}] + b)` with `n = norm(h)` and d = 1, 2, 4, 8,
+/// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. What is said begins small, so that a chain that has learned
+/// nothing goes straight on. No norm has a weight: the matrix behind it would make one of them.
+pub fn chain(c: &TransformerConfig) -> Program {
+    let (e, none) = (c.embedding, Init::Constant(0.0));
+    let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());
+    let mut p = Program::new(c.inputs);
+    let h = p.linear("embed", p.tokens(), e, [spread(c.inputs, 1.0), none]);
+    let table = p.tensor("position.weight", &[c.block, e], Init::Normal(0.02));
+    p.steps.push(Step { from: h, to: h, op: Op::Place(table) });
+    for (i, apart) in (0..c.layers).zip(APART.into_iter().cycle()) {
+        let n = p.then(h, e, Op::Norm);
+        let near = p.then(n, 3 * e, Op::Neighbours(apart));
+        let wide = p.linear(&format!("blocks.{i}.near"), near, e, [spread(3 * e, 1.0), none]);
+        let active = p.then(wide, e, Op::Activate(Activation::Gelu));
+        p.residual(&format!("blocks.{i}.mix"), active, h, spread(e, 0.3));
+    }
+    let n = p.then(h, e, Op::Norm);
+    p.linear("out", n, c.outputs, [spread(e, 0.1), none]);
+    p
+}
+
 /// `W_2 relu(W_1 x + b_1) + b_2`.
 fn head(mut p: Program, x: Slot, c: &TransformerConfig) -> Program {
     let hidden = p.linear("head.hidden", x, c.head, [Init::FanIn(c.embedding); 2]);

@@ -17,6 +17,8 @@ pub enum Architecture {
     Gru,
     /// [`program::recurrent`], long short-term memory.
     Lstm,
+    /// [`program::chain`]: a window is a chain's rods in one frame, and `block` their number.
+    Chain,
 }
 
 impl Architecture {
@@ -165,6 +167,7 @@ impl TransformerConfig {
             Architecture::Transformer => program::transformer(self),
             Architecture::Mlp => program::mlp(self),
             Architecture::Gru | Architecture::Lstm => program::recurrent(self),
+            Architecture::Chain => program::chain(self),
         }
     }
 

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::shard::{check_format, read_shard};
-use super::{DatasetError, Recording, sha256_of};
+use super::{DatasetError, GenerateConfig, Recording, begin, sha256_of};
+use crate::scene::Scene;
 use crate::system::System;
 
 /// `manifest.json` of a folder of shards.
@@ -76,6 +78,29 @@ impl Manifest {
         let (recording, header) = read_shard(&path)?;
         let checked = check_header(&header, system, &self.truth).and_then(|()| recording.check(system));
         checked.map(|()| recording).map_err(|reason| DatasetError::Format { path, reason })
+    }
+
+    /// The same with the scene of each trajectory: a shard does not hold them, its seed draws them again.
+    ///
+    /// # Errors
+    /// As [`Manifest::shard`], and if what is drawn is not what was recorded.
+    pub fn shard_in_scenes(&self, folder: &Path, name: &str, system: &Arc<System>) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
+        let recording = self.shard(folder, name, system)?;
+        let (path, (_, header)) = (folder.join(name), read_shard(&folder.join(name))?);
+        let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
+        let number = |key: &str| {
+            let text = header.get(key).map_or("", String::as_str);
+            text.parse::<f64>().map_err(|_| wrong(format!("`{key}` of its header is `{text}`, a number is needed")))
+        };
+        let (n, frames, seed) = (recording.trajectories, recording.frames, self.seed);
+        let config = GenerateConfig { transitions: n * frames, frames, seed, resets: number("resets")?, ..GenerateConfig::default() };
+        let begun = begin(system, &config, number("first")? as u64, n)?;
+        let rows = recording.states.chunks_exact((frames + 1) * system.robot.state_dim());
+        if let Some(k) = rows.enumerate().position(|(k, row)| !row.starts_with(begun.state(k))) {
+            let text = "its scenes cannot be drawn again from its seed: policies acted in it, or another program made it";
+            return Err(wrong(format!("trajectory {k}: {text}; make the data set anew")));
+        }
+        Ok((recording, begun.scenes))
     }
 
     /// Refuses shards, by their hashes in order, that are others or of other lengths than it was written for.

@@ -26,9 +26,17 @@ pub fn norm(gradient: &[f32]) -> f32 {
 /// # Panics
 /// If `gradient` is shorter than the weights.
 pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
+    step_by(BETA, state, gradient, norm, lr, config);
+}
+
+/// [`step`] with other betas.
+///
+/// # Panics
+/// As it does.
+pub fn step_by(beta: (f32, f32), state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
     let scale = (config.clip / (norm + 1e-6)).min(1.0);
     let t = (state.step + 1) as f64;
-    let corrections = (1.0 - f64::from(BETA.0).powf(t), 1.0 - f64::from(BETA.1).powf(t));
+    let corrections = (1.0 - f64::from(beta.0).powf(t), 1.0 - f64::from(beta.1).powf(t));
     let (rate, inverse_root) = ((f64::from(lr) / corrections.0) as f32, corrections.1.powf(-0.5) as f32);
     let blend = super::blend(config.average, state.step);
     assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
@@ -49,8 +57,8 @@ pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, conf
             .zip(clipped[range].par_chunks(CHUNK))
             .for_each(|((((w, m), v), a), g)| {
                 for ((((w, m), v), a), g) in w.iter_mut().zip(m).zip(v).zip(a).zip(g) {
-                    *m = BETA.0 * *m + (1.0 - BETA.0) * g;
-                    *v = BETA.1 * *v + (1.0 - BETA.1) * g * g;
+                    *m = beta.0 * *m + (1.0 - beta.0) * g;
+                    *v = beta.1 * *v + (1.0 - beta.1) * g * g;
                     *w -= rate * *m / (v.sqrt() * inverse_root + EPSILON);
                     *a += blend * (*w - *a);
                 }

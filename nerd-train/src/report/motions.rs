@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::neural::Neural;
+use nerd_model::pick::learned;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_tasks::{Episodes, named};
@@ -17,8 +17,10 @@ use crate::ppo::rollout::Running;
 /// The truth that a model learned, and the model itself as a solver, with their names.
 fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
     let truth = ModelConfig::truth_of(model)?;
-    let learned = Neural::on_cpu(Model::load(model, system, None)?, system);
-    Ok([("NeRD".into(), Box::new(learned)), (format!("the truth, {}", truth.name()), truth.solver(system))])
+    Ok([
+        ("NeRD".into(), learned(Model::load(model, system, None)?, system)?),
+        (format!("the truth, {}", truth.name()), truth.solver(system)),
+    ])
 }
 
 /// Passive motion of a model's robot from its reset law, and the truth's from the same start.

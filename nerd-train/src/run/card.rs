@@ -32,6 +32,9 @@ pub struct Identity {
     #[serde(default, skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
+    /// Frames of a rollout in training, of a chain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unrolled: Option<usize>,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
     /// Of the targets, where it is not the usual one.

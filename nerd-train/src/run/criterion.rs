@@ -3,19 +3,24 @@
 use nerd_model::base::Base;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::Weights;
 
 use super::Run;
 use super::card::{Identity, model_config};
+use super::data::Judge;
+use crate::chain;
 use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, passive};
 use crate::paper;
 
 impl Run {
     /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
-    /// all grounds. Infinite if a rollout failed.
-    pub(super) fn rollout_error(&self, identity: &Identity, normalizer: &Normalizer, weights: Weights) -> Result<f64> {
+    /// all grounds. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
+    pub(super) fn rollout_error(&self, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
+        let Judge { normalizer, motions } = judge;
+        if let Some(motions) = motions {
+            return chain::distance(&self.system, motions, &weights, normalizer);
+        }
         let (config, system) = (&self.config, &self.system);
         let (starts, steps, seed) = (config.rollouts, paper::horizon(&system.name), 1_000 + config.record.seed);
         let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };

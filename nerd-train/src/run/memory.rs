@@ -4,6 +4,7 @@ use nerd_model::transformer::{Positions, TransformerConfig};
 
 use super::RunConfig;
 use crate::bounds::memory;
+use crate::chain;
 use crate::device::Device;
 use crate::error::Result;
 
@@ -29,6 +30,13 @@ pub fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
         Positions::Table => of_token(network),
     };
     memory(&[("--rollouts", config.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
+}
+
+/// The same of rollouts of a chain through so many frames: every thread keeps all activations of those it passes.
+pub fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let row = 6 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);
+    memory(&[("--sequence", frames), ("threads", threads), ("rods", chain::ROLLOUTS * network.block)], 4 * row)
 }
 
 /// Numbers that a forward and backward pass keeps of a token, about.

@@ -21,6 +21,7 @@
 
 mod card;
 mod criterion;
+mod data;
 pub(crate) mod engine;
 mod memory;
 mod onward;

@@ -1,12 +1,13 @@
 //! What settings come to: what predictions are added to, network, learner, trainer.
 
 use nerd_model::base::Base;
+use nerd_model::chain::{self, Chain};
 use nerd_model::features::Features;
 use nerd_model::form::Form;
-use nerd_model::transformer::{Positions, TransformerConfig};
+use nerd_model::transformer::{Architecture, Positions, TransformerConfig};
 use nerd_sim::prelude::*;
 
-use super::{BaseName, RunConfig};
+use super::{BaseName, RunConfig, Variant};
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::learner::LearnerConfig;
@@ -31,8 +32,20 @@ impl RunConfig {
         if let Some((key, _)) = recorded.iter().find(|(_, given)| *given && self.data.is_some()) {
             refuse!("--{key} records by itself: leave out --data");
         }
-        if self.sequence.is_some() && !self.stream {
-            refuse!("--sequence means nothing without --stream");
+        let chain = self.variant == Variant::Chain;
+        let foreign = [
+            ("stream", self.stream),
+            ("base", self.base != BaseName::State),
+            ("turns", !self.turns.usual()),
+            ("fresh", self.fresh > 0),
+            ("epsilon", self.epsilon.is_some()),
+            ("huber", self.huber.is_some()),
+        ];
+        if let Some((key, _)) = foreign.iter().find(|(_, given)| *given && chain) {
+            refuse!("--{key} means nothing with --variant chain");
+        }
+        if self.sequence.is_some() && !self.stream && !chain {
+            refuse!("--sequence means nothing without --stream or --variant chain");
         }
         if self.epsilon.is_some() && self.from.is_some() {
             refuse!("--epsilon cannot be used with --from: the model it starts from has its own");
@@ -69,6 +82,9 @@ impl RunConfig {
     /// # Errors
     /// If there can be none of that shape.
     pub fn network(&self, system: &System, form: Form) -> Result<TransformerConfig> {
+        if self.variant == Variant::Chain {
+            return self.along(system);
+        }
         let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
         let Self { embedding, layers, history, .. } = *self;
         let heads = (embedding / self.head_width.max(1)).max(1);
@@ -85,6 +101,27 @@ impl RunConfig {
         let network = self.variant.network(network);
         network.check().map_err(wrong)?;
         Ok(network)
+    }
+
+    /// That along a chain.
+    fn along(&self, system: &System) -> Result<TransformerConfig> {
+        let chain = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?;
+        let Self { embedding, layers, .. } = *self;
+        let paper = TransformerConfig::paper(chain::INPUTS, chain::OUTPUTS, embedding);
+        let network =
+            TransformerConfig { layers, heads: 1, block: chain.rods, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
+        network.check().map_err(|reason| Error::Refused(format!("--embedding {embedding}, --layers {layers}: {reason}")))?;
+        Ok(network)
+    }
+
+    /// Frames of a rollout in the training of a chain.
+    pub fn unrolled(&self) -> Option<usize> {
+        (self.variant == Variant::Chain).then(|| self.sequence.unwrap_or(1))
+    }
+
+    /// Whether rollouts choose its weights: where a chain is taught single frames, they say little of what it has learned.
+    pub(super) fn rolls(&self) -> bool {
+        self.rollouts > 0 && self.unrolled() != Some(1)
     }
 
     /// What an update needs beside the learning rate.

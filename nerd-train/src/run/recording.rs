@@ -11,6 +11,7 @@ use nerd_sim::range::Range;
 use nerd_sim::truth::Truth;
 
 use crate::bounds::{self, FRAMES, SEEDS};
+use crate::chain::Motions;
 use crate::error::{Result, refuse};
 use crate::ppo::Policies;
 use crate::prepare::{Prepared, generate};
@@ -123,6 +124,16 @@ impl RecordConfig {
         let manifest = nerd_sim::dataset::generate(system, &mut *solver, &truth, &config, folder, tell)?;
         bar.finish();
         Ok(manifest)
+    }
+
+    /// Records in memory, as motions of a chain.
+    pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig) -> Result<Motions> {
+        let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
+        let done = AtomicUsize::new(0);
+        let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
+        let motions = Motions::record(system, &|| self.truth(system).solver(system), config, &tell)?;
+        bar.finish();
+        Ok(motions)
     }
 
     /// Records in memory, as tokens.

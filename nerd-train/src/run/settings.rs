@@ -32,7 +32,7 @@ settings! {
         draft: usize = 1, Whole(1..=Draft::MOST as u64);
         /// What a joint's predicted turn counts from: its parent link (the paper), or the root, for long chains
         turns: Turns = Turns::Parent, Words(Turns::WORDS);
-        /// NeRD, or one of the designs it is compared with (paper A.3.3)
+        /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)
         embedding: usize = 192, Whole(EMBEDDING);
@@ -47,7 +47,7 @@ settings! {
         /// Rotary positions: rollouts evaluate one token a frame in place of a window
         stream: bool = false, Flag;
         /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six
-        /// layers and windows of 10, and at least 32]
+        /// layers and windows of 10, and at least 32]; with --variant chain frames of a rollout in training [default: 1]
         sequence: Option<usize> = None, Whole(1..=8192);
         /// Folder of shards made by `dataset`; recorded in memory if absent
         data: Option<PathBuf> = None, Text;

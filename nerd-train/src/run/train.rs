@@ -14,45 +14,34 @@ use nerd_sim::prelude::*;
 use serde_json::{Value, json};
 
 use super::card::{Identity, export, history, resume};
-use super::engine::{arithmetic, engine};
+use super::data::{Data, Judge};
+use super::engine::arithmetic;
 use super::{RecordConfig, RunConfig, claimed, memory};
 use crate::best::Best;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
-use crate::prepare::{Prepared, moments, normalize, read};
 use crate::progress;
 use crate::report::write;
 use crate::sessions;
 use crate::shipped;
 use crate::supply::{Supply, SupplyConfig};
 use crate::trainer::{HookError, Outcome, Trainer, TrainerConfig};
-use crate::windows::Windows;
-
-/// Transitions that are validated on, and the paper's distance of their seed from the training data's.
-const VALIDATION: (usize, u64) = (200_000, 10);
 
 /// What settings come to, ready to train.
 pub struct Run {
     pub(super) config: RunConfig,
     pub(super) system: Arc<System>,
     base: Base,
-    form: Form,
-    network: TransformerConfig,
-    learner: LearnerConfig,
+    pub(super) form: Form,
+    pub(super) network: TransformerConfig,
+    pub(super) learner: LearnerConfig,
     trainer: TrainerConfig,
-    recording: GenerateConfig,
+    pub(super) recording: GenerateConfig,
     /// What it starts from, if not from random weights.
-    parent: Option<Model>,
+    pub(super) parent: Option<Model>,
     /// Which policies act in its data; none is known of data from a folder.
     actors: Option<String>,
     arithmetic: String,
-}
-
-/// What a run learns from.
-struct Data {
-    training: Prepared,
-    validation: Windows,
-    normalizer: Normalizer,
 }
 
 impl Run {
@@ -106,8 +95,7 @@ impl Run {
             refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
         }
         let data = self.data()?;
-        identity.transitions = data.training.windows.trajectories() * data.training.windows.frames;
-        identity.data_sha256 = data.training.sha256.clone();
+        (identity.transitions, identity.data_sha256) = (data.transitions, data.sha256.clone());
         let (identity, path) = (identity, out.join("run.json"));
         let first = || self.parent.as_ref().map_or_else(|| Weights::init(self.network, self.learner.seed), |p| p.weights.clone());
         let state = resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()));
@@ -116,17 +104,16 @@ impl Run {
         if self.config.finish {
             let Some(best) = trainer.best()? else { refuse!("{}: no validated weights of this very run", out.display()) };
             let chosen = format!("{}; the run was ended there", self.averaged(&best));
-            return self.export(&identity, data.normalizer, best.weights, chosen);
+            return self.export(&identity, data.judge.normalizer, best.weights, chosen);
         }
         write(&path, serde_json::to_string_pretty(&identity).map_err(Error::format(&path))?.as_bytes())?;
-        let (updates, windows) = (self.trainer.updates, data.training.windows.len());
+        let (updates, windows) = (self.trainer.updates, data.windows);
         eprintln!("{} parameters, {windows} windows, update {} of {updates}", self.network.parameters(), state.step);
 
-        let (normalizer, fresh) = (data.normalizer.clone(), self.supply(&data.normalizer, state.step)?);
-        let step = state.step;
-        let mut engine =
-            engine(self.config.device, self.config.f32, self.learner, state, Arc::new(data.training.windows), Arc::new(data.validation))?;
-        let outcome = self.learn(&identity, &normalizer, trainer.clone(), &mut *engine, fresh, (step, started))?;
+        let (step, fresh) = (state.step, self.supply(&data.judge.normalizer, state.step)?);
+        let Data { judge, matter, .. } = data;
+        let mut engine = self.engine(state, matter, &judge)?;
+        let outcome = self.learn(&identity, &judge, trainer.clone(), &mut *engine, fresh, (step, started))?;
         if !outcome.finished {
             self.say_stopped(&outcome, started);
             return Ok(None);
@@ -134,8 +121,8 @@ impl Run {
         let Some(best) = trainer.best()? else {
             refuse!("{}: in no validation did the rollouts end in numbers; give it more --updates", out.display());
         };
-        let (weights, chosen) = self.choose(&identity, &normalizer, best, &mut *engine)?;
-        self.export(&identity, normalizer, weights, chosen)
+        let (weights, chosen) = self.choose(&identity, &judge, best, &mut *engine)?;
+        self.export(&identity, judge.normalizer, weights, chosen)
     }
 
     /// What decides the run's bytes, as far as it is known before its data is.
@@ -151,6 +138,7 @@ impl Run {
             turns: self.config.turns,
             variant: self.config.variant,
             network: self.network,
+            unrolled: self.config.unrolled(),
             learner: self.learner,
             trainer: self.trainer,
             epsilon: self.config.epsilon,
@@ -169,31 +157,6 @@ impl Run {
         }
     }
 
-    /// Records or reads what is learned from, and normalises it.
-    fn data(&self) -> Result<Data> {
-        let (record, sequence) = (&self.config.record, self.network.sequence());
-        let mut training = match &self.config.data {
-            Some(folder) => read(&self.system, &record.truth(&self.system).name(), folder, sequence, self.form)?,
-            None => record.tokens(&self.system, &self.recording, sequence, self.form)?,
-        };
-        let (transitions, seed) = (VALIDATION.0.min(self.config.transitions), record.seed + VALIDATION.1);
-        let validation = GenerateConfig { transitions, seed, ..self.recording.clone() };
-        let mut validation = record.tokens(&self.system, &validation, sequence, self.form)?.windows;
-        let windows = &training.windows;
-        if windows.is_empty() || validation.is_empty() {
-            refuse!("{} trajectories of {} frames hold no sequence of {sequence} tokens", windows.trajectories(), windows.frames);
-        }
-        let own = || {
-            let mut own = self.config.variant.normalizer(moments(windows));
-            own.outputs.epsilon = self.config.epsilon.unwrap_or(own.outputs.epsilon);
-            own
-        };
-        let normalizer = self.parent.as_ref().map_or_else(own, |p| p.normalizer.clone());
-        normalize(&mut training.windows, &normalizer);
-        normalize(&mut validation, &normalizer);
-        Ok(Data { training, validation, normalizer })
-    }
-
     /// Fresh data from update `step` on, if it is asked for.
     fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         if self.config.fresh == 0 {
@@ -210,7 +173,7 @@ impl Run {
     fn learn(
         &self,
         identity: &Identity,
-        normalizer: &Normalizer,
+        judge: &Judge,
         trainer: Trainer,
         engine: &mut dyn Learner,
         fresh: Option<Supply>,
@@ -224,10 +187,10 @@ impl Run {
             Ok(())
         };
         let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>, HookError> {
-            let error = if self.config.rollouts > 0 {
+            let error = if self.config.rolls() {
                 let weights = Weights { config: self.network, flat: learner.state()?.average };
                 // Early weights may leave; that is an infinite error, not the end of the run.
-                Some(self.rollout_error(identity, normalizer, weights).unwrap_or_else(|e| {
+                Some(self.rollout_error(identity, judge, weights).unwrap_or_else(|e| {
                     eprintln!("{e}");
                     f64::INFINITY
                 }))
@@ -258,10 +221,10 @@ impl Run {
     }
 
     /// The best average, or the last weights: where the rate has fallen to zero they need none, and may be better than it.
-    fn choose(&self, identity: &Identity, normalizer: &Normalizer, best: Best, engine: &mut dyn Learner) -> Result<(Weights, String)> {
-        if self.config.rollouts > 0 {
+    fn choose(&self, identity: &Identity, judge: &Judge, best: Best, engine: &mut dyn Learner) -> Result<(Weights, String)> {
+        if self.config.rolls() {
             let last = engine.state()?.weights;
-            let found = self.rollout_error(identity, normalizer, last.clone()).unwrap_or(f64::INFINITY);
+            let found = self.rollout_error(identity, judge, last.clone()).unwrap_or(f64::INFINITY);
             if found < best.criterion {
                 let updates = self.trainer.updates;
                 return Ok((last, format!("last, not averaged, at update {updates}, chosen by criterion {found:.5}")));

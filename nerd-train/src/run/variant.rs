@@ -28,6 +28,8 @@ pub enum Variant {
     Absolute,
     /// State and contacts in world axes.
     World,
+    /// Rods of a chain as tokens, learned through many frames ([`crate::chain`]).
+    Chain,
     /// Inputs as they are.
     RawInputs,
     /// Targets as they are.
@@ -36,7 +38,7 @@ pub enum Variant {
 
 impl Variant {
     /// Their names, as serde has them.
-    pub const WORDS: &[&str] = &["nerd", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "raw-inputs", "raw-outputs"];
+    pub const WORDS: &[&str] = &["nerd", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "chain", "raw-inputs", "raw-outputs"];
 
     /// Whether it is NeRD itself.
     pub fn usual(&self) -> bool {

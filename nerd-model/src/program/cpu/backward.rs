@@ -6,7 +6,7 @@ use faer::Accum::{Add, Replace};
 
 use super::elementwise::{multiply, normalize_back, relu_back, sum_rows};
 use super::product::{matrix, product};
-use super::{Loaded, Memory, cell, taken};
+use super::{Loaded, Memory, cell, neighbours, taken};
 use crate::program::{Activation, Op, Step, Weight};
 
 impl Loaded {
@@ -72,6 +72,7 @@ impl Loaded {
                 attention.shape(self.program.width(to), heads, tokens, band, &self.program.frequencies);
                 attention.backward(x, &aside[i], &dy, &mut dx);
             }
+            Op::Neighbours(apart) => neighbours::backward(&dy, self.program.width(from), tokens, apart, &mut dx),
             Op::Activate(f) => {
                 std::mem::swap(&mut dx, &mut dy);
                 match f {

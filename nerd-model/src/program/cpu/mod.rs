@@ -9,6 +9,7 @@ mod backward;
 mod cell;
 pub mod elementwise;
 mod matrix;
+mod neighbours;
 #[cfg(feature = "autodiff")]
 pub mod product;
 
@@ -65,7 +66,10 @@ impl Loaded {
     pub fn new(program: Program, flat: &[f32]) -> Self {
         let mut ends = vec![0; program.widths.len()];
         program.steps.iter().enumerate().for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
-        let mixing = program.steps.iter().rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Cell { .. }));
+        let mixing = program
+            .steps
+            .iter()
+            .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }));
         let (starts, steps) = (program.starts(), program.steps.len());
         let mut loaded = Self { program, flat: Vec::new(), starts, folded: vec![Vec::new(); steps], panels: Vec::new(), ends, mixing };
         loaded.load(flat);
@@ -157,6 +161,7 @@ impl Loaded {
                     attention.forward(&mut x, aside, &mut y);
                 }
             },
+            Op::Neighbours(apart) => neighbours::forward(&x, width, pass.tokens().unwrap_or(1), apart, &mut y),
             // The slope takes the place of what it is of.
             Op::Activate(Activation::Gelu) if keep => gelu_and_slope(&mut x, &mut y),
             Op::Activate(f) => {

@@ -1,0 +1,106 @@
+//! What the network sees of a rod: a token of [`INPUTS`] numbers.
+//!
+//! | numbers | what |
+//! |---|---|
+//! | 3, 3, 3 | direction; its rate / 10 (1/s); velocity of its end / 2 (m/s) |
+//! | 3 | normal of the nearest surface at its end, if nearer than [`REACH`], else 0 |
+//! | 4 | gap there `d` (m) as `20 d`, `e^-|d|/r sign d`, `tanh 4 d/r`; the end's velocity along the normal / 2 |
+//! | 1, 1 | `tanh` of `d` a frame ahead by `3 r / 4`; whether there is a surface |
+//! | 12 | the gripper's glide: `10 dv`, `v'`, half the change of its direction's rate, its new direction |
+//!
+//! All in world axes, r the rods' radius, d counted from their surface. Where a chain is does not stand in it.
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+
+use super::{Chain, Gripper, Rods};
+
+/// Numbers of a token.
+pub const INPUTS: usize = 30;
+/// Where surfaces are seen from (m), as other models do (paper A.1).
+pub const REACH: f64 = 0.1;
+/// Seconds by which half a change of velocity counts.
+const QUICK: f64 = 10.0;
+
+/// The nearest surface at the end of a rod.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Out of it (world, unit length); zeros beyond [`REACH`].
+    normal: Vector3<f64>,
+    /// From the rod's surface (m), [`REACH`] at most.
+    gap: f64,
+}
+
+/// A chain as it is seen in one frame.
+pub struct Look {
+    /// By rod.
+    touches: Vec<Touch>,
+    velocities: Vec<Vector3<f64>>,
+    /// Where the drives alone would take the gripper.
+    pub glided: Gripper,
+}
+
+impl Look {
+    /// Looks at a chain; `contact` is the nearest surface at a place, `torques` (N, N m) are those of the gripper.
+    pub fn at(chain: &Chain, rods: &Rods, torques: &[f64], mut contact: impl FnMut(&Vector3<f64>) -> ContactEvent) -> Self {
+        let [nodes, velocities] = chain.nodes(rods);
+        let touch = |node: &Vector3<f64>| {
+            let event = contact(node);
+            let gap = event.distance - chain.radius;
+            // What is no number is seen, so that it can be told.
+            if gap >= REACH { Touch { normal: Vector3::zeros(), gap: REACH } } else { Touch { normal: event.normal, gap } }
+        };
+        Self { touches: nodes.iter().map(touch).collect(), velocities, glided: chain.glide(&rods.gripper, torques) }
+    }
+
+    /// Tokens of its rods, `[rod][INPUTS]`, onto `tokens`.
+    pub fn tokens(&self, chain: &Chain, rods: &Rods, tokens: &mut Vec<f32>) {
+        let (before, after, velocity) = (rods.gripper.points(), self.glided.points(), self.glided.velocity);
+        let ahead = [(velocity - rods.gripper.velocity) * QUICK, velocity, (after[1] - before[1]) * 0.5, after[0]];
+        for (k, Touch { normal, gap }) in self.touches.iter().enumerate() {
+            let own = [rods.along[k], rods.rates[k] * 0.1, self.velocities[k] * 0.5, *normal];
+            let speed = self.velocities[k].dot(normal);
+            let near = [
+                20.0 * gap,
+                (-gap.abs() / chain.radius).exp().copysign(*gap),
+                (4.0 * gap / chain.radius).tanh(),
+                0.5 * speed,
+                ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh(),
+                f64::from(u8::from(*gap < REACH)),
+            ];
+            tokens.extend(own.iter().flat_map(|v| v.iter()).map(|x| *x as f32));
+            tokens.extend(near.map(|x| x as f32));
+            tokens.extend(ahead.iter().flat_map(|v| v.iter()).map(|x| *x as f32));
+        }
+    }
+
+    /// Adds to `slope` what [`Look::tokens`] makes of slopes by tokens, `[rod][INPUTS]`, and gives that by where the gripper glides.
+    /// Normals count as constant.
+    #[cfg(feature = "autodiff")]
+    pub fn tokens_back(&self, chain: &Chain, rods: &Rods, behind: &[f32], slope: &mut Rods) -> Gripper {
+        let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
+        let mut ahead = [Vector3::zeros(); 4];
+        for (k, (Touch { normal, gap }, row)) in self.touches.iter().zip(behind.as_chunks::<INPUTS>().0).enumerate() {
+            let at = |first: usize| Vector3::new(row[first], row[first + 1], row[first + 2]).map(f64::from);
+            slope.along[k] += at(0);
+            slope.rates[k] += at(3) * 0.1;
+            let speed = self.velocities[k].dot(normal);
+            let (sharp, soon) = ((4.0 * gap / chain.radius).tanh(), ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh());
+            let by_soon = f64::from(row[16]) * (1.0 - soon * soon) / (0.75 * chain.radius);
+            let by_gap = 20.0 * f64::from(row[12]) - f64::from(row[13]) * (-gap.abs() / chain.radius).exp() / chain.radius
+                + f64::from(row[14]) * (1.0 - sharp * sharp) * 4.0 / chain.radius
+                + by_soon;
+            // Beyond reach the normal is zero, and nothing depends on the gap.
+            nodes.push(normal * by_gap);
+            speeds.push(at(6) * 0.5 + normal * (0.5 * f64::from(row[15]) + by_soon * chain.frame_time));
+            ahead.iter_mut().enumerate().for_each(|(i, sum)| *sum += at(18 + 3 * i));
+        }
+        chain.nodes_back(&[nodes, speeds], slope);
+        let [change, velocity, rate, direction] = ahead;
+        slope.gripper.velocity -= change * QUICK;
+        rods.gripper.points_back([Vector3::zeros(), rate * -0.5], &mut slope.gripper);
+        let mut glided = Gripper { velocity: change * QUICK + velocity, ..Gripper::default() };
+        self.glided.points_back([direction, rate * 0.5], &mut glided);
+        glided
+    }
+}

@@ -1,0 +1,126 @@
+//! Which robots are chains, and the numbers of one.
+
+use nalgebra::{Isometry3, Vector3};
+use nerd_core::robot::{Base, Joint, JointKind, Robot};
+use nerd_sim::system::System;
+
+/// Axes of the gripper: three slides x, y, z, then yaw, pitch, roll.
+const AXES: usize = 6;
+/// Share by which a drive may miss critical damping: its glide is told in closed form.
+const NEAR: f64 = 0.01;
+
+/// A robot that is no chain.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("robot `{robot}` is no chain that is learned rod by rod: {reason}")]
+pub struct NoChain {
+    /// Its name.
+    pub robot: String,
+    /// What is in the way.
+    pub reason: String,
+}
+
+/// A gripper on six critically damped axes, and equal rods behind it on two hinges each (z, then y).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    /// Rods.
+    pub rods: usize,
+    /// Length of one (m).
+    pub length: f64,
+    /// Radius of its contact points (m).
+    pub radius: f64,
+    /// Length of a frame (s).
+    pub frame_time: f64,
+    /// Where the gripper is at zero coordinates (m, world).
+    pub home: Vector3<f64>,
+    /// Stiffness of its axes (N/m, N m/rad).
+    pub stiffness: [f64; AXES],
+    /// How fast they follow (rad/s), `sqrt(stiffness / armature)`.
+    pub pulse: [f64; AXES],
+}
+
+impl Chain {
+    /// That of a system.
+    ///
+    /// # Errors
+    /// [`NoChain`], with what makes it none.
+    pub fn of(system: &System) -> Result<Self, NoChain> {
+        Self::read(system).map_err(|reason| NoChain { robot: system.name.clone(), reason })
+    }
+
+    fn read(system: &System) -> Result<Self, String> {
+        let robot = &system.robot;
+        let home = match &robot.base {
+            Base::Fixed(at) if at.rotation.angle() < 1e-12 => at.translation.vector,
+            _ => return Err("its base is free or turned; `held = \"gripper\"` is needed".into()),
+        };
+        let gravity = system.gravity();
+        if gravity.x != 0.0 || gravity.y != 0.0 {
+            return Err("gravity is not along z".into());
+        }
+        let joints: Vec<&Joint> = robot.links.iter().filter_map(|link| link.joint.as_ref()).collect();
+        let in_line = robot.links.iter().enumerate().all(|(i, link)| link.parent == i.checked_sub(1));
+        if robot.mimics() || !in_line || joints.len() < AXES + 4 || !joints.len().is_multiple_of(2) {
+            return Err("a gripper's six axes and at least two rods on two hinges each, one behind the other, are needed".into());
+        }
+        let (axes, hinges) = joints.split_at(AXES);
+        carriage(axes)?;
+        let length = hinges[2].origin().translation.vector.x;
+        rods(hinges, length)?;
+        let rods = hinges.len() / 2;
+        let radius = radius(robot, rods, length)?;
+        let stiffness = std::array::from_fn(|k| axes[k].stiffness);
+        let pulse = std::array::from_fn(|k| (axes[k].stiffness / axes[k].armature).sqrt());
+        Ok(Self { rods, length, radius, frame_time: system.frame_time, home, stiffness, pulse })
+    }
+
+    /// Whether a turn about z changes nothing but directions: x and y are driven alike.
+    pub fn round(&self) -> bool {
+        self.stiffness[0] == self.stiffness[1] && self.pulse[0] == self.pulse[1]
+    }
+}
+
+fn is(joint: &Joint, slides: bool, axis: Vector3<f64>, origin: Isometry3<f64>) -> bool {
+    (joint.kind == JointKind::Prismatic) == slides
+        && joint.limit.is_none()
+        && (joint.axis().into_inner() - axis).norm() < 1e-12
+        && (joint.origin().translation.vector - origin.translation.vector).norm() < 1e-9
+        && joint.origin().rotation.angle() < 1e-12
+}
+
+fn carriage(axes: &[&Joint]) -> Result<(), String> {
+    let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let wanted = [(true, x), (true, y), (true, z), (false, z), (false, y), (false, x)];
+    for (joint, (slides, axis)) in axes.iter().zip(wanted) {
+        let critical = 2.0 * (joint.armature * joint.stiffness).sqrt();
+        if !is(joint, slides, axis, Isometry3::identity()) {
+            return Err(format!("joint `{}` is none of a gripper's axes x, y, z, yaw, pitch, roll in this order", joint.name));
+        }
+        if !(joint.rest == 0.0 && critical > 0.0 && (joint.damping / critical - 1.0).abs() < NEAR) {
+            return Err(format!("joint `{}` is driven by no critically damped spring about 0", joint.name));
+        }
+    }
+    Ok(())
+}
+
+fn rods(hinges: &[&Joint], length: f64) -> Result<(), String> {
+    for (i, joint) in hinges.iter().enumerate() {
+        let axis = if i.is_multiple_of(2) { Vector3::z() } else { Vector3::y() };
+        let ahead = if i >= 2 && i.is_multiple_of(2) { length } else { 0.0 };
+        if !is(joint, false, axis, Isometry3::translation(ahead, 0.0, 0.0)) || length <= 0.0 {
+            return Err(format!("joint `{}` is no hinge of a rod: z, then y, along x, no twist, equal lengths", joint.name));
+        }
+    }
+    Ok(())
+}
+
+/// One contact point at the end of each rod, all of one radius.
+fn radius(robot: &Robot, rods: usize, length: f64) -> Result<f64, String> {
+    let points = &robot.contact_points;
+    let fits = |(k, p): (usize, &nerd_core::contact::ContactPoint)| {
+        p.link == AXES + 2 * k + 1 && (p.local - Vector3::x() * length).norm() < 1e-9 && p.radius == points[0].radius
+    };
+    match points.len() == rods && points.iter().enumerate().all(fits) && points[0].radius > 0.0 {
+        true => Ok(points[0].radius),
+        false => Err("a contact point at the end of each rod, all of one radius, is needed".into()),
+    }
+}

@@ -1,0 +1,26 @@
+//! Chains: cables led by a gripper, learned rod by rod.
+//!
+//! In place of joint angles the state is held as *rods*: each rod's direction and that direction's rate, in world axes, so that an error in
+//! one rod is not turned into all that hang on it. A rod is a token, the chain a window, and one pass of a small network
+//! ([`crate::program::chain`]) is a frame:
+//!
+//! ```text
+//! state ── Chain::rods ──▶ rods ── look ──▶ tokens ── network ──▶ said ── advance ──▶ rods ── Chain::state ──▶ state
+//!                           ▲ contacts of the scene, the gripper's glide
+//! ```
+//!
+//! Every step has its adjoint beside it (feature `autodiff`), for training through many frames.
+
+mod features;
+mod gripper;
+mod layout;
+mod rods;
+mod solver;
+mod step;
+
+pub use features::{INPUTS, Look, REACH, Touch};
+pub use gripper::Gripper;
+pub use layout::{Chain, NoChain};
+pub use rods::Rods;
+pub use solver::ChainSolver;
+pub use step::{OUTPUTS, Said};

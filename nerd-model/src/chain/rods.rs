@@ -1,0 +1,136 @@
+//! Rods from joint coordinates and back, both exactly.
+//!
+//! With R the axes of the rod before and w its turning, a rod's hinges turn by a about z and by b about the new y:
+//! `t = R Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t`. So `a = atan2`, `b = asin` of t in R, and with
+//! `r = dt/dt - w x t` and y, x', z the axes between the hinges `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. That takes
+//! bends of less than a right angle from rod to rod.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Chain, Gripper};
+
+/// State of a chain as rods; of an adjoint, the slopes by these numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rods {
+    /// What leads it.
+    pub gripper: Gripper,
+    /// Direction of each rod, from the gripper on (world, unit length).
+    pub along: Vec<Vector3<f64>>,
+    /// Their rates (1/s).
+    pub rates: Vec<Vector3<f64>>,
+}
+
+impl Rods {
+    /// Nothing, of so many rods: where slopes are added up.
+    pub fn zeros(rods: usize) -> Self {
+        Self { gripper: Gripper::default(), along: vec![Vector3::zeros(); rods], rates: vec![Vector3::zeros(); rods] }
+    }
+
+    /// Whether all of it is finite.
+    pub fn finite(&self) -> bool {
+        let finite = |v: &Vector3<f64>| v.sum().is_finite();
+        self.gripper.numbers().all(f64::is_finite) && self.along.iter().chain(&self.rates).all(finite)
+    }
+}
+
+/// Axes of a link, and how they turn (world).
+struct Axes {
+    r: Matrix3<f64>,
+    w: Vector3<f64>,
+}
+
+impl Axes {
+    fn column(&self, k: usize) -> Vector3<f64> {
+        self.r.column(k).into()
+    }
+
+    /// Turns on by an angle and its rate about the own axis k.
+    fn turn(&mut self, k: usize, angle: f64, rate: f64) {
+        self.w += self.column(k) * rate;
+        let ((s, c), i, j) = (angle.sin_cos(), (k + 1) % 3, (k + 2) % 3);
+        let (x, y) = (self.column(i), self.column(j));
+        self.r.set_column(i, &(x * c + y * s));
+        self.r.set_column(j, &(y * c - x * s));
+    }
+
+    fn of(gripper: &Gripper) -> Self {
+        let mut axes = Self { r: Matrix3::identity(), w: Vector3::zeros() };
+        [2, 1, 0].into_iter().enumerate().for_each(|(i, k)| axes.turn(k, gripper.angles[i], gripper.rates[i]));
+        axes
+    }
+}
+
+impl Chain {
+    /// Coordinates of the chain, `[q, qd]` of [`Chain::state`].
+    fn coordinates(&self) -> usize {
+        6 + 2 * self.rods
+    }
+
+    /// A state `[q, qd]` (m, rad; m/s, rad/s) as rods.
+    pub fn rods(&self, state: &[f64]) -> Rods {
+        let (q, qd) = state.split_at(self.coordinates());
+        let vector = |x: &[f64], first: usize| Vector3::new(x[first], x[first + 1], x[first + 2]);
+        let gripper = Gripper { at: self.home + vector(q, 0), velocity: vector(qd, 0), angles: vector(q, 3), rates: vector(qd, 3) };
+        let mut axes = Axes::of(&gripper);
+        let (mut along, mut rates) = (Vec::with_capacity(self.rods), Vec::with_capacity(self.rods));
+        for k in (6..q.len()).step_by(2) {
+            axes.turn(2, q[k], qd[k]);
+            axes.turn(1, q[k + 1], qd[k + 1]);
+            let t = axes.column(0);
+            along.push(t);
+            rates.push(axes.w.cross(&t));
+        }
+        Rods { gripper, along, rates }
+    }
+
+    /// Rods as a state `[q, qd]`.
+    pub fn state(&self, rods: &Rods, state: &mut [f64]) {
+        let (q, qd) = state.split_at_mut(self.coordinates());
+        let Gripper { at, velocity, angles, rates } = &rods.gripper;
+        q[..3].copy_from_slice((at - self.home).as_slice());
+        q[3..6].copy_from_slice(angles.as_slice());
+        qd[..3].copy_from_slice(velocity.as_slice());
+        qd[3..6].copy_from_slice(rates.as_slice());
+        let mut axes = Axes::of(&rods.gripper);
+        for (k, (t, rate)) in rods.along.iter().zip(&rods.rates).enumerate() {
+            let (own, k) = (axes.r.tr_mul(t), 6 + 2 * k);
+            let level = own.x.hypot(own.y);
+            (q[k], q[k + 1]) = (own.y.atan2(own.x), (-own.z).atan2(level));
+            let (r, size) = (rate - axes.w.cross(t), level.hypot(own.z));
+            let (cos, sin) = (level / size, -own.z / size);
+            axes.turn(2, q[k], 0.0);
+            qd[k] = r.dot(&axes.column(1)) / cos;
+            qd[k + 1] = -r.dot(&(axes.column(2) * cos + axes.column(0) * sin));
+            axes.w += axes.column(2) * qd[k];
+            axes.turn(1, q[k + 1], qd[k + 1]);
+        }
+    }
+
+    /// Ends of the rods, `x_i = gripper + l sum t`, and their velocities (m, m/s, world).
+    pub fn nodes(&self, rods: &Rods) -> [Vec<Vector3<f64>>; 2] {
+        let sum = |from: Vector3<f64>, steps: &[Vector3<f64>]| {
+            let mut at = from;
+            let next = |step: &Vector3<f64>| {
+                at += step * self.length;
+                at
+            };
+            steps.iter().map(next).collect()
+        };
+        [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
+    }
+
+    /// Adds to `slope` what [`Chain::nodes`] makes of slopes `behind` it: a rod moves all nodes from its end on.
+    #[cfg(feature = "autodiff")]
+    pub fn nodes_back(&self, behind: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
+        let Rods { gripper, along, rates } = slope;
+        let parts = [(&behind[0], &mut gripper.at, along), (&behind[1], &mut gripper.velocity, rates)];
+        for (behind, first, steps) in parts {
+            let mut total = Vector3::zeros();
+            for (behind, step) in behind.iter().zip(steps).rev() {
+                total += behind;
+                *step += total * self.length;
+            }
+            *first += total;
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Rows beside those of the tokens before and behind them in their window, forward and backward.
+
+/// `[x_{k-d} x_k x_{k+d}]` for rows of `width`, zeros beyond the ends of windows of so many tokens.
+pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut Vec<f32>) {
+    out.resize(3 * x.len(), 0.0);
+    for (x, out) in x.chunks_exact(tokens * width).zip(out.chunks_exact_mut(3 * tokens * width)) {
+        for (k, out) in out.chunks_exact_mut(3 * width).enumerate() {
+            for (other, out) in places(k, tokens, apart).into_iter().zip(out.chunks_exact_mut(width)) {
+                match other {
+                    Some(other) => out.copy_from_slice(&x[other * width..][..width]),
+                    None => out.fill(0.0),
+                }
+            }
+        }
+    }
+}
+
+/// Gradient in front of [`forward`] from that behind it.
+#[cfg(feature = "autodiff")]
+pub fn backward(behind: &[f32], width: usize, tokens: usize, apart: usize, dx: &mut Vec<f32>) {
+    dx.clear();
+    dx.resize(behind.len() / 3, 0.0);
+    for (dx, behind) in dx.chunks_exact_mut(tokens * width).zip(behind.chunks_exact(3 * tokens * width)) {
+        for (k, behind) in behind.chunks_exact(3 * width).enumerate() {
+            for (other, behind) in places(k, tokens, apart).into_iter().zip(behind.chunks_exact(width)) {
+                let Some(other) = other else { continue };
+                dx[other * width..][..width].iter_mut().zip(behind).for_each(|(dx, g)| *dx += g);
+            }
+        }
+    }
+}
+
+/// Tokens that stand beside the k-th, where there are some.
+fn places(k: usize, tokens: usize, apart: usize) -> [Option<usize>; 3] {
+    [k.checked_sub(apart), Some(k), Some(k + apart).filter(|other| *other < tokens)]
+}

@@ -1,0 +1,98 @@
+//! What is learned from: recorded motions with their scenes.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, begin, record, sha256_of};
+use nerd_sim::prelude::*;
+use rayon::prelude::*;
+
+/// Motions of equal length, in f64.
+#[derive(Clone, Default)]
+pub struct Motions {
+    /// Frames of each, F.
+    pub frames: usize,
+    /// Scene of each.
+    pub scenes: Vec<Arc<Scene>>,
+    /// States `[motion][F + 1][q, qd]`.
+    states: Vec<f64>,
+    /// Torques `[motion][F][joint]` (N, N m).
+    torques: Vec<f64>,
+    /// [`sha256_of`] the recordings.
+    pub sha256: String,
+}
+
+impl Motions {
+    /// Those of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is of another system or truth.
+    pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
+        let manifest = Manifest::read(folder)?;
+        manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
+        let shard = |name: &String| manifest.shard_in_scenes(folder, name, system).map(hashed);
+        let shards = manifest.shards.par_iter().map(shard).collect::<Result<Vec<_>, _>>()?;
+        let hashes: Vec<_> = shards.iter().map(|shard| shard.2).collect();
+        let motions = Self::joined(shards);
+        manifest.holds(folder, hashes, motions.len(), motions.frames)?;
+        Ok(motions)
+    }
+
+    /// Records them, shards in parallel; `solver` makes the truth, `progress` is told transitions done.
+    ///
+    /// # Errors
+    /// If the truth cannot step.
+    pub fn record(
+        system: &Arc<System>,
+        solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+        config: &GenerateConfig,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Self, DatasetError> {
+        let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
+        let shard = |&first: &usize| {
+            let count = config.shard_trajectories.min(config.trajectories() - first);
+            let recording = record(system, &mut *solver(), config, first as u64, count)?;
+            progress(count * config.frames);
+            Ok(hashed((recording, begin(system, config, first as u64, count)?.scenes)))
+        };
+        Ok(Self::joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
+    }
+
+    fn joined(shards: Vec<(Recording, Vec<Arc<Scene>>, [u8; 32])>) -> Self {
+        let mut all = Self { sha256: sha256_of(shards.iter().map(|shard| shard.2)), ..Self::default() };
+        for (recording, scenes, _) in shards {
+            all.frames = recording.frames;
+            all.states.extend(recording.states);
+            all.torques.extend(recording.torques);
+            all.scenes.extend(scenes);
+        }
+        all
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.scenes.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.scenes.is_empty()
+    }
+
+    /// State `[q, qd]` before a frame, or after the last.
+    pub fn state(&self, motion: usize, frame: usize) -> &[f64] {
+        let d = self.states.len() / (self.len() * (self.frames + 1));
+        &self.states[(motion * (self.frames + 1) + frame) * d..][..d]
+    }
+
+    /// Torques of all joints over a frame.
+    pub fn torques(&self, motion: usize, frame: usize) -> &[f64] {
+        let joints = self.torques.len() / (self.len() * self.frames);
+        &self.torques[(motion * self.frames + frame) * joints..][..joints]
+    }
+}
+
+fn hashed((recording, scenes): (Recording, Vec<Arc<Scene>>)) -> (Recording, Vec<Arc<Scene>>, [u8; 32]) {
+    let hash = recording.sha256();
+    (recording, scenes, hash)
+}

@@ -1,0 +1,62 @@
+//! How good a chain's network is.
+
+use std::sync::Arc;
+
+use nerd_model::chain::{Chain, ChainSolver, Look, OUTPUTS, Said};
+use nerd_model::normalizer::Normalizer;
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+use nerd_model::transformer::Weights;
+use nerd_sim::prelude::*;
+use rayon::prelude::*;
+
+use super::Motions;
+use crate::error::{Error, Result};
+use crate::learner::validation_rows;
+
+/// Mean distance (m) of nodes from the truth over the whole of every motion, rolled out by the solver; infinite if one of them fails.
+///
+/// # Errors
+/// If the robot is no chain of the network's.
+pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
+    let refused = |e: nerd_model::chain::NoChain| Error::Refused(e.to_string());
+    let (chain, mut solver) = (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);
+    let Some(first) = motions.scenes.first() else { return Ok(f64::INFINITY) };
+    let mut batch = Batch::new(system, first, motions.len());
+    batch.scenes.clone_from_slice(&motions.scenes);
+    (0..motions.len()).for_each(|i| batch.reset(i, motions.state(i, 0)));
+    let mut total = 0.0;
+    for frame in 0..motions.frames {
+        let torques: Vec<f64> = (0..motions.len()).flat_map(|i| motions.torques(i, frame).iter().copied()).collect();
+        match solver.step(&mut batch, &torques) {
+            Err(StepError::Environments(_)) => return Ok(f64::INFINITY),
+            done => done?,
+        }
+        let nodes = |state: &[f64]| chain.nodes(&chain.rods(state))[0].clone();
+        let apart = |i: usize| {
+            let pairs = nodes(batch.state(i)).into_iter().zip(nodes(motions.state(i, frame + 1)));
+            pairs.map(|(a, b)| (a - b).norm()).sum::<f64>() / chain.rods as f64
+        };
+        // Summed in order: the same bits on any number of threads.
+        total += (0..motions.len()).into_par_iter().map(apart).collect::<Vec<_>>().iter().sum::<f64>();
+    }
+    Ok(total / (motions.len() * motions.frames) as f64)
+}
+
+/// What a network misses of the change of rates over single frames, as a share of it; of so many frames, at even distances.
+pub fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
+    let rows = validation_rows(motions.len() * motions.frames, frames);
+    let one = |memory: &mut Memory, row: &u64| {
+        let (motion, frame) = (*row as usize / motions.frames, *row as usize % motions.frames);
+        let (before, truth) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
+        let look = Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
+        let mut tokens = Vec::new();
+        look.tokens(chain, &before, &mut tokens);
+        let all: Vec<usize> = (0..chain.rods).collect();
+        let numbers = network.forward(&tokens, memory, Pass::Windows(chain.rods, &all));
+        let after = chain.advance(&before, &look.glided, Said { numbers, scale });
+        let off = |a: &[nalgebra::Vector3<f64>]| a.iter().zip(&truth.rates).map(|(a, b)| (a - b).abs().sum()).sum::<f64>();
+        (off(&after.rates), off(&before.rates))
+    };
+    let sums: Vec<(f64, f64)> = rows.par_iter().map_init(Memory::default, one).collect();
+    sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+}

@@ -1,0 +1,145 @@
+//! Updates of a chain's network, as a [`Learner`], so that a run of it is a run like any other.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nerd_model::chain::{Chain, OUTPUTS};
+use nerd_model::program::cpu::{Loaded, Memory};
+use nerd_sim::sampling::stream;
+use rand::RngExt;
+use rayon::prelude::*;
+
+use super::judge::missed;
+use super::loss::Loss;
+use super::{Motions, Rollout, Unroll, View};
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
+use crate::windows::Windows;
+
+/// Rollouts of a thread's pass: their activations in a frame stay near the processor.
+pub const ROLLOUTS: usize = 8;
+/// Share of rollouts that begin anew in an update, though they might be carried on.
+const ANEW: f64 = 0.1;
+/// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
+const ASTRAY: f64 = 0.03;
+/// Adam's: what a slope is like changes as rollouts grow longer, and is soon forgotten.
+const BETA: (f32, f32) = (0.9, 0.98);
+
+/// Trains a chain's network on motions.
+pub struct ChainLearner {
+    chain: Chain,
+    config: LearnerConfig,
+    state: LearnerState,
+    train: Arc<Motions>,
+    validation: Arc<Motions>,
+    network: Loaded,
+    scale: [f64; OUTPUTS],
+    loss: Loss,
+    frames: usize,
+    /// Where the last update ended. A run that is gone on with begins all of them anew.
+    rollouts: Vec<Option<Rollout>>,
+    memory: Mutex<Vec<Vec<Memory>>>,
+    sums: (f64, f64, u32),
+}
+
+impl ChainLearner {
+    /// Continues `state` with rollouts of so many frames. `scale` is what 1 means of what is said, `velocity` the mean change of a node's
+    /// velocity over a frame (m/s).
+    ///
+    /// # Errors
+    /// If no motion is as long as a rollout.
+    pub fn new(
+        chain: Chain,
+        config: LearnerConfig,
+        state: LearnerState,
+        [train, validation]: [Arc<Motions>; 2],
+        (scale, velocity): ([f64; OUTPUTS], f64),
+        frames: usize,
+    ) -> Result<Self, LearnError> {
+        config.check().map_err(|e| LearnError::Mismatch(e.to_string()))?;
+        if train.is_empty() || validation.is_empty() || train.frames < frames || frames == 0 {
+            let (motions, long) = (train.len(), train.frames);
+            return Err(LearnError::Mismatch(format!("{motions} motions of {long} frames hold no rollout of {frames}")));
+        }
+        let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
+        let loss = Loss::new(&scale, velocity, frames);
+        let (rollouts, memory) = (vec![None; config.batch], Mutex::default());
+        Ok(Self { chain, config, state, train, validation, network, scale, loss, frames, rollouts, memory, sums: (0.0, 0.0, 0) })
+    }
+
+    /// What rollouts go through.
+    fn unroll(&self) -> Unroll<'_> {
+        let Self { chain, train, network, scale, frames, loss, .. } = self;
+        Unroll { chain, motions: train, network, scale, frames: *frames, loss: *loss }
+    }
+
+    /// Those of an update: carried on, or begun where its draws say.
+    fn drawn(&mut self) -> Vec<Rollout> {
+        let mut rng = stream(self.config.seed, self.state.step);
+        let before = std::mem::take(&mut self.rollouts);
+        let (unroll, round) = (self.unroll(), self.chain.round());
+        let one = |kept: Option<Rollout>| {
+            // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other.
+            let (anew, mirrored) = (rng.random::<f64>() < ANEW, rng.random::<bool>());
+            let (motion, frame) = (rng.random_range(0..self.train.len()), rng.random_range(0..=self.train.frames - self.frames));
+            let yaw = rng.random::<f64>() * std::f64::consts::TAU;
+            let kept = kept.filter(|r| !anew && r.frame + self.frames <= self.train.frames);
+            kept.unwrap_or_else(|| unroll.begin(motion, frame, View::new(if round { yaw } else { 0.0 }, round && mirrored)))
+        };
+        before.into_iter().map(one).collect()
+    }
+
+    /// Whether a rollout is near enough to the truth to be carried on.
+    fn near(&self, rollout: &Rollout) -> bool {
+        let truth = self.unroll().begin(rollout.motion, rollout.frame, rollout.view).rods;
+        let pairs = self.chain.nodes(&rollout.rods)[0].clone().into_iter().zip(self.chain.nodes(&truth)[0].clone());
+        rollout.rods.finite() && pairs.map(|(a, b)| (a - b).norm()).sum::<f64>() <= ASTRAY * self.chain.rods as f64
+    }
+}
+
+impl Learner for ChainLearner {
+    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+        let (step, mut rollouts) = (self.state.step, self.drawn());
+        self.network.load(&self.state.weights.flat);
+        let (unroll, weight) = (self.unroll(), 1.0 / (rollouts.len() * self.frames) as f64);
+        let part = |rollouts: &mut [Rollout]| {
+            let taken = self.memory.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut memory = taken.unwrap_or_default();
+            let done = unroll.pass(rollouts, weight, &mut memory);
+            self.memory.lock().unwrap_or_else(PoisonError::into_inner).push(memory);
+            done
+        };
+        let parts: Vec<(f64, Vec<f32>)> = rollouts.par_chunks_mut(ROLLOUTS).map(part).collect();
+        let loss = parts.iter().map(|part| part.0).sum::<f64>();
+        // Added up in order: the same bits on any number of threads.
+        let mut gradient = vec![0.0; self.state.weights.flat.len()];
+        parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
+        let norm = adam::norm(&gradient);
+        if !loss.is_finite() || !norm.is_finite() {
+            return Err(LearnError::NotFinite { step, loss: loss as f32 });
+        }
+        // Single frames are learned from the truth alone.
+        self.rollouts = rollouts.into_par_iter().map(|r| (self.frames > 1 && self.near(&r)).then_some(r)).collect();
+        adam::step_by(BETA, &mut self.state, &gradient, norm, lr, &self.config);
+        self.sums = (self.sums.0 + loss, self.sums.1 + f64::from(norm), self.sums.2 + 1);
+        Ok(())
+    }
+
+    fn replace(&mut self, _: usize, _: &Windows) -> Result<(), LearnError> {
+        Err(LearnError::Mismatch("a chain learns from motions, no windows can take their places".into()))
+    }
+
+    fn progress(&mut self) -> Result<Progress, LearnError> {
+        let (loss, norm, n) = std::mem::take(&mut self.sums);
+        let n = f64::from(n.max(1));
+        Ok(Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 })
+    }
+
+    /// What the averaged weights miss of the change of rates in single frames, as a share of it.
+    fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
+        self.network.load(&self.state.average);
+        Ok(missed(&self.chain, &self.validation, &self.network, &self.scale, frames) as f32)
+    }
+
+    fn state(&mut self) -> Result<LearnerState, LearnError> {
+        Ok(self.state.clone())
+    }
+}

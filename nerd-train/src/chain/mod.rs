@@ -1,0 +1,27 @@
+//! Training of chains ([`nerd_model::chain`]) through many frames.
+//!
+//! An update rolls chains out through H predicted frames, adds up how far each frame is from the truth, and takes the slope of that back
+//! through all of them: network, features and step. Where an update ends most of the next ones begin, so that the network is taught on what
+//! it makes itself; a chain that is too far off begins anew, and so do some at random. H is `--sequence`: 1 at first, more in the
+//! later runs of a recipe.
+//!
+//! ```text
+//! motions ── view (turned, mirrored) ──▶ rollouts ── unroll ──▶ loss, slope ──▶ Adam
+//!                                           ▲ carried on
+//! ```
+
+mod data;
+mod judge;
+mod learner;
+mod loss;
+mod scales;
+mod unroll;
+mod view;
+
+pub use data::Motions;
+pub use judge::distance;
+pub use learner::{ChainLearner, ROLLOUTS};
+pub use loss::Loss;
+pub use scales::scales;
+pub use unroll::{Rollout, Unroll};
+pub use view::View;

@@ -1,0 +1,51 @@
+//! What a chain's numbers are worth, measured in its data.
+
+use nerd_model::chain::{Chain, INPUTS, OUTPUTS, Rods};
+use nerd_model::normalizer::{Moments, Normalizer};
+use rayon::prelude::*;
+
+use super::Motions;
+
+/// Frames that are looked at.
+const FRAMES: usize = 8000;
+/// No scale is less: what never moves would be divided by nothing.
+const LEAST: f64 = 1e-9;
+
+/// What 1 means of what a network says, and the mean change of a node's velocity over a frame (m/s).
+///
+/// A rod's numbers count from twice the mean size of a change of rate, and of what the trapezoid rule misses of its direction; the
+/// gripper's from the mean size of what its glide misses.
+pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
+    let total = motions.len() * motions.frames;
+    let step = total.div_ceil(FRAMES).max(1);
+    let frames: Vec<usize> = (0..total).step_by(step).collect();
+    let sizes: Vec<[f64; 15]> = frames.par_iter().map(|row| sizes(chain, motions, row / motions.frames, row % motions.frames)).collect();
+    let mean: [f64; 15] = std::array::from_fn(|k| (sizes.iter().map(|s| s[k]).sum::<f64>() / sizes.len().max(1) as f64).max(LEAST));
+    let scale = |k: usize| match k {
+        0..3 => 2.0 * mean[0],
+        3..6 => 2.0 * mean[1],
+        _ => mean[k - 3],
+    };
+    let variance = (0..OUTPUTS).map(|k| scale(k) * scale(k)).collect();
+    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance, epsilon: 1e-24 };
+    (Normalizer { inputs: Moments::identity(INPUTS), outputs }, mean[2])
+}
+
+/// Mean sizes in one frame: change of rates, what is missed of directions, change of nodes' velocities, what the glide misses.
+fn sizes(chain: &Chain, motions: &Motions, motion: usize, frame: usize) -> [f64; 15] {
+    let (before, after) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
+    let mut sizes = [0.0; 15];
+    let mut moved = Rods::zeros(chain.rods);
+    for k in 0..chain.rods {
+        moved.rates[k] = after.rates[k] - before.rates[k];
+        let missed = after.along[k] - before.along[k] - (before.rates[k] + after.rates[k]) * (0.5 * chain.frame_time);
+        sizes[0] += moved.rates[k].abs().mean() / chain.rods as f64;
+        sizes[1] += missed.abs().mean() / chain.rods as f64;
+    }
+    let [_, nodes] = chain.nodes(&moved);
+    sizes[2] = nodes.iter().map(|v| v.abs().mean()).sum::<f64>() / chain.rods as f64;
+    let glided = chain.glide(&before.gripper, motions.torques(motion, frame));
+    let missed = after.gripper.numbers().zip(glided.numbers()).map(|(a, b)| (a - b).abs());
+    sizes[3..].iter_mut().zip(missed).for_each(|(size, missed)| *size = missed);
+    sizes
+}

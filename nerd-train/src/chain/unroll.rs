@@ -1,0 +1,125 @@
+//! Rollouts through H frames, and the slope of their loss by the weights: back-propagation through time.
+
+use nerd_model::chain::{Chain, Look, OUTPUTS, Rods, Said};
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+
+use super::loss::Loss;
+use super::{Motions, View};
+
+/// A chain on its way along a motion.
+#[derive(Clone)]
+pub struct Rollout {
+    /// Which motion.
+    pub motion: usize,
+    /// Frame that it begins with.
+    pub frame: usize,
+    /// From where it is seen.
+    pub view: View,
+    /// Where it is, as it is seen.
+    pub rods: Rods,
+}
+
+/// What rollouts go through.
+pub struct Unroll<'a> {
+    /// Of which chain.
+    pub chain: &'a Chain,
+    /// What they should do.
+    pub motions: &'a Motions,
+    /// With the weights of the update.
+    pub network: &'a Loaded,
+    /// What its numbers mean.
+    pub scale: &'a [f64; OUTPUTS],
+    /// Frames, H.
+    pub frames: usize,
+    /// What errors are counted in.
+    pub loss: Loss,
+}
+
+/// What the way back needs of a frame.
+struct Kept {
+    before: Vec<Rods>,
+    looks: Vec<Look>,
+    said: Vec<f32>,
+    /// Of the frame's loss, by where the rollouts are behind it.
+    slopes: Vec<Rods>,
+}
+
+impl Unroll<'_> {
+    /// A rollout that begins on the truth.
+    pub fn begin(&self, motion: usize, frame: usize, view: View) -> Rollout {
+        Rollout { motion, frame, view, rods: self.truth(motion, frame, &view) }
+    }
+
+    fn truth(&self, motion: usize, frame: usize, view: &View) -> Rods {
+        view.rods(self.chain, &self.chain.rods(self.motions.state(motion, frame)))
+    }
+
+    /// Moves rollouts through H frames; the sum of their losses times `weight` and its gradient by the weights. `memory` holds the
+    /// network's activations by frame.
+    pub fn pass(&self, rollouts: &mut [Rollout], weight: f64, memory: &mut Vec<Memory>) -> (f64, Vec<f32>) {
+        memory.resize_with(self.frames.max(memory.len()), Memory::default);
+        let mut total = 0.0;
+        let kept: Vec<Kept> = (0..self.frames).map(|k| self.forward(k, rollouts, weight, &mut memory[k], &mut total)).collect();
+        let mut gradient: Vec<f32> = Vec::new();
+        let mut behind: Vec<Rods> = Vec::new();
+        for (k, kept) in kept.into_iter().enumerate().rev() {
+            let own = self.backward(&kept, &behind, &mut memory[k], &mut gradient);
+            behind = own;
+        }
+        (total, gradient)
+    }
+
+    fn forward(&self, k: usize, rollouts: &mut [Rollout], weight: f64, memory: &mut Memory, total: &mut f64) -> Kept {
+        let chain = self.chain;
+        let look = |r: &Rollout| {
+            let torques = r.view.torques(chain, self.motions.torques(r.motion, r.frame));
+            let scene = &self.motions.scenes[r.motion];
+            Look::at(chain, &r.rods, &torques, |place| r.view.contact(chain, scene, place))
+        };
+        let looks: Vec<Look> = rollouts.iter().map(look).collect();
+        let mut tokens = Vec::new();
+        rollouts.iter().zip(&looks).for_each(|(r, look)| look.tokens(chain, &r.rods, &mut tokens));
+        let said = self.network.forward(&tokens, memory, Pass::Kept(chain.rods)).clone();
+        let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
+        for ((r, look), numbers) in rollouts.iter_mut().zip(&looks).zip(said.chunks_exact(chain.rods * OUTPUTS)) {
+            let after = chain.advance(&r.rods, &look.glided, Said { numbers, scale: self.scale });
+            r.frame += 1;
+            let (truth, mut slope) = (self.truth(r.motion, r.frame, &r.view), Rods::zeros(chain.rods));
+            *total += self.loss.of(chain, (&after, &truth), k + 1, weight, &mut slope);
+            before.push(std::mem::replace(&mut r.rods, after));
+            slopes.push(slope);
+        }
+        Kept { before, looks, said, slopes }
+    }
+
+    /// Slopes by where the rollouts are before a frame from those `behind` it, of all later ones; nothing behind the last.
+    fn backward(&self, kept: &Kept, behind: &[Rods], memory: &mut Memory, gradient: &mut Vec<f32>) -> Vec<Rods> {
+        let (chain, width) = (self.chain, self.chain.rods * OUTPUTS);
+        let (mut all, mut slopes, mut by_said) = (kept.slopes.clone(), Vec::with_capacity(kept.before.len()), Vec::new());
+        all.iter_mut().zip(behind).for_each(|(own, later)| add(own, later));
+        for ((before, numbers), behind) in kept.before.iter().zip(kept.said.chunks_exact(width)).zip(&all) {
+            let mut slope = Rods::zeros(chain.rods);
+            by_said.extend(chain.advance_back(before, Said { numbers, scale: self.scale }, behind, &mut slope));
+            slopes.push(slope);
+        }
+        let (by_weights, by_tokens) = self.network.backward(chain.rods, &by_said, memory, true);
+        match gradient.is_empty() {
+            true => *gradient = by_weights,
+            false => gradient.iter_mut().zip(&by_weights).for_each(|(g, w)| *g += w),
+        }
+        let tokens = by_tokens.chunks_exact(by_tokens.len() / kept.before.len());
+        for ((((before, look), behind), tokens), slope) in kept.before.iter().zip(&kept.looks).zip(&all).zip(tokens).zip(&mut slopes) {
+            let mut glided = look.tokens_back(chain, before, tokens, slope);
+            glided.numbers_mut().zip(behind.gripper.numbers()).for_each(|(x, g)| *x += g);
+            let led = chain.glide_back(&glided);
+            slope.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+        }
+        slopes
+    }
+}
+
+fn add(to: &mut Rods, other: &Rods) {
+    to.gripper.numbers_mut().zip(other.gripper.numbers()).for_each(|(x, y)| *x += y);
+    let pairs = to.along.iter_mut().chain(&mut to.rates).zip(other.along.iter().chain(&other.rates));
+    pairs.for_each(|(x, y)| *x += y);
+}

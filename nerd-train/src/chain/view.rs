@@ -1,0 +1,61 @@
+//! A motion turned about the vertical through the gripper's home, and mirrored: as true as it was, and never seen before.
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+use nerd_model::chain::{Chain, Gripper, Rods};
+use nerd_sim::scene::Scene;
+
+/// From where a motion is seen: y mirrored or not, then turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    yaw: f64,
+    /// 1, or -1 where it is mirrored.
+    mirror: f64,
+    sin: f64,
+    cos: f64,
+}
+
+impl View {
+    /// Turned by `yaw` (rad).
+    pub fn new(yaw: f64, mirrored: bool) -> Self {
+        let (sin, cos) = yaw.sin_cos();
+        Self { yaw, mirror: if mirrored { -1.0 } else { 1.0 }, sin, cos }
+    }
+
+    /// A direction or velocity.
+    pub fn vector(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        let y = v.y * self.mirror;
+        Vector3::new(self.cos * v.x - self.sin * y, self.sin * v.x + self.cos * y, v.z)
+    }
+
+    fn back(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::new(self.cos * v.x + self.sin * v.y, self.mirror * (self.cos * v.y - self.sin * v.x), v.z)
+    }
+
+    /// A chain.
+    pub fn rods(&self, chain: &Chain, rods: &Rods) -> Rods {
+        let Gripper { at, velocity, angles, rates } = &rods.gripper;
+        let turn = |v: &Vector3<f64>| Vector3::new(v.x * self.mirror, v.y, v.z * self.mirror);
+        let gripper = Gripper {
+            at: chain.home + self.vector(&(at - chain.home)),
+            velocity: self.vector(velocity),
+            angles: turn(angles) + Vector3::x() * self.yaw,
+            rates: turn(rates),
+        };
+        let vectors = |all: &[Vector3<f64>]| all.iter().map(|v| self.vector(v)).collect();
+        Rods { gripper, along: vectors(&rods.along), rates: vectors(&rods.rates) }
+    }
+
+    /// What leads the gripper (N, N m): its yaw's spring rests turned, too.
+    pub fn torques(&self, chain: &Chain, torques: &[f64]) -> [f64; 6] {
+        let force = self.vector(&Vector3::new(torques[0], torques[1], torques[2]));
+        let yaw = torques[3] * self.mirror + chain.stiffness[3] * self.yaw;
+        [force.x, force.y, force.z, yaw, torques[4], torques[5] * self.mirror]
+    }
+
+    /// The nearest surface at a place, as it is seen.
+    pub fn contact(&self, chain: &Chain, scene: &Scene, place: &Vector3<f64>) -> ContactEvent {
+        let event = scene.contact(&(chain.home + self.back(&(place - chain.home))));
+        ContactEvent { normal: self.vector(&event.normal), ..event }
+    }
+}
