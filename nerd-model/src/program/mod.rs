@@ -1,7 +1,7 @@
 //! A network as a list of operations over named slots, written once and read by every engine.
 //!
 //! A slot holds a row for each token. Each step reads one slot and sets another, adds to it, or changes it in place; so a residual
-//! connection is a slot that is added to, and what is behind it flows back through the same slot. [`networks`] writes the lists beside
+//! connection is a slot that is added to, and what is behind it flows back through the same slot. The module `networks` writes the lists beside
 //! their equations, [`Network`] says in burn what each operation means, and engines are held against it: outputs, gradients by weights
 //! and by inputs (`tests/program.rs`).
 
