@@ -28,13 +28,16 @@ pub struct Collider {
     pub material: Material,
     /// Set if the shape is a half-space, which is then answered in closed form.
     pub plane: Option<Plane>,
+    /// Centre and radius (m) of a ball around the shape, in its own axes.
+    ball: (Vector3<f64>, f64),
 }
 
 impl Collider {
     /// A plane.
     pub fn plane(plane: Plane, material: Material) -> Self {
         let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
-        Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane) }
+        let ball = (Vector3::zeros(), f64::INFINITY);
+        Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane), ball }
     }
 
     /// Any other parry shape.
@@ -43,7 +46,8 @@ impl Collider {
             let normal = pose.rotation * from_parry(&h.normal);
             Plane { normal, offset: normal.dot(&pose.translation.vector) }
         });
-        Self { shape, pose, material, plane }
+        let ball = shape.compute_local_bounding_sphere();
+        Self { ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)), shape, pose, material, plane }
     }
 
     /// Says what is not finite or out of its range, if anything is.
@@ -84,6 +88,14 @@ impl Collider {
             ));
         }
         self.material.check()
+    }
+
+    /// Whether no place of it is nearer to `p0` than `reach` (m), as far as a ball around it tells: sooner than a query does. Of what is no
+    /// number it is not known.
+    #[inline(always)]
+    pub(crate) fn beyond(&self, p0: &Vector3<f64>, reach: f64) -> bool {
+        let (centre, radius) = self.ball;
+        self.plane.is_none() && (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach
     }
 
     /// Nearest point and outward normal of the surface for the world point `p0`.

@@ -33,6 +33,9 @@ impl Scene {
     pub fn contact(&self, p0: &Vector3<f64>) -> ContactEvent {
         let mut best = ContactEvent::none(*p0);
         for (collider, body) in self.colliders.iter().enumerate() {
+            if body.beyond(p0, best.distance) {
+                continue;
+            }
             let event = body.query(p0);
             if event.distance < best.distance {
                 best = ContactEvent { collider, ..event };
@@ -48,6 +51,9 @@ impl Scene {
     pub fn contacts(&self, p0: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
         let first = events.len();
         for (collider, body) in self.colliders.iter().enumerate() {
+            if body.beyond(p0, reach) {
+                continue;
+            }
             let event = body.query(p0);
             // What is no number is found, too, so that it can be told.
             if event.distance < reach || event.distance.is_nan() {

@@ -75,8 +75,13 @@ impl TreeFactor {
             }
             (self.gain[i], self.inverse[i]) = (gain, pivot.recip());
             if let Some(p) = robot.links[i].parent {
-                let passed = self.articulated[i] - gain * (gain.transpose() * self.inverse[i]);
-                self.articulated[p] += passed;
+                // Entry by entry, in place: matrices that come and go as values cost more than their sums.
+                let (above, own) = self.articulated.split_at_mut(i);
+                for c in 0..6 {
+                    let share = gain[c] * self.inverse[i];
+                    let (above, own) = (&mut above[p].data.0[c], &own[0].data.0[c]);
+                    (0..6).for_each(|r| above[r] += own[r] - gain[r] * share);
+                }
                 self.size[p] += self.size[i];
             }
         }
