@@ -2,11 +2,8 @@
 //!
 //! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
-use faer::Accum::{Add, Replace};
-
 use super::elementwise::{multiply, normalize_back, relu_back, sum_rows};
-use super::product::{matrix, product};
-use super::{Loaded, Memory, cell, neighbours, taken};
+use super::{Loaded, Matrix, Memory, cell, neighbours, taken};
 use crate::program::{Activation, Op, Step, Weight};
 
 impl Loaded {
@@ -26,7 +23,7 @@ impl Loaded {
 
     fn back(&self, i: usize, tokens: usize, slopes: &mut [Vec<f32>], memory: &mut Memory, gradient: &mut [f32], by_tokens: bool) {
         let Step { from, to, op } = self.program.steps[i];
-        let Memory { values, aside, spare, attention } = memory;
+        let Memory { values, aside, spare, attention, slopes: cut } = memory;
         let (x, y) = (&values[from.0], &values[to.0]);
         let mut dy = std::mem::take(&mut slopes[to.0]);
         let range = |w: Weight| self.starts[w.0]..self.starts[w.0 + 1];
@@ -40,15 +37,18 @@ impl Loaded {
             Op::Linear { weight, scale, bias, .. } => {
                 let (inner, outer) = (self.program.width(from), self.program.width(to));
                 let (n, w) = (dy.len() / outer, self.tensor(weight));
-                let behind = matrix(&dy, n, outer);
-                product(&mut gradient[range(weight)], Replace, matrix(x, n, inner).transpose(), behind);
+                cut.cut(n, &dy);
+                cut.across(x, &mut gradient[range(weight)]);
                 if let Some(bias) = bias {
                     sum_rows(&dy, &mut gradient[range(bias)]);
                 }
                 if from != self.program.tokens() || by_tokens {
-                    dx.resize(n * inner, 0.0);
                     let folded = if scale.is_some() { &self.folded[i] } else { w };
-                    product(&mut dx, if first { Replace } else { Add }, behind, matrix(folded, inner, outer).transpose());
+                    let back = self.back[i].get_or_init(|| Matrix::of_transpose(outer, folded));
+                    match first {
+                        true => back.product(&dy, &mut dx),
+                        false => back.add_product(&dy, &mut dx),
+                    }
                 }
                 if let Some(scale) = scale {
                     let mut norms = vec![0.0; inner];

@@ -6,6 +6,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 /// `W`, `[inner, outer]`.
+#[derive(Default)]
 pub struct Matrix {
     inner: usize,
     outer: usize,
@@ -18,12 +19,21 @@ pub struct Matrix {
 impl Matrix {
     /// Cuts a row-major `[inner, outer]` matrix.
     pub fn new(inner: usize, values: &[f32]) -> Self {
+        let mut matrix = Self::default();
+        matrix.cut(inner, values);
+        matrix
+    }
+
+    /// The same in the place of another, whose memory it takes.
+    pub fn cut(&mut self, inner: usize, values: &[f32]) {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
         // As few columns of zeros as may be; among equals the wider panel.
         let vectors = [3, 4].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
         let width = vectors * lanes;
-        let mut panels = Vec::with_capacity(inner * outer.next_multiple_of(width));
+        let mut panels = std::mem::take(&mut self.panels);
+        panels.clear();
+        panels.reserve(inner * outer.next_multiple_of(width));
         for first in (0..outer).step_by(width) {
             for row in values.chunks_exact(outer) {
                 let row = &row[first..outer.min(first + width)];
@@ -31,13 +41,27 @@ impl Matrix {
                 panels.resize(panels.len() + width - row.len(), 0.0);
             }
         }
-        Self { inner, outer, vectors, panels }
+        *self = Self { inner, outer, vectors, panels };
+    }
+
+    /// Cuts the transpose of a row-major `[outer, inner]` matrix.
+    #[cfg(feature = "autodiff")]
+    pub fn of_transpose(inner: usize, values: &[f32]) -> Self {
+        let outer = values.len() / inner;
+        let turned: Vec<f32> = (0..inner).flat_map(|k| (0..outer).map(move |row| values[row * inner + k])).collect();
+        Self::new(inner, &turned)
     }
 
     /// `out = x W` for the rows of `x`.
     pub fn product(&self, x: &[f32], out: &mut Vec<f32>) {
         out.resize(x.len() / self.inner * self.outer, 0.0);
         Arch::new().dispatch(Product { matrix: self, x, out, add: false });
+    }
+
+    /// `out = x^T W` for `x`, `[inner, rows]`.
+    #[cfg(feature = "autodiff")]
+    pub fn across(&self, x: &[f32], out: &mut [f32]) {
+        Arch::new().dispatch(Across { matrix: self, x, out });
     }
 
     /// `out += x W` for the rows of `x`.
@@ -101,6 +125,54 @@ impl Product<'_> {
     }
 }
 
+/// [`Matrix::across`].
+#[cfg(feature = "autodiff")]
+struct Across<'a> {
+    matrix: &'a Matrix,
+    x: &'a [f32],
+    out: &'a mut [f32],
+}
+
+#[cfg(feature = "autodiff")]
+impl WithSimd for Across<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match (S::F32_LANES, self.matrix.vectors) {
+            (16.., 4) => self.panels::<S, 6, 4>(simd),
+            (16.., _) => self.panels::<S, 8, 3>(simd),
+            (_, 4) => self.panels::<S, 3, 4>(simd),
+            _ => self.panels::<S, 4, 3>(simd),
+        }
+    }
+}
+
+#[cfg(feature = "autodiff")]
+impl Across<'_> {
+    #[inline(always)]
+    fn panels<S: Simd, const R: usize, const V: usize>(self, simd: S) {
+        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out } = self;
+        let (inner, outer, width) = (*inner, *outer, V * S::F32_LANES);
+        let rows = x.len() / inner;
+        let (vectors, _) = S::as_simd_f32s(panels);
+        for (panel, first) in vectors.chunks_exact(inner * V).zip((0..outer).step_by(width)) {
+            let panel = &panel.as_chunks::<V>().0[..inner];
+            let columns = first..outer.min(first + width);
+            let mut outs = out.chunks_exact_mut(R * outer);
+            let mut row = 0;
+            for out in &mut outs {
+                store::<S, R, V>(simd, tile_across(simd, x, rows, row, panel), out, outer, columns.clone(), false);
+                row += R;
+            }
+            for out in outs.into_remainder().chunks_exact_mut(outer) {
+                store::<S, 1, V>(simd, tile_across(simd, x, rows, row, panel), out, outer, columns.clone(), false);
+                row += 1;
+            }
+        }
+    }
+}
+
 /// Sums of R rows of x with one panel.
 #[inline(always)]
 fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S::f32s; V]]) -> [[S::f32s; V]; R] {
@@ -108,14 +180,38 @@ fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S
     let rows: [&[f32]; R] = std::array::from_fn(|r| &x[r * inner..][..inner]);
     let mut sums = [[simd.splat_f32s(0.0); V]; R];
     for k in 0..inner {
-        for r in 0..R {
-            let x = simd.splat_f32s(rows[r][k]);
-            for v in 0..V {
-                sums[r][v] = simd.mul_add_f32s(x, panel[k][v], sums[r][v]);
-            }
-        }
+        add::<S, R, V>(simd, std::array::from_fn(|r| rows[r][k]), &panel[k], &mut sums);
     }
     sums
+}
+
+/// Sums of R columns of x from the `row`-th on, `[inner, rows]`, with one panel.
+#[cfg(feature = "autodiff")]
+#[inline(always)]
+fn tile_across<S: Simd, const R: usize, const V: usize>(
+    simd: S,
+    x: &[f32],
+    rows: usize,
+    row: usize,
+    panel: &[[S::f32s; V]],
+) -> [[S::f32s; V]; R] {
+    let mut sums = [[simd.splat_f32s(0.0); V]; R];
+    for (x, panel) in x.chunks_exact(rows).zip(panel) {
+        let x = &x[row..][..R];
+        add::<S, R, V>(simd, std::array::from_fn(|r| x[r]), panel, &mut sums);
+    }
+    sums
+}
+
+/// `sums += x panel`.
+#[inline(always)]
+fn add<S: Simd, const R: usize, const V: usize>(simd: S, x: [f32; R], panel: &[S::f32s; V], sums: &mut [[S::f32s; V]; R]) {
+    for r in 0..R {
+        let x = simd.splat_f32s(x[r]);
+        for v in 0..V {
+            sums[r][v] = simd.mul_add_f32s(x, panel[v], sums[r][v]);
+        }
+    }
 }
 
 #[inline(always)]
@@ -158,6 +254,16 @@ mod tests {
             matrix.product(&x, &mut set);
             matrix.add_product(&x, &mut added);
             assert_eq!(set.len(), rows * outer);
+            #[cfg(feature = "autodiff")]
+            {
+                let turned: Vec<f32> = (0..inner * rows).map(|i| x[i % rows * inner + i / rows]).collect();
+                let mut across = vec![1.0; rows * outer];
+                matrix.across(&turned, &mut across);
+                let turned: Vec<f32> = (0..outer * inner).map(|i| w[i % inner * outer + i / inner]).collect();
+                let mut other = Vec::new();
+                Matrix::of_transpose(inner, &turned).product(&x, &mut other);
+                assert!(across == set && other == set, "[{rows}, {inner}] [{inner}, {outer}]: transposes");
+            }
             for (i, (s, a)) in set.iter().zip(&added).enumerate() {
                 let (s, a) = (f64::from(*s) - exact(i), f64::from(*a) - 1.0 - exact(i));
                 assert!(s.abs() < 1e-5 && a.abs() < 1e-5, "[{rows}, {inner}] [{inner}, {outer}], entry {i}: off by {s:.1e}, added {a:.1e}");

@@ -29,8 +29,10 @@ pub struct Loaded {
     /// By step, `diag(scale) W` where there is a scale.
     #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the way back"))]
     folded: Vec<Vec<f32>>,
-    /// By step, its matrix in panels.
+    /// By step, its matrix in panels, and the transpose of that once it is asked for.
     panels: Vec<Option<Matrix>>,
+    #[cfg(feature = "autodiff")]
+    back: Vec<std::sync::OnceLock<Matrix>>,
     /// By slot, the last step that looks at it.
     ends: Vec<usize>,
     /// The last step in which tokens look at each other or at their places.
@@ -46,6 +48,9 @@ pub struct Memory {
     aside: Vec<Vec<f32>>,
     spare: Vec<Vec<f32>>,
     attention: Attention,
+    /// Slopes in panels.
+    #[cfg(feature = "autodiff")]
+    slopes: Matrix,
 }
 
 /// What mixes the tokens of a stream: told which of the program's attentions it is, gives mixed values of `[q k v]`.
@@ -71,7 +76,17 @@ impl Loaded {
             .iter()
             .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }));
         let (starts, steps) = (program.starts(), program.steps.len());
-        let mut loaded = Self { program, flat: Vec::new(), starts, folded: vec![Vec::new(); steps], panels: Vec::new(), ends, mixing };
+        let mut loaded = Self {
+            program,
+            flat: Vec::new(),
+            starts,
+            folded: vec![Vec::new(); steps],
+            panels: Vec::new(),
+            #[cfg(feature = "autodiff")]
+            back: Vec::new(),
+            ends,
+            mixing,
+        };
         loaded.load(flat);
         loaded
     }
@@ -83,6 +98,10 @@ impl Loaded {
         let mut folded = std::mem::take(&mut self.folded);
         self.panels = self.program.steps.iter().zip(&mut folded).map(|(step, folded)| self.cut(step.op, folded)).collect();
         self.folded = folded;
+        #[cfg(feature = "autodiff")]
+        {
+            self.back = self.program.steps.iter().map(|_| Default::default()).collect();
+        }
     }
 
     fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Option<Matrix> {
@@ -129,7 +148,7 @@ impl Loaded {
     fn step(&self, i: usize, attentions: &mut impl Iterator<Item = usize>, memory: &mut Memory, pass: &mut Pass) {
         let super::Step { from, to, op } = self.program.steps[i];
         let (width, keep) = (self.program.width(from), matches!(pass, Pass::Kept(_)));
-        let Memory { values, aside, spare, attention } = memory;
+        let Memory { values, aside, spare, attention, .. } = memory;
         let mut x = std::mem::take(&mut values[from.0]);
         let mut y = if to == from { Vec::new() } else { std::mem::take(&mut values[to.0]) };
         if y.capacity() == 0 && to != from && !keep && !matches!(op, Op::Activate(_)) {
