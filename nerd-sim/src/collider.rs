@@ -28,8 +28,8 @@ pub struct Collider {
     pub material: Material,
     /// Set if the shape is a half-space, which is then answered in closed form.
     pub plane: Option<Plane>,
-    /// Centre and radius (m) of a ball around the shape, in its own axes.
-    ball: (Vector3<f64>, f64),
+    /// Centre and radius (m) of a ball around the shape, in its own axes: a place far outside is not asked how far.
+    pub ball: (Vector3<f64>, f64),
 }
 
 impl Collider {

@@ -232,3 +232,37 @@ fn a_scene_that_is_no_scene_is_refused() {
     let error = solver.step(&mut Batch::new(&system, &weightless, 1), &[]).expect_err("refused").to_string();
     assert!(error.contains("gravity"), "{error}");
 }
+
+/// Colliders that are passed over since a ball around them is too far away are those that would not have been the nearest.
+#[test]
+fn among_many_colliders_the_nearest_is_found() {
+    let placed = |k: usize| {
+        let part = |m: usize| (k * m % 23) as f64 / 23.0;
+        let turn = UnitQuaternion::from_euler_angles(part(5), part(7), part(11));
+        let pose = Isometry3::from_parts(Vector3::new(part(3), part(13), 0.4 * part(17)).into(), turn);
+        let shape = match k % 3 {
+            0 => SharedShape::cylinder(0.05 + 0.1 * part(19), 0.03),
+            1 => SharedShape::cuboid(0.02, 0.05, 0.1 * part(2) + 0.01),
+            _ => SharedShape::ball(0.04),
+        };
+        Collider::new(shape, pose, MATERIAL)
+    };
+    let colliders: Vec<Collider> = (0..22).map(placed).chain([floor()]).collect();
+    let alone: Vec<_> = colliders.iter().map(|c| scene(0.0, vec![c.clone()])).collect();
+    let all = scene(0.0, colliders);
+    let (mut others, mut found) = (0, Vec::new());
+    for i in 0..2000 {
+        let part = |m: usize| (i * m % 211) as f64 / 211.0;
+        let place = Vector3::new(1.4 * part(31) - 0.2, 1.4 * part(57) - 0.2, 0.6 * part(101) - 0.05);
+        let events: Vec<_> = alone.iter().map(|s| s.contact(&place)).collect();
+        let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
+        let event = all.contact(&place);
+        assert_eq!(event.distance, nearest, "at {:?}", place.as_slice());
+        assert_eq!(event.distance, events[event.collider].distance, "the collider named");
+        found.clear();
+        all.contacts(&place, 0.05, &mut found);
+        assert!(events.iter().filter(|e| e.distance <= 0.0).count() == found.iter().filter(|e| e.distance <= 0.0).count(), "at {place:?}");
+        others += usize::from(event.collider + 1 != all.colliders.len());
+    }
+    assert!(others > 1000, "{others} of 2000 places are nearest to something else than the floor");
+}
