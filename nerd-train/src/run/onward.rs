@@ -31,7 +31,7 @@ impl RunConfig {
             Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),
         };
         if network.architecture != Architecture::Transformer || model.view != View::Own {
-            refuse!("the model is one of NeRD's rivals; say with --recipe how it is trained on");
+            refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }
         run.turns = model.turns;
         (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);

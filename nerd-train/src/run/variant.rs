@@ -47,7 +47,11 @@ impl Variant {
 
     /// In a title.
     pub fn name(self) -> String {
-        if self.usual() { "NeRD".into() } else { format!("NeRD's rival {self:?}") }
+        match self {
+            Self::Nerd => "NeRD".into(),
+            Self::Chain => "NeRD along the chain".into(),
+            rival => format!("NeRD's rival {rival:?}"),
+        }
     }
 
     /// Refuses what would be two decisions at once.

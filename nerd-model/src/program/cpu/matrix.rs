@@ -28,8 +28,8 @@ impl Matrix {
     pub fn cut(&mut self, inner: usize, values: &[f32]) {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
-        // As few columns of zeros as may be; among equals the wider panel.
-        let vectors = [3, 4].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        // As few columns of zeros as may be; among equals the shape that loads least for a sum.
+        let vectors = [3, 4, 2].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
         let width = vectors * lanes;
         let mut panels = std::mem::take(&mut self.panels);
         panels.clear();
@@ -96,8 +96,10 @@ impl WithSimd for Product<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         // Tiles of sums that leave registers for a row of the panel and an entry of x.
         match (S::F32_LANES, self.matrix.vectors) {
+            (16.., 2) => self.panels::<S, 12, 2>(simd),
             (16.., 4) => self.panels::<S, 6, 4>(simd),
             (16.., _) => self.panels::<S, 8, 3>(simd),
+            (_, 2) => self.panels::<S, 6, 2>(simd),
             (_, 4) => self.panels::<S, 3, 4>(simd),
             _ => self.panels::<S, 4, 3>(simd),
         }
@@ -144,8 +146,10 @@ impl WithSimd for Across<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match (S::F32_LANES, self.matrix.vectors) {
+            (16.., 2) => self.panels::<S, 12, 2>(simd),
             (16.., 4) => self.panels::<S, 6, 4>(simd),
             (16.., _) => self.panels::<S, 8, 3>(simd),
+            (_, 2) => self.panels::<S, 6, 2>(simd),
             (_, 4) => self.panels::<S, 3, 4>(simd),
             _ => self.panels::<S, 4, 3>(simd),
         }
@@ -249,7 +253,7 @@ mod tests {
     #[test]
     fn products_of_every_shape_are_those_of_the_definition() {
         let value = |i: usize| ((i * 2_654_435_761) % 1000) as f32 * 1e-3 - 0.5;
-        for (rows, inner, outer) in [(1, 1, 1), (7, 5, 3), (8, 37, 48), (9, 192, 64), (17, 48, 100), (33, 64, 14), (2, 3, 577)] {
+        for (rows, inner, outer) in [(1, 1, 1), (7, 5, 3), (8, 37, 48), (13, 30, 32), (25, 96, 18), (9, 192, 64), (17, 48, 100), (33, 64, 14), (2, 3, 577)] {
             let (x, w): (Vec<_>, Vec<_>) = ((0..rows * inner).map(value).collect(), (0..inner * outer).map(|i| value(i + 7)).collect());
             let matrix = Matrix::new(inner, &w);
             let exact = |i: usize| {
