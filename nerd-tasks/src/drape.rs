@@ -6,10 +6,10 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// a (m): of a cable that was drawn across a floor, with a friction of 0.5, by a gripper 0.6 to 0.8 of its length above.
-const PULL: f64 = 0.1;
-/// Length (m) over which the clamp's direction is left, by a share of 1 - 1/e.
-const STEM: f64 = 0.06;
+/// a (m): half of what friction holds of the lead, whose free fifth lies at a friction of 0.5.
+const PULL: f64 = 0.05;
+/// Length (m) over which the clamp's direction is left, by a share of 1 - 1/e: of the lead `sqrt(E I / T)` under its own weight T.
+const STEM: f64 = 0.04;
 /// Halvings that find l to a billionth of the cable.
 const HALVINGS: usize = 30;
 

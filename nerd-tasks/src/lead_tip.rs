@@ -196,8 +196,9 @@ impl Task for LeadTip {
     fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
         torques.fill(0.0);
         for (k, joint) in work.system.robot.joints().enumerate().take(3) {
-            // A critically damped spring that is always led so far ahead goes at that speed.
-            let ahead = 2.0 * FASTEST * action[k].clamp(-1.0, 1.0) * (joint.armature / joint.stiffness).sqrt();
+            // A critically damped spring of pulse w that is led so far ahead, anew each frame, goes at that speed.
+            let w = (joint.stiffness / joint.armature).sqrt();
+            let ahead = FASTEST * action[k].clamp(-1.0, 1.0) * (FRAME + (w * FRAME).exp_m1() / w) / (w * FRAME);
             torques[k] = joint.stiffness * (view.state[k] + ahead).clamp(BOX[k].low, BOX[k].high);
         }
     }
