@@ -39,7 +39,14 @@ fn a_short_run_earns_more_and_comes_nearer() {
         trainer.iterate().expect("learns");
     }
     let last = mean(&trainer.state.policy);
-    println!("reward {:.1} of 100, {:.2} of what may be missed; after {} steps {:.1} and {:.2}", first[0], first[1], 24 * 1600, last[0], last[1]);
+    println!(
+        "reward {:.1} of 100, {:.2} of what may be missed; after {} steps {:.1} and {:.2}",
+        first[0],
+        first[1],
+        24 * 1600,
+        last[0],
+        last[1]
+    );
     assert!(last[0] > first[0] + 5.0 && last[1] < first[1], "reward and miss were {first:.2?}, and are {last:.2?}");
 }
 

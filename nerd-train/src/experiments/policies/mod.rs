@@ -309,7 +309,8 @@ fn each(rows: &[Row]) -> Table {
 /// With the share of games that succeeded, of tasks that speak of it.
 fn with_success(mut table: Table, rows: &[Row]) -> Table {
     table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
-    let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or_else(|| "-".into(), |share| format!("{:.0}", 100.0 * share));
+    let share =
+        |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or_else(|| "-".into(), |share| format!("{:.0}", 100.0 * share));
     for (line, row) in table.rows.iter_mut().zip(rows) {
         line.extend([share(Some(&row.real)), share(row.learned.as_ref())]);
     }
