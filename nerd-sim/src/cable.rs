@@ -42,6 +42,9 @@ const PACE: Range = Range { low: 0.3, high: 1.5 };
 /// Seconds in which a bent piece comes to rest where no damping is said: leads, hoses and ropes lose a bend in a moment. A chain of springs
 /// that loses nothing shakes ever faster.
 const REST: f64 = 0.01;
+/// Name and text of the cables that come with the crate.
+pub(crate) const CABLES: [(&str, &str); 2] =
+    [("lead", include_str!("../assets/cables/lead.toml")), ("lead-pegs", include_str!("../assets/cables/lead-pegs.toml"))];
 /// Keys of a robot's TOML that mean nothing of a cable, and what stands in their place.
 pub(crate) const FOREIGN: [(&str, &str); 4] = [
     ("floating", "a cable's root is decided by [cable] held"),
@@ -97,6 +100,11 @@ pub struct CableSpec {
 }
 
 impl System {
+    /// Names of the cables that come with the crate. Beside [`System::built_in`], they can be named wherever a robot is.
+    pub fn cables() -> Vec<&'static str> {
+        CABLES.iter().map(|c| c.0).collect()
+    }
+
     /// A cable, from the text of its specification: `[cable]`, and whatever else it says of it.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Link, Robot, UrdfError};
 use toml::Table;
 
-use crate::cable::FOREIGN;
+use crate::cable::{CABLES, FOREIGN};
 use crate::columns::name_columns;
 use crate::derive::{derived, floats, plain};
 use crate::limits::stiffen;
@@ -47,7 +47,7 @@ const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
 #[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
-    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = System::built_in().join(", "))]
+    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
     Unknown(String),
     /// No such scene.
     #[error("robot `{robot}` has no scene `{scene}`: known are {known}")]
@@ -91,7 +91,7 @@ pub struct System {
 }
 
 impl System {
-    /// Names of the robots that come with the crate.
+    /// Names of the robots that come with the crate; of cables, see [`System::cables`].
     pub fn built_in() -> Vec<&'static str> {
         BUILT_IN.iter().map(|b| b.0).collect()
     }
@@ -101,10 +101,13 @@ impl System {
         BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
     }
 
-    /// A built-in robot by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
+    /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
         if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {
             return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
+        }
+        if let Some((_, text)) = CABLES.iter().find(|c| c.0 == name) {
+            return Self::from_toml(name, text).map(Arc::new);
         }
         let path = Path::new(name);
         let ending = path.extension().map(|e| e.to_string_lossy().into_owned());

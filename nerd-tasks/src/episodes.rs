@@ -29,6 +29,8 @@ pub struct StepResult {
     pub truncated: Vec<bool>,
     /// Observations `[env][observation_dim]` of the states reached, before ended episodes began anew.
     pub reached: Vec<f64>,
+    /// [`crate::Task::miss`] of the states reached; none of one that the solver could not go on with.
+    pub misses: Vec<Option<f64>>,
     /// Episodes that the solver could not go on with (a state not finite, or beyond 1e5): terminated, with reward 0.
     pub failed: usize,
 }
@@ -182,7 +184,10 @@ impl Episodes {
     /// the first frame of an episode is an error.
     fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
         self.past.push(&self.simulation.batch.states, &self.torques);
-        if let Err(error) = self.simulation.step(&self.torques) {
+        let stepped = self.simulation.step(&self.torques);
+        let width = self.task.goal_dim();
+        self.goals.chunks_exact_mut(width.max(1)).for_each(|goal| self.task.advance(goal));
+        if let Err(error) = stepped {
             for fault in error.faults()? {
                 // A start that cannot be stepped would begin anew for ever.
                 if fault.frame == 0 && !failed[fault.env] {
@@ -204,19 +209,20 @@ impl Episodes {
             let envs = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(failed.len());
             let judged = envs.map(|env| {
                 if failed[env] {
-                    return (0.0, true, false);
+                    return (0.0, true, false, None);
                 }
                 let view = view(batch, goals, task.goal_dim(), env);
                 let terminated = task.terminated(view, work);
                 let reward = task.reward(view, &torques[env * joints..(env + 1) * joints], work);
-                (reward, terminated, !terminated && batch.frames[env] >= length)
+                (reward, terminated, !terminated && batch.frames[env] >= length, task.miss(view, work))
             });
             judged.collect::<Vec<_>>()
         });
-        for (reward, terminated, truncated) in chunks.collect::<Vec<_>>().into_iter().flatten() {
+        for (reward, terminated, truncated, miss) in chunks.collect::<Vec<_>>().into_iter().flatten() {
             result.rewards.push(reward);
             result.terminated.push(terminated);
             result.truncated.push(truncated);
+            result.misses.push(miss);
         }
     }
 

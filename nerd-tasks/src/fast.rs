@@ -77,6 +77,10 @@ impl Task for Fast {
         self.task.draw_goal(rng, out);
     }
 
+    fn advance(&self, goal: &mut [f64]) {
+        self.task.advance(goal);
+    }
+
     fn reset(&self, _system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
         fast_start(&*self.task, &self.system, rng)
     }
@@ -91,6 +95,10 @@ impl Task for Fast {
 
     fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64 {
         self.task.reward(view, torques, work)
+    }
+
+    fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
+        self.task.miss(view, work)
     }
 
     fn terminated(&self, view: View, work: &mut Work) -> bool {

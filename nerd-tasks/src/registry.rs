@@ -1,14 +1,14 @@
 //! Tasks by name.
 
-use crate::{ANT_RUN, ANT_SPIN, ANT_SPIN_TRACK, ANYMAL_FORWARD, ANYMAL_SIDE, CartpoleSwingup, FrankaReach, Task};
+use crate::{ANT_RUN, ANT_SPIN, ANT_SPIN_TRACK, ANYMAL_FORWARD, ANYMAL_SIDE, CartpoleSwingup, FrankaReach, LeadTip, Task};
 
 /// No such task.
 #[derive(Debug, thiserror::Error)]
 #[error("no task `{0}`: known are {known}", known = names().join(", "))]
 pub struct TaskError(pub String);
 
-/// All of them, in the order of the paper's table.
-fn all() -> [Box<dyn Task>; 8] {
+/// All of them, the paper's in the order of its table, then others.
+fn all() -> [Box<dyn Task>; 9] {
     [
         Box::new(CartpoleSwingup),
         Box::new(FrankaReach::Position),
@@ -18,6 +18,7 @@ fn all() -> [Box<dyn Task>; 8] {
         Box::new(ANT_SPIN_TRACK),
         Box::new(ANYMAL_FORWARD),
         Box::new(ANYMAL_SIDE),
+        Box::new(LeadTip),
     ]
 }
 

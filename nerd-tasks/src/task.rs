@@ -71,13 +71,16 @@ pub trait Task: Send + Sync {
         1
     }
 
-    /// Numbers in an episode's goal.
+    /// Numbers in an episode's goal. The first three of a longer one are a place (m), and shown.
     fn goal_dim(&self) -> usize {
         0
     }
 
     /// Draws an episode's goal.
     fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
+
+    /// Moves a goal on by a frame, where it moves.
+    fn advance(&self, _goal: &mut [f64]) {}
 
     /// A start `[q, qd]`; the robot's own law of resets unless a task has another.
     fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
@@ -92,6 +95,12 @@ pub trait Task: Send + Sync {
 
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64;
+
+    /// How far this is from what is asked for, in units of what may be missed; none of a task that does not speak of success. An episode
+    /// has succeeded in which the mean over the last half of its steps is 1 at most.
+    fn miss(&self, _view: View, _work: &mut Work) -> Option<f64> {
+        None
+    }
 
     /// Whether being here ends the episode.
     fn terminated(&self, _view: View, _work: &mut Work) -> bool {

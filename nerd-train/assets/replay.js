@@ -151,7 +151,7 @@ const replay = (() => {
         context.stroke();
       }
       const goal = data.goals[frame] || [];
-      if (goal.length === 3) {
+      if (goal.length >= 3) {
         const p = see(goal);
         context.fillStyle = "#d0021b";
         context.beginPath(); context.arc(p[0], p[1], Math.max(3, 0.02 * focus / p[2]), 0, 7); context.fill();

@@ -202,7 +202,7 @@ impl Environments for Blind {
         self.1 = self.draw(BLIND[0] * BLIND[1]);
         let all = self.1.chunks_mut(BLIND[1]).zip(reached.chunks(BLIND[1])).zip(&ends);
         all.filter(|(_, x)| (0.0..=6.0).contains(*x)).for_each(|((now, reached), _)| now.copy_from_slice(reached));
-        Ok(StepResult { rewards, terminated, truncated, reached, failed: 0 })
+        Ok(StepResult { rewards, terminated, truncated, reached, ..StepResult::default() })
     }
 
     fn snapshot(&self) -> Snapshot {

@@ -26,7 +26,7 @@ pub struct ListArgs {
 /// What is listed.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum What {
-    /// Robots that are built in; the path of any .urdf names one, too
+    /// Robots that are built in; the path of any .urdf, or of a cable's .toml, names one, too
     Robots,
     /// Scenes of each robot
     Scenes {
@@ -57,7 +57,7 @@ pub fn run(args: ListArgs) -> Result<()> {
 fn robots() -> Result<Table> {
     let header = ["robot", "base", "joints", "state", "contact points", "frame (ms)", "data from"];
     let mut rows = Vec::new();
-    for name in System::built_in() {
+    for name in System::built_in().into_iter().chain(System::cables()) {
         let system = System::named(name)?;
         let (robot, spec) = (&system.robot, &system.spec);
         let base = if robot.floating() { "free" } else { "fixed" };
@@ -73,7 +73,7 @@ fn robots() -> Result<Table> {
 fn scenes(robot: Option<&str>) -> Result<Table> {
     let robots = match robot {
         Some(robot) => vec![robot],
-        None => System::built_in(),
+        None => [System::built_in(), System::cables()].concat(),
     };
     let mut rows = Vec::new();
     for name in robots {

@@ -36,7 +36,7 @@ pub enum PolicyVerb {
 /// Train a policy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side
+    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip
     pub task: String,
     #[command(flatten)]
     pub arena: ArenaArgs,

@@ -25,6 +25,9 @@ pub struct Reward {
     pub standard_error: f64,
     /// Mean length (steps).
     pub length: f64,
+    /// Share of games that succeeded ([`Game::miss`]); none of a task that does not speak of success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success: Option<f64>,
 }
 
 impl Reward {
@@ -33,7 +36,9 @@ impl Reward {
         let n = games.len() as f64;
         let mean = games.iter().map(|g| g.reward).sum::<f64>() / n;
         let spread = (games.iter().map(|g| (g.reward - mean).powi(2)).sum::<f64>() / n).sqrt();
-        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n }
+        let succeeded = games.iter().filter(|g| g.miss.is_some_and(|miss| miss <= 1.0)).count();
+        let success = games.iter().any(|g| g.miss.is_some()).then_some(succeeded as f64 / n);
+        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n, success }
     }
 }
 

@@ -135,19 +135,21 @@ pub enum ConfigError {
     Range(#[from] OutOfRange),
 }
 
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 5] = [
     ("cartpole-", include_str!("../../assets/ppo/cartpole.toml")),
     ("franka-", include_str!("../../assets/ppo/franka.toml")),
     ("ant-", include_str!("../../assets/ppo/ant.toml")),
     ("anymal-", include_str!("../../assets/ppo/anymal.toml")),
+    ("lead-", include_str!("../../assets/ppo/lead.toml")),
 ];
 
 /// Settings for where steps are dear.
-const SMALL: [(&str, &str); 4] = [
+const SMALL: [(&str, &str); 5] = [
     ("cartpole-", include_str!("../../assets/ppo/cartpole-small.toml")),
     ("ant-", include_str!("../../assets/ppo/ant-small.toml")),
     ("franka-", include_str!("../../assets/ppo/franka-small.toml")),
     ("anymal-", include_str!("../../assets/ppo/anymal-small.toml")),
+    ("lead-", include_str!("../../assets/ppo/lead-small.toml")),
 ];
 
 impl PpoConfig {

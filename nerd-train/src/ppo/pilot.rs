@@ -131,6 +131,7 @@ impl Act for Acting {
             *action = drawn.map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
         }
         task.act(view, action, &mut self.work, out);
+        task.advance(goal);
         self.now.frame += 1;
     }
 }

@@ -16,6 +16,8 @@ pub struct Game {
     pub reward: f64,
     /// Steps.
     pub length: f64,
+    /// Mean of [`nerd_tasks::Task::miss`] over its last half, if its task speaks of success: it has succeeded where that is 1 at most.
+    pub miss: Option<f64>,
 }
 
 /// The first episode of every environment, which should have just begun. `progress` is told after each step how many have ended.
@@ -25,13 +27,24 @@ pub struct Game {
 pub fn play(policy: &Policy, environments: &mut impl Environments, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
     let mut running = Running::new(environments, policy.shape.stack);
     let (mut games, mut reached) = (vec![None; environments.count()], Vec::new());
+    let mut misses = vec![Vec::new(); games.len()];
     while games.iter().any(Option::is_none) {
-        for (env, reward, length) in running.step(environments, &actions(policy, &running), &mut reached)?.ended {
-            games[env].get_or_insert(Game { reward, length });
+        let stepped = running.step(environments, &actions(policy, &running), &mut reached)?;
+        misses.iter_mut().zip(stepped.result.misses).for_each(|(all, miss)| all.push(miss));
+        for (env, reward, length) in stepped.ended {
+            let miss = last_half(&std::mem::take(&mut misses[env]));
+            games[env].get_or_insert(Game { reward, length, miss });
         }
         progress(games.iter().flatten().count());
     }
     Ok(games.into_iter().flatten().collect())
+}
+
+/// Mean miss over the last half of an episode; infinite of one that was broken off.
+fn last_half(misses: &[Option<f64>]) -> Option<f64> {
+    let last = &misses[misses.len() / 2..];
+    let sum: f64 = last.iter().map(|miss| miss.unwrap_or(f64::INFINITY)).sum();
+    misses.iter().any(Option::is_some).then_some(sum / last.len() as f64)
 }
 
 /// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by

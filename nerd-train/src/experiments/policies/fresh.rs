@@ -8,6 +8,7 @@ use nerd_sim::prelude::*;
 use super::{Policies, Row, of, percent};
 use crate::error::{Result, refuse};
 use crate::experiments::games::truth_of;
+use crate::paper::policy_reward;
 use crate::ppo::{Arena, PolicyRun, PpoConfig, folder};
 use crate::report::{Input, Inputs, Table};
 
@@ -17,8 +18,8 @@ impl Policies {
         if !self.policy.is_empty() {
             refuse!("--fresh trains its own policies: leave --policy out");
         }
-        let known = nerd_tasks::names();
-        let tasks = if self.task.is_empty() { known.iter().map(|t| t.to_string()).collect() } else { self.task.clone() };
+        let known = nerd_tasks::names().into_iter().filter(|task| policy_reward(task).is_some());
+        let tasks = if self.task.is_empty() { known.map(String::from).collect() } else { self.task.clone() };
         let mut runs = Vec::new();
         for task in tasks {
             let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;

@@ -37,7 +37,7 @@ settings! {
         fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
         /// With --fresh: seeds of policies that are trained in the truth [default: none]
         truth_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
-        /// With --fresh: tasks [default: all]
+        /// With --fresh: tasks [default: the paper's]
         task: Vec<String> = Vec::new(), Texts;
         /// With --fresh: settings of PPO, small or paper (full length)
         recipe: String = "small".into(), Words(&["small", "paper"]);
@@ -298,7 +298,21 @@ fn each(rows: &[Row]) -> Table {
         ]
     });
     let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
-    Table::new("policies", &header)
-        .with(lines)
-        .noted(&format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error."))
+    let table = Table::new("policies", &header).with(lines);
+    let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
+    if rows.iter().all(|r| r.real.success.is_none()) {
+        return table.noted(&note);
+    }
+    with_success(table, rows).noted(&format!("{note} Success: games whose task says that they succeeded."))
+}
+
+/// With the share of games that succeeded, of tasks that speak of it.
+fn with_success(mut table: Table, rows: &[Row]) -> Table {
+    table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
+    let share =
+        |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or_else(|| "-".into(), |share| format!("{:.0}", 100.0 * share));
+    for (line, row) in table.rows.iter_mut().zip(rows) {
+        line.extend([share(Some(&row.real)), share(row.learned.as_ref())]);
+    }
+    table
 }

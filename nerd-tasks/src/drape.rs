@@ -1,0 +1,50 @@
+//! A cable at rest, as a start: it hangs from a gripper that points along x, and the rest of it lies straight on a floor.
+//!
+//! With l the length that lies and a the pull at the floor by the weight of a metre, the hanging part falls off as a catenary,
+//! `tan(slope) = (s - l) / a` at arc length s from the free end. The gripper's clamp bends it out of its own direction within [`STEM`].
+//! l is what lets the free end lie on the floor.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+/// a (m): half of what friction holds of the lead, whose free fifth lies at a friction of 0.5.
+const PULL: f64 = 0.05;
+/// Length (m) over which the clamp's direction is left, by a share of 1 - 1/e: of the lead `sqrt(E I / T)` under its own weight T.
+const STEM: f64 = 0.04;
+/// Halvings that find l to a billionth of the cable.
+const HALVINGS: usize = 30;
+
+/// Directions (unit length) of so many rods of length `rod` (m), from a gripper `height` (m) above where the free end lies, which is that
+/// way (rad, from x). A cable that cannot reach the floor hangs from end to end.
+pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f64>> {
+    let along = |lying: f64| -> Vec<Vector3<f64>> {
+        let direction = |k: usize| {
+            let from_clamp = (k as f64 + 0.5) * rod;
+            let (from_end, left) = (rods as f64 * rod - from_clamp, 1.0 - (-from_clamp / STEM).exp());
+            let slope = left * ((from_end - lying).max(0.0) / PULL).atan();
+            let (sin, cos) = (left * heading).sin_cos();
+            Vector3::new(cos * slope.cos(), sin * slope.cos(), -slope.sin())
+        };
+        (0..rods).map(direction).collect()
+    };
+    let drop = |along: &[Vector3<f64>]| -rod * along.iter().map(|t| t.z).sum::<f64>();
+    let (mut low, mut high) = (0.0, rods as f64 * rod);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        // What lies does not hang.
+        if drop(&along(middle)) > height { low = middle } else { high = middle }
+    }
+    along(low)
+}
+
+/// Angles (rad) of the two hinges of each rod, about z and then y, that give rods these directions behind a gripper at home.
+pub fn hinges(along: &[Vector3<f64>]) -> Vec<f64> {
+    let mut axes = Matrix3::identity();
+    let mut angles = Vec::with_capacity(2 * along.len());
+    for direction in along {
+        let own = axes.tr_mul(direction);
+        let (sway, bend) = (own.y.atan2(own.x), (-own.z).atan2(own.x.hypot(own.y)));
+        axes *= Rotation3::from_axis_angle(&Vector3::z_axis(), sway) * Rotation3::from_axis_angle(&Vector3::y_axis(), bend);
+        angles.extend([sway, bend]);
+    }
+    angles
+}

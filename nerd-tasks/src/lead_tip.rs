@@ -1,0 +1,216 @@
+//! A gripper draws a lead's free end, the tip, across a floor, after a target that moves along a winding line. World up is +z; m, rad, s.
+//!
+//! The target sets off from rest and goes at v, its line winding about a heading psi that leads towards the gripper: with s the way gone,
+//!
+//! ```text
+//! s(t) = v (t - T (1 - exp(-t / T))),   w(s) = m L / (2 pi) (sin(2 pi s / L + p) - sin p),   T = 0.3
+//! R = 0.7 exp(-(d / 0.04)^2) + 0.3 exp(-d / 0.2) - 0.02 |v_gripper|^2
+//! ```
+//!
+//! where w is how far it is off to the left, m the steepest slope of its windings, L their length, and d the distance of tip and target. A
+//! lead can be drawn but not pushed, so the target never turns back, and begins ahead of the tip. How much of the lead lies on the floor is
+//! the policy's to choose: the tip follows the more sharply, the higher the gripper.
+//!
+//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. Each frame their springs are asked to go so far
+//! beyond where they are that they reach it, within [`BOX`]. Heights and speeds are those of the cable's training data, and the gripper points
+//! the way it does there. Where on the floor that happens is nothing that a learned cable sees.
+//!
+//! Observation: 71 numbers in world axes: tip from target, and its velocity from the target's (6); the target's velocity, and its way in the
+//! next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead, the tip the last, each
+//! with its velocity, from the gripper (48). Never over; truncated after 100 steps of 3 frames of 1/60 s.
+
+use nalgebra::{Vector2, Vector3};
+use nerd_core::dynamics::{kinematics, point_position, velocities};
+use nerd_core::robot::Base;
+use nerd_core::state::vector;
+use nerd_sim::range::Range;
+use nerd_sim::system::System;
+use rand_chacha::ChaCha8Rng;
+
+use crate::drape::{drape, hinges};
+use crate::{Task, View, Work};
+
+/// The task; it has no settings.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LeadTip;
+
+/// Rods of the lead, and slides and hinges in front of them.
+const RODS: usize = 40;
+const AXES: usize = 6;
+/// Points along the lead that are seen.
+const SEEN: usize = 8;
+/// Seconds of a frame.
+const FRAME: f64 = 1.0 / 60.0;
+/// Frames ahead at which a policy sees where the target will be.
+const AHEAD: [u64; 3] = [15, 30, 60];
+/// Velocity of the gripper at an action of 1 (m/s). In the data it goes through 0.3 m and more in 0.3 to 1.5 s.
+const FASTEST: f64 = 0.4;
+/// Where the gripper is led, from home (m). In one frame of twenty of the data it is higher; the sides are as wide as the longest of lines asks
+/// for.
+const BOX: [Range; 3] = [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
+/// Distance (m) from the target in which an episode has succeeded.
+const NEAR: f64 = 0.02;
+
+/// Where the tip lies at first (m, from the foot of home), and by how much it may be beside that, along x and y.
+const TIP: Vector2<f64> = Vector2::new(0.75, 0.0);
+const BESIDE: Range = Range { low: -0.03, high: 0.03 };
+/// Height of the gripper (m) at first, and the lead's heading (rad, from x) as it is seen from there.
+const HEIGHT: Range = Range { low: 0.6, high: 0.7 };
+const HEADING: Range = Range { low: -0.3, high: 0.3 };
+/// How far the target begins ahead of [`TIP`] (m).
+const LEAD: Range = Range { low: 0.0, high: 0.08 };
+/// v (m/s), m and L (m) of its line.
+const SPEED: Range = Range { low: 0.06, high: 0.12 };
+const SLOPE: Range = Range { low: 0.3, high: 1.0 };
+const LENGTH: Range = Range { low: 0.25, high: 0.5 };
+/// T: seconds in which it comes up to speed.
+const RISE: f64 = 0.3;
+
+/// Numbers of a goal: where the target is now, and the frames that it has gone; where it began, v, psi, m, L and p.
+const GOAL: usize = 11;
+
+/// Where the target of a goal is after so many frames.
+fn place(goal: &[f64], frames: f64) -> Vector2<f64> {
+    let [x, y, speed, heading, slope, length, phase] = std::array::from_fn(|k| goal[4 + k]);
+    let t = frames * FRAME;
+    let way = speed * (t - RISE * (1.0 - (-t / RISE).exp()));
+    let turn = std::f64::consts::TAU / length;
+    let off = slope / turn * ((turn * way + phase).sin() - phase.sin());
+    // Towards the gripper, which stands at the other end of the heading.
+    let ahead = -Vector2::new(heading.cos(), heading.sin());
+    Vector2::new(x, y) + ahead * way + Vector2::new(-ahead.y, ahead.x) * off
+}
+
+/// The lead as a task sees it.
+struct Seen {
+    /// Place and velocity of the gripper, from home.
+    gripper: [Vector3<f64>; 2],
+    /// Home (world).
+    home: Vector3<f64>,
+    /// Places (world) and velocities of points along the lead; the last is the tip.
+    points: [[Vector3<f64>; 2]; SEEN],
+}
+
+impl Seen {
+    fn of(state: &[f64], work: &mut Work) -> Self {
+        let (robot, data) = (&work.system.robot, &mut work.data);
+        kinematics(robot, state, data);
+        velocities(robot, &state[robot.nq()..], data);
+        let contacts = &robot.contact_points;
+        let points = std::array::from_fn(|k| {
+            let point = &contacts[(k + 1) * contacts.len() / SEEN - 1];
+            let place = point_position(data, point.link, &point.local);
+            [place, data.velocity[point.link].at(&(place - data.origin))]
+        });
+        Self { gripper: [vector(state), vector(&state[robot.nq()..])], home: home(&work.system), points }
+    }
+
+    /// Place and velocity of the tip.
+    fn tip(&self) -> [Vector3<f64>; 2] {
+        self.points[SEEN - 1]
+    }
+}
+
+/// Where a gripper is at zero coordinates (m, world).
+fn home(system: &System) -> Vector3<f64> {
+    match system.robot.base {
+        Base::Fixed(at) => at.translation.vector,
+        Base::Floating => Vector3::zeros(),
+    }
+}
+
+impl Task for LeadTip {
+    fn name(&self) -> &'static str {
+        "lead-tip"
+    }
+
+    fn robot(&self) -> &'static str {
+        "lead-pegs"
+    }
+
+    fn scene(&self) -> &'static str {
+        "plane"
+    }
+
+    fn observation_dim(&self) -> usize {
+        23 + 6 * SEEN
+    }
+
+    fn action_dim(&self) -> usize {
+        3
+    }
+
+    fn episode_length(&self) -> u64 {
+        100
+    }
+
+    fn frames(&self) -> u64 {
+        3
+    }
+
+    fn goal_dim(&self) -> usize {
+        GOAL
+    }
+
+    fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
+        let phase = Range { low: -std::f64::consts::PI, high: std::f64::consts::PI };
+        let [ahead, beside, speed, heading, slope, length, phase] =
+            [LEAD, BESIDE, SPEED, HEADING, SLOPE, LENGTH, phase].map(|range| range.draw(rng));
+        out[4..].copy_from_slice(&[TIP.x - ahead, TIP.y + beside, speed, heading, slope, length, phase]);
+        let at = place(out, 0.0);
+        // The tip's middle, as it lies.
+        out[..4].copy_from_slice(&[at.x, at.y, 0.004, 0.0]);
+    }
+
+    fn advance(&self, goal: &mut [f64]) {
+        goal[3] += 1.0;
+        let at = place(goal, goal[3]);
+        goal[..2].copy_from_slice(at.as_slice());
+    }
+
+    fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        let [x, y, height, heading] = [BESIDE, BESIDE, HEIGHT, HEADING].map(|range| range.draw(rng));
+        let end = &system.robot.contact_points[0];
+        let along = drape(RODS, end.local.x, height - end.radius, heading);
+        let tip = Vector3::new(TIP.x + x, TIP.y + y, end.radius);
+        let gripper = tip - along.iter().sum::<Vector3<f64>>() * end.local.x;
+        let mut state = system.robot.zero_state();
+        state[..3].copy_from_slice((gripper - home(system)).as_slice());
+        state[AXES..AXES + 2 * RODS].copy_from_slice(&hinges(&along));
+        state
+    }
+
+    fn observe(&self, view: View, work: &mut Work, out: &mut [f64]) {
+        let (seen, goal) = (Seen::of(view.state, work), view.goal);
+        let now = place(goal, goal[3]);
+        let ahead = |frames: u64| place(goal, goal[3] + frames as f64) - now;
+        let (target, heading) = (vector(goal), ahead(1) / FRAME);
+        let ([tip, speed], [gripper, moving]) = (seen.tip(), seen.gripper);
+        let at = seen.home + gripper;
+        let own = [tip - target, speed - Vector3::new(heading.x, heading.y, 0.0), at - target, gripper, moving];
+        let points = seen.points.iter().flat_map(|[place, velocity]| [place - at, velocity - moving]);
+        let spatial = own.into_iter().chain(points).flat_map(|v| [v.x, v.y, v.z]);
+        let level = std::iter::once(heading).chain(AHEAD.map(ahead)).flat_map(|v| [v.x, v.y]);
+        out.iter_mut().zip(spatial.chain(level)).for_each(|(out, x)| *out = x);
+    }
+
+    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
+        torques.fill(0.0);
+        for (k, joint) in work.system.robot.joints().enumerate().take(3) {
+            // A critically damped spring of pulse w that is led so far ahead, anew each frame, goes at that speed.
+            let w = (joint.stiffness / joint.armature).sqrt();
+            let ahead = FASTEST * action[k].clamp(-1.0, 1.0) * (FRAME + (w * FRAME).exp_m1() / w) / (w * FRAME);
+            torques[k] = joint.stiffness * (view.state[k] + ahead).clamp(BOX[k].low, BOX[k].high);
+        }
+    }
+
+    fn reward(&self, view: View, _torques: &[f64], work: &mut Work) -> f64 {
+        let seen = Seen::of(view.state, work);
+        let d = (seen.tip()[0] - vector(view.goal)).norm();
+        0.7 * (-(d / 0.04).powi(2)).exp() + 0.3 * (-d / 0.2).exp() - 0.02 * seen.gripper[1].norm_squared()
+    }
+
+    fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
+        Some((Seen::of(view.state, work).tip()[0] - vector(view.goal)).norm() / NEAR)
+    }
+}
