@@ -11,6 +11,7 @@ pub mod evaluate;
 
 use arena::ArenaArgs;
 
+use crate::common::alone;
 use crate::numbers::{SEEDS, count, finite, positive};
 
 /// Train, evaluate or show a policy.
@@ -99,6 +100,7 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 }
 
 fn train(args: TrainArgs) -> Result<()> {
+    alone("policy train", "leave WORLD_SIZE and RANK out")?;
     let TrainArgs { task, seed, until, minutes, .. } = args;
     let arena = args.arena.of(&task)?;
     let mut config = PpoConfig::choose(&task, &arena, args.recipe.as_deref(), args.config.as_deref())?;

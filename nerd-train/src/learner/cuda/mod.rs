@@ -11,6 +11,7 @@ mod layout;
 mod muon;
 mod network;
 mod neural;
+mod step;
 mod stream;
 mod trainer;
 
