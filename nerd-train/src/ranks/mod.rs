@@ -151,7 +151,7 @@ impl Ranks {
         }
         let theirs = self.share(0, || mine.to_vec())?;
         if theirs == mine {
-            return Ok(());
+            return self.wait();
         }
         Err(RankError::Apart { rank: self.place.rank, what: what.into(), how: how(&theirs, mine) })
     }
