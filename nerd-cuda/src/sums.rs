@@ -47,7 +47,7 @@ impl Nccl {
     fn load() -> Result<Self, DeviceError> {
         // SAFETY: loading it runs its initialisers, as for any library; types are those of `nccl.h`, the same in all of version 2.
         unsafe {
-            let library = NAMES.iter().find_map(|name| Library::new(name).ok());
+            let library = NAMES.iter().find_map(|name| Library::new(*name).ok());
             let missing = "NCCL (libnccl.so.2) was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?";
             let library = library.ok_or_else(|| DeviceError(missing.into()))?;
             Ok(Self {
