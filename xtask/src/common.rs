@@ -14,13 +14,6 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static
         .try_map(|word| T::deserialize(IntoDeserializer::<Error>::into_deserializer(word) as StringDeserializer<Error>))
 }
 
-/// Refuses to be one of several ranks, each of which would do the same.
-pub fn alone(verb: &str, instead: &str) -> anyhow::Result<()> {
-    let world = nerd_train::ranks::Place::here()?.world;
-    anyhow::ensure!(world == 1, "WORLD_SIZE is {world}: {verb} runs as one process; {instead}");
-    Ok(())
-}
-
 /// Words for [`Device`].
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
 /// Words for [`nerd_sim::truth::Truth`].

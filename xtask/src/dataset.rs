@@ -12,9 +12,9 @@ use nerd_sim::prelude::*;
 use nerd_train::run::RecordConfig;
 use nerd_train::settings::Settings;
 
-use crate::common::alone;
 use crate::keys::Keys;
 use crate::numbers::{TRANSITIONS, count};
+use crate::ranks::alone;
 
 /// Record random trajectories.
 #[derive(clap::Args, Clone, Debug)]

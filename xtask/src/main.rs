@@ -36,6 +36,7 @@ mod numbers;
 mod out;
 mod outside;
 mod policy;
+mod ranks;
 mod reference;
 mod refusals;
 mod report;

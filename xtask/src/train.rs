@@ -1,16 +1,13 @@
 //! `cargo xtask train`: a run, or a recipe of several.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use nerd_train::progress;
-use nerd_train::ranks::{self, End, Place, RankError, Ranks};
 use nerd_train::run::{Recipe, RunConfig};
 
 use crate::keys::Keys;
 use crate::numbers::count;
-use crate::refusals::failure;
+use crate::ranks;
 
 /// Train a NeRD model.
 #[derive(clap::Args, Clone, Debug)]
@@ -44,39 +41,5 @@ pub fn run(args: TrainArgs) -> Result<()> {
         (None, Some(name)) => Recipe::named(name, &given),
         (None, None) => Recipe::plain(&given),
     }?;
-    let place = Place::here()?;
-    match args.ranks.or(args.gpus) {
-        Some(asked) if place.world > 1 && asked != place.world => {
-            bail!("--ranks {asked}: a launcher started {} of them (WORLD_SIZE); leave one of both out", place.world)
-        }
-        Some(asked) if place.world == 1 && asked > 1 => started(asked),
-        _ => among(recipe, place),
-    }
-}
-
-/// Starts all ranks.
-fn started(world: usize) -> Result<()> {
-    match ranks::launch(world)? {
-        End::Well => Ok(()),
-        End::Said => std::process::exit(2),
-        End::Ill(reason) => bail!(reason),
-    }
-}
-
-/// Trains as one of them.
-fn among(recipe: Recipe, place: Place) -> Result<()> {
-    ranks::with_launcher();
-    if place.rank > 0 {
-        progress::quiet();
-    }
-    let ranks = Arc::new(Ranks::join(place, end)?);
-    let done = recipe.train_among(&ranks).map_err(anyhow::Error::from);
-    ranks.leave(done.as_ref().err().map(failure).as_deref());
-    done.map(drop)
-}
-
-/// Ends a rank that cannot hear that another one is lost.
-fn end(error: &RankError) {
-    progress::last(format_args!("error: {error}"));
-    std::process::exit(2);
+    ranks::run(args.ranks.or(args.gpus), |ranks| Ok(recipe.train_among(ranks).map(drop)?))
 }

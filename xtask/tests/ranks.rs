@@ -135,11 +135,43 @@ fn what_cannot_be_shared_out_is_refused_in_a_line() {
     assert!(line(&train, &all[..2]).contains("LOCAL_RANK is not set"));
     assert!(line(&train, &all[..1]).contains("WORLD_SIZE is not set"));
     assert!(line(&[&train[..], &["--ranks", "2"]].concat(), &all).contains("--ranks 2"));
-    assert!(line(&["policy", "train", "cartpole-swingup", "--out", out], &all).contains("WORLD_SIZE is 4"));
+    assert!(line(&["policy", "co-train", "cartpole-swingup", "--out", out], &all).contains("WORLD_SIZE is 4"));
     assert!(line(&["dataset", "--robot", "pendulum", "--out", out], &all).contains("--part"));
-    let narrow: Vec<&str> = train.iter().map(|word| if *word == "16" { "1" } else { word }).chain(["--ranks", "2"]).collect();
+    let narrow: Vec<&str> = train
+        .iter()
+        .map(|word| {
+            if *word == "16" {
+                "1"
+            } else if *word == "3200" {
+                "50"
+            } else {
+                word
+            }
+        })
+        .chain(["--ranks", "2"])
+        .collect();
     assert!(line(&narrow, &[]).contains("--batch 1: 2 ranks"));
     assert!(!Path::new(out).exists(), "something was left");
+}
+
+#[test]
+fn a_policy_learns_the_same_whoever_steps_its_environments() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let place = |name: &str| folder.path().join(name).to_str().expect("utf-8").to_string();
+    let train = |out: &str, iterations: &str, ranks: &str| {
+        let line = "policy train cartpole-swingup --envs 10 --horizon 16 --minibatch 80 --seed 3 --iterations";
+        trained(&line.split(' ').chain([iterations, "--ranks", ranks, "--out", out]).collect::<Vec<_>>());
+        std::fs::read(Path::new(out).join("policy/policy.safetensors")).expect("a policy")
+    };
+    let expected = train(&place("1"), "12", "1");
+    for ranks in ["2", "3"] {
+        assert!(train(&place(ranks), "12", ranks) == expected, "{ranks} ranks came to another policy");
+    }
+    // A run of three ranks is gone on with by two, and by one.
+    train(&place("moved"), "4", "3");
+    train(&place("moved"), "8", "2");
+    assert!(train(&place("moved"), "12", "1") == expected, "a run that moved came to another policy");
+    refused(&["policy", "train", "cartpole-swingup", "--envs", "2", "--minibatch", "32", "--ranks", "3", "--out", &place("no")], "3 ranks");
 }
 
 fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {

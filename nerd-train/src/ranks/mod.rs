@@ -122,6 +122,17 @@ impl Ranks {
         }
     }
 
+    /// What all ranks have, in their order, on rank 0; nothing on the others.
+    ///
+    /// # Errors
+    /// If a rank is lost.
+    pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
+        match &self.star {
+            None => Ok(vec![mine]),
+            Some(star) => star.gather(mine),
+        }
+    }
+
     /// Waits until all ranks have come to this point.
     ///
     /// # Errors
