@@ -126,6 +126,8 @@ fn a_rank_that_fails_ends_the_others_with_its_reason() {
     for (rank, said) in found.into_iter().enumerate().filter(|(rank, _)| *rank != 2) {
         assert_eq!(said.as_deref(), Some("rank 2 of 4 ended: the disk is full"), "rank {rank}");
     }
+    let found = among(2, |ranks| if ranks.leads() { ranks.wait().map_err(|e| e.to_string()) } else { Ok(()) });
+    assert!(found[0].as_ref().is_err_and(|said| said.contains("rank 1 of 2 ended: it is done")), "{found:?}");
     let found = among(2, |ranks| ranks.sum(&mut vec![1.0; 3 + ranks.rank()]).map_err(|e| e.to_string()));
     assert!(found[0].as_ref().is_err_and(|said| said.contains("rank 1 has 4, this one 3")), "{found:?}");
 }

@@ -167,11 +167,17 @@ impl Ranks {
         Err(RankError::Apart { rank: self.place.rank, what: what.into(), how: how(&theirs, mine) })
     }
 
-    /// Parts from the others: done, or for a reason that they will tell.
+    /// Parts from the others: done, or for a reason that they will tell. Once is enough.
     pub fn leave(&self, reason: Option<&str>) {
         if let Some(star) = &self.star {
             star.leave(reason);
         }
+    }
+}
+
+impl Drop for Ranks {
+    fn drop(&mut self) {
+        self.leave(Some("it went away before the end"));
     }
 }
 

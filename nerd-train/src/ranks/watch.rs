@@ -121,7 +121,9 @@ impl Watch {
     /// Parts from all, and waits a little for them to part, too.
     pub fn leave(&self, reason: Option<&str>) {
         let known = self.known.load(SeqCst);
-        self.parted.store(true, SeqCst);
+        if self.parted.swap(true, SeqCst) {
+            return;
+        }
         for tie in &self.ties {
             let out = open(&tie.out);
             let _ = match reason {
