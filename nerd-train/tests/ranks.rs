@@ -2,11 +2,10 @@
 
 mod common;
 
-use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 use std::time::Instant;
 
-use common::{LEARNER, fresh, windows};
+use common::{LEARNER, among, fresh, windows};
 use nerd_model::form::Form;
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
@@ -15,22 +14,6 @@ use nerd_train::prepare::{generate, generate_among, moments};
 use nerd_train::ranks::{Place, RankError, Ranks};
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::supply::{Supply, SupplyConfig};
-
-/// What each of so many ranks, threads here, comes to.
-fn among<T: Send>(world: usize, work: impl Fn(&Arc<Ranks>) -> T + Sync) -> Vec<T> {
-    let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port");
-    let one = |rank: usize| {
-        let place = Place { rank, world, local: rank, address: "127.0.0.1".into(), port: free.port() };
-        let ranks = Arc::new(Ranks::join(place, |_| ()).expect("all came"));
-        let done = work(&ranks);
-        ranks.leave(None);
-        done
-    };
-    std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..world).map(|rank| scope.spawn(move || one(rank))).collect();
-        threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
-    })
-}
 
 #[test]
 fn sums_are_the_same_bits_everywhere_and_bytes_come_whole() {

@@ -193,12 +193,9 @@ impl<P: Pass> Learner for Sharded<P> {
         let (step, windows) = (self.state.step, self.train.len() as u64);
         let LearnerConfig { batch, seed, .. } = self.config;
         let rows: Vec<u64> = self.ranks.part(batch).map(|row| draw(seed, step, row as u64, windows)).collect();
-        let (loss, mut all) = self.part(&rows, batch)?;
-        // The loss goes along, so that all ranks stop where it is no number.
-        all.push(loss);
-        self.ranks.sum(&mut all)?;
-        let loss = all.pop().unwrap_or(f32::NAN);
-        self.make(lr, loss, all)
+        let (loss, mut gradient) = self.part(&rows, batch)?;
+        let loss = self.ranks.sum_with(&mut gradient, loss)?;
+        self.make(lr, loss, gradient)
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {

@@ -110,6 +110,16 @@ impl Ranks {
         self.star.as_ref().map_or(Ok(()), |star| star.sum(values))
     }
 
+    /// The same of a gradient and the loss that goes with it, so that all ranks stop where that is no number.
+    ///
+    /// # Errors
+    /// As [`Ranks::sum`].
+    pub fn sum_with(&self, gradient: &mut Vec<f32>, loss: f32) -> Result<f32, RankError> {
+        gradient.push(loss);
+        self.sum(gradient)?;
+        Ok(gradient.pop().unwrap_or(f32::NAN))
+    }
+
     /// What rank `from` has, on all ranks; only there is `make` called.
     ///
     /// # Errors

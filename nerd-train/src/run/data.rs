@@ -114,7 +114,8 @@ impl Run {
                 memory::unrolled(&self.network, frames)?;
                 let scale = ChainSolver::scale(&judge.normalizer).map_err(Error::Refused)?;
                 let sets = [motions, validation.clone()];
-                Ok(Box::new(ChainLearner::new(self.chain()?, self.learner, state, sets, (scale, velocity), frames)?))
+                let learner = ChainLearner::new(self.chain()?, self.learner, state, sets, (scale, velocity), frames)?;
+                Ok(Box::new(learner.among(&self.ranks)))
             }
             (Matter::Windows(sets), _) => engine(self.config.device, self.config.f32, self.learner, state, sets, &self.ranks),
             (Matter::Motions(..), None) => refuse!("motions that nothing is judged by"),

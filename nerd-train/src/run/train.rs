@@ -94,9 +94,6 @@ impl Run {
         if batch < world {
             refuse!("--batch {batch}: {world} ranks need a window each");
         }
-        if world > 1 && self.config.unrolled().is_some() {
-            refuse!("--variant chain trains on one rank alone: leave --ranks, --gpus and WORLD_SIZE out");
-        }
         self.ranks = ranks.clone();
         Ok(self)
     }
