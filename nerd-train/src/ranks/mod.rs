@@ -115,6 +115,9 @@ impl Ranks {
     /// # Errors
     /// As [`Ranks::sum`].
     pub fn sum_with(&self, gradient: &mut Vec<f32>, loss: f32) -> Result<f32, RankError> {
+        if self.star.is_none() {
+            return Ok(loss);
+        }
         gradient.push(loss);
         self.sum(gradient)?;
         Ok(gradient.pop().unwrap_or(f32::NAN))
