@@ -55,15 +55,24 @@ pub struct Device {
 }
 
 impl Device {
-    /// Opens GPU 0 and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
+    /// How many GPUs this process sees.
     ///
     /// # Errors
-    /// A library that is missing, no GPU, kernels that do not compile.
-    pub fn open(source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
+    /// A driver that is missing.
+    pub fn count() -> Result<usize, DeviceError> {
+        present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
+        CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
+    }
+
+    /// Opens a GPU, counted from 0, and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
+    ///
+    /// # Errors
+    /// A library that is missing, no such GPU, kernels that do not compile.
+    pub fn open(ordinal: usize, source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
         // cudarc panics when a library is absent, so look first.
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
         present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
-        let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
+        let context = CudaContext::new(ordinal).map_err(failed("no usable GPU"))?;
         let queue = || -> Result<Queue, DeviceError> {
             let stream = context.new_stream().map_err(failed("stream"))?;
             Ok(Queue { stream, blas: None })
@@ -215,7 +224,12 @@ impl Device {
         .map_err(|e| DeviceError(format!("kernel `{kernel}`: {e:?}")))
     }
 
-    fn stream(&self, lane: Lane) -> &Arc<CudaStream> {
+    /// Makes its context this thread's.
+    pub(crate) fn bind(&self) -> Result<(), DeviceError> {
+        self.context.bind_to_thread().map_err(failed("context"))
+    }
+
+    pub(crate) fn stream(&self, lane: Lane) -> &Arc<CudaStream> {
         &self.queues[lane as usize].stream
     }
 }

@@ -9,6 +9,7 @@ mod error;
 mod graph;
 mod memory;
 mod products;
+mod sums;
 
 pub use cudarc::driver::CudaEvent as Event;
 pub use device::{Arg, Device, Lane};
@@ -16,3 +17,4 @@ pub use error::DeviceError;
 pub use graph::Graph;
 pub use memory::Buffer;
 pub use products::{Batch, Op, Precision};
+pub use sums::Sums;

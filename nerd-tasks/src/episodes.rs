@@ -42,6 +42,8 @@ pub struct Episodes {
     /// The simulation; its solver may be any.
     pub simulation: Simulation,
     seed: u64,
+    /// Number of its first environment.
+    first: usize,
     begun: Vec<u64>,
     goals: Vec<f64>,
     torques: Vec<f64>,
@@ -56,9 +58,18 @@ impl Episodes {
     /// # Panics
     /// If the simulation is of another robot than the task's.
     pub fn new(task: Box<dyn Task>, simulation: Simulation, seed: u64) -> Self {
+        Self::part(task, simulation, seed, 0)
+    }
+
+    /// Environments `first ..` of more: what happens in them is what would happen there among all.
+    ///
+    /// # Panics
+    /// As [`Episodes::new`].
+    pub fn part(task: Box<dyn Task>, simulation: Simulation, seed: u64, first: usize) -> Self {
         let (n, system) = (simulation.batch.len(), simulation.batch.system.clone());
         let mut episodes = Self {
             seed,
+            first,
             begun: vec![0; n],
             goals: vec![0.0; n * task.goal_dim()],
             torques: vec![0.0; n * system.robot.joint_count()],
@@ -159,7 +170,7 @@ impl Episodes {
     }
 
     fn restart(&mut self, env: usize) {
-        let mut rng = stream(self.seed, (env as u64) << 32 | self.begun[env]);
+        let mut rng = stream(self.seed, ((self.first + env) as u64) << 32 | self.begun[env]);
         self.begun[env] += 1;
         let width = self.task.goal_dim();
         self.task.draw_goal(&mut rng, &mut self.goals[env * width..(env + 1) * width]);

@@ -113,7 +113,7 @@ fn begun_anew(solver: Make) -> Outcome {
 
 /// A device whose memory others have.
 fn full(solver: Make) -> Outcome {
-    let device = nerd_cuda::Device::open("", &[])?;
+    let device = nerd_cuda::Device::open(0, "", &[])?;
     let mut taken = Vec::new();
     let mut piece = 1usize << 34;
     while piece > 1 << 16 {

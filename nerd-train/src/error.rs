@@ -12,6 +12,7 @@ use crate::checkpoint::CheckpointError;
 use crate::learner::LearnError;
 use crate::ppo::{ConfigError, PpoError};
 use crate::ranges::OutOfRange;
+use crate::ranks::RankError;
 use crate::supply::SupplyError;
 use crate::trainer::TrainError;
 
@@ -78,6 +79,9 @@ pub enum Error {
     /// A training run.
     #[error(transparent)]
     Train(#[from] TrainError),
+    /// Other ranks of a run.
+    #[error(transparent)]
+    Ranks(#[from] RankError),
     /// A run of PPO.
     #[error(transparent)]
     Ppo(#[from] PpoError),

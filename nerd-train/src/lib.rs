@@ -26,6 +26,7 @@ pub mod ppo;
 pub mod prepare;
 pub mod progress;
 pub mod ranges;
+pub mod ranks;
 pub mod report;
 pub mod run;
 pub mod schedule;

@@ -15,6 +15,7 @@ use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
+use crate::ranks::{RankError, Ranks};
 use crate::windows::Windows;
 
 /// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
@@ -134,16 +135,54 @@ pub fn generate(
     form: impl Into<Form>,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared, DatasetError> {
-    let form = form.into();
+    Ok(joined(shards(&Ranks::default(), system, solver, config, (history, form.into()), progress)?))
+}
+
+/// The same where each rank records its share, shard k on rank k mod R, and all are given to all.
+pub fn generate_among(
+    ranks: &Ranks,
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    config: &GenerateConfig,
+    history: usize,
+    form: impl Into<Form>,
+    progress: &(dyn Fn(usize) + Sync),
+) -> crate::Result<Prepared> {
+    let mut mine = shards(ranks, system, solver, config, (history, form.into()), progress)?;
+    if ranks.world() == 1 {
+        return Ok(joined(mine));
+    }
+    mine.reverse();
+    let mut all = Vec::new();
+    for k in 0..config.trajectories().div_ceil(config.shard_trajectories) {
+        let own = if k % ranks.world() == ranks.rank() { mine.pop() } else { None };
+        let sent =
+            ranks.share(k % ranks.world(), || own.as_ref().map_or_else(Vec::new, |(w, hash)| [&hash[..], &w.to_bytes()].concat()))?;
+        let (hash, windows) = sent.split_first_chunk().unwrap_or((&[0; 32], &[]));
+        all.push(own.map_or_else(|| Ok((Windows::from_bytes(windows)?, *hash)), Ok::<_, RankError>)?);
+    }
+    Ok(joined(all))
+}
+
+/// This rank's shards, in order.
+fn shards(
+    ranks: &Ranks,
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    config: &GenerateConfig,
+    form: (usize, Form),
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<(Windows, [u8; 32])>, DatasetError> {
     config.check(system)?;
-    let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
+    let starts = (0..config.trajectories()).step_by(config.shard_trajectories);
+    let mine: Vec<usize> = starts.skip(ranks.rank()).step_by(ranks.world()).collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
-        let done = shard(system, solver, config, first as u64, count, (history, form))?;
+        let done = shard(system, solver, config, first as u64, count, form)?;
         progress(count * config.frames);
         Ok(done)
     };
-    Ok(joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
+    mine.par_iter().map(shard).collect()
 }
 
 /// Tokens and targets of trajectories `first .. first + count`, and the hash of their recording.

@@ -2,13 +2,28 @@
 
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use nerd_sim::system::System;
 
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From now on this process says nothing of what it does: another one speaks for it.
+pub fn quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
 /// A line on standard error. Nobody may read there (`2>&1 | head`), which ends no work.
 pub fn tell(text: std::fmt::Arguments) {
+    if !QUIET.load(Ordering::Relaxed) {
+        last(text);
+    }
+}
+
+/// The line that a process ends with, if it fails: that one is said in any case.
+pub fn last(text: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
@@ -43,7 +58,7 @@ pub fn bar(what: &str, total: u64) -> Bar {
 
 /// Starts a bar over `total` units of `what`, of which `done` were done before.
 pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
-    let inner = rayon::current_thread_index().is_some();
+    let inner = rayon::current_thread_index().is_some() || QUIET.load(Ordering::Relaxed);
     let bar = (std::io::stderr().is_terminal() && !inner).then(|| {
         let bar = ProgressBar::new(total);
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {human_pos}/{human_len}, {per_sec}, {eta} left") {

@@ -15,6 +15,7 @@ use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 
 use crate::prepare::{normalize, shard};
+use crate::ranks::{RankError, Ranks};
 use crate::windows::Windows;
 
 /// What to record, and when it is wanted.
@@ -48,17 +49,21 @@ pub enum SupplyError {
     /// A thread panicked; it has said why.
     #[error("fresh data: a recording thread panicked")]
     Panicked,
+    /// Another rank is gone.
+    #[error(transparent)]
+    Ranks(#[from] RankError),
 }
 
 /// Fresh shards in order.
 pub struct Supply {
-    /// Thread t makes every T-th shard.
+    /// Of this rank's shards thread t makes every T-th.
     threads: Vec<Receiver<Result<Windows, DatasetError>>>,
     slots: u64,
     shard: usize,
     shards: u64,
     updates: u64,
     next: u64,
+    ranks: Arc<Ranks>,
 }
 
 impl Supply {
@@ -71,6 +76,19 @@ impl Supply {
         solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
         config: SupplyConfig,
     ) -> Result<Self, SupplyError> {
+        Self::among(&Arc::default(), system, solver, config)
+    }
+
+    /// The same where each rank records its share, shard k on rank k mod R, and all are given to all.
+    ///
+    /// # Errors
+    /// As [`Supply::new`].
+    pub fn among(
+        ranks: &Arc<Ranks>,
+        system: &Arc<System>,
+        solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
+        config: SupplyConfig,
+    ) -> Result<Self, SupplyError> {
         config.data.check(system)?;
         let shard = config.data.shard_trajectories;
         let slots = (config.data.trajectories() / shard) as u64;
@@ -78,23 +96,26 @@ impl Supply {
             let text = format!("{} trajectories are less than a shard of {shard}", config.data.trajectories());
             return Err(DatasetError::Config(text).into());
         }
-        let mut supply = Self { threads: Vec::new(), slots, shard, shards: config.shards, updates: config.updates.max(1), next: 0 };
+        let (shards, updates, ranks) = (config.shards, config.updates.max(1), ranks.clone());
+        let mut supply = Self { threads: Vec::new(), slots, shard, shards, updates, next: 0, ranks };
         // Of what is past only the last of each slot is left.
         supply.next = supply.wanted(config.step).saturating_sub(slots);
         let (shared, threads) = (Arc::new((config, solver)), rayon::current_num_threads() as u64);
+        let (rank, world) = (supply.ranks.rank() as u64, supply.ranks.world() as u64);
+        // This rank's j-th shard is shard rank + j R; the thread that makes it is j mod T.
+        let first = supply.next.saturating_sub(rank).div_ceil(world);
         for thread in 0..threads {
             let (sender, receiver) = sync_channel(1);
-            // The thread that makes shard k is k mod T.
-            let mut k = supply.next + (thread + threads - supply.next % threads) % threads;
-            let (system, shared, shards) = (system.clone(), shared.clone(), supply.shards);
+            let mut j = first + (thread + threads - first % threads) % threads;
+            let (system, shared) = (system.clone(), shared.clone());
             let work = move || {
-                while k < shards {
-                    let made = make(&system, &shared.1, &shared.0, k);
+                while rank + j * world < shards {
+                    let made = make(&system, &shared.1, &shared.0, rank + j * world);
                     let failed = made.is_err();
                     if sender.send(made).is_err() || failed {
                         return;
                     }
-                    k += threads;
+                    j += threads;
                 }
             };
             // A pool of one thread, so that solvers which are parallel by themselves stay on it and out of the run's way.
@@ -113,8 +134,25 @@ impl Supply {
         let k = self.next;
         self.next += 1;
         let place = (k % self.slots) as usize * self.shard;
-        let made = self.threads[(k % self.threads.len() as u64) as usize].recv();
-        Some(made.map_or_else(|_| Err(SupplyError::Panicked), |made| made.map_err(SupplyError::from)).map(|windows| (place, windows)))
+        Some(self.given(k).map(|windows| (place, windows)))
+    }
+
+    /// Shard k, whoever records it.
+    fn given(&self, k: u64) -> Result<Windows, SupplyError> {
+        let world = self.ranks.world() as u64;
+        let (maker, j) = ((k % world) as usize, k / world);
+        let mine = || -> Result<Windows, SupplyError> {
+            let made = self.threads[(j % self.threads.len() as u64) as usize].recv();
+            Ok(made.map_err(|_| SupplyError::Panicked)??)
+        };
+        if maker != self.ranks.rank() {
+            return Ok(Windows::from_bytes(&self.ranks.share(maker, Vec::new)?)?);
+        }
+        let mine = mine()?;
+        if world > 1 {
+            self.ranks.share(maker, || mine.to_bytes())?;
+        }
+        Ok(mine)
     }
 
     /// Shards taken up by the time of update `step`.

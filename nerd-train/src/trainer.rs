@@ -6,10 +6,12 @@
 //! `last.safetensors`, make a learner of it, run the same [`TrainerConfig`] again.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nerd_model::transformer::Weights;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::best::Best;
 use crate::checkpoint::{self, CheckpointError};
@@ -17,6 +19,7 @@ use crate::learner::{LearnError, Learner, LearnerState};
 use crate::metrics::{Line, Metrics};
 use crate::progress::bar_from;
 use crate::ranges::{OutOfRange, within};
+use crate::ranks::{RankError, Ranks, bytes};
 use crate::schedule::Schedule;
 use crate::supply::{Supply, SupplyError};
 
@@ -77,6 +80,9 @@ pub enum TrainError {
     /// A file of the run could not be written or read.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// Another rank is gone.
+    #[error(transparent)]
+    Ranks(#[from] RankError),
     /// Fresh data could not be recorded.
     #[error(transparent)]
     Supply(#[from] SupplyError),
@@ -116,12 +122,19 @@ pub struct Trainer {
     folder: PathBuf,
     run: String,
     stop_at: Option<Duration>,
+    ranks: Arc<Ranks>,
 }
 
 impl Trainer {
     /// A run in `folder` (which exists) of updates of `batch` windows; `run` is JSON kept in its checkpoints.
     pub fn new(config: TrainerConfig, batch: usize, folder: &Path, run: &str) -> Self {
-        Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None }
+        Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None, ranks: Arc::default() }
+    }
+
+    /// Trains as one of these ranks: rank 0 keeps the record, validates and writes, the others make its updates with it.
+    pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
+        self.ranks = ranks.clone();
+        self
     }
 
     /// Stops, with a full checkpoint, at the first update that ends `wall` after [`Trainer::run`] was called.
@@ -137,6 +150,9 @@ impl Trainer {
     pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome, TrainError> {
         let (c, started) = (&self.config, Instant::now());
         c.check()?;
+        if !self.ranks.leads() {
+            return self.follow(learner, fresh);
+        }
         let first = learner.state()?.step;
         let mut metrics = Metrics::open(&self.folder.join("metrics.jsonl"), first)?;
         // A fresh run in an old folder starts its own comparison.
@@ -144,14 +160,9 @@ impl Trainer {
         let bar = bar_from("updates", first, c.updates);
         let (mut step, mut logged, mut since) = (first, first, Instant::now());
         while step < c.updates {
-            while let Some(shard) = fresh.as_mut().and_then(|supply| supply.take(step)) {
-                let (trajectory, windows) = shard?;
-                learner.replace(trajectory, &windows)?;
-            }
-            let lr = c.schedule.rate(step, c.updates);
-            learner.update(lr as f32)?;
+            let lr = self.update(learner, &mut fresh, step)?;
             step += 1;
-            let over = self.stop_at.is_some_and(|wall| started.elapsed() >= wall);
+            let over = self.over(started)?;
             if over || due(step, c.log_every, c.updates) {
                 let p = learner.progress()?;
                 let windows_per_second = (step - logged) as f64 * self.batch as f64 / since.elapsed().as_secs_f64();
@@ -162,6 +173,7 @@ impl Trainer {
             }
             if due(step, c.validate_every, c.updates) {
                 let paused = Instant::now();
+                self.same(learner)?;
                 let loss = learner.validate(c.validation_windows)?;
                 let value = hook(learner, step).map_err(|source| TrainError::Hook { step, source })?;
                 let criterion = value.unwrap_or(f64::from(loss));
@@ -183,7 +195,55 @@ impl Trainer {
             }
         }
         bar.finish();
+        // What the last update was summed through is not taken away before all have it.
+        self.ranks.wait()?;
         Ok(Outcome { step, finished: step >= c.updates, best })
+    }
+
+    /// The run of a rank that does not lead.
+    fn follow(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>) -> Result<Outcome, TrainError> {
+        let (c, started) = (&self.config, Instant::now());
+        let mut step = learner.state()?.step;
+        let mut over = false;
+        while step < c.updates && !over {
+            self.update(learner, &mut fresh, step)?;
+            step += 1;
+            over = self.over(started)?;
+            if over || due(step, c.log_every, c.updates) {
+                learner.progress()?;
+            }
+            if due(step, c.validate_every, c.updates) {
+                self.same(learner)?;
+            }
+        }
+        self.ranks.wait()?;
+        Ok(Outcome { step, finished: step >= c.updates, best: None })
+    }
+
+    /// Update `step`, counted from 0, on fresh data where some is due before it; its learning rate.
+    fn update(&self, learner: &mut dyn Learner, fresh: &mut Option<Supply>, step: u64) -> Result<f64, TrainError> {
+        while let Some(shard) = fresh.as_mut().and_then(|supply| supply.take(step)) {
+            let (trajectory, windows) = shard?;
+            learner.replace(trajectory, &windows)?;
+        }
+        let lr = self.config.schedule.rate(step, self.config.updates);
+        learner.update(lr as f32)?;
+        Ok(lr)
+    }
+
+    /// Whether the time is over, by the clock of rank 0.
+    fn over(&self, started: Instant) -> Result<bool, RankError> {
+        self.stop_at.map_or(Ok(false), |wall| self.ranks.decide(started.elapsed() >= wall))
+    }
+
+    /// Refuses to go on where ranks have come to other weights: nobody would notice.
+    fn same(&self, learner: &mut dyn Learner) -> Result<(), TrainError> {
+        if self.ranks.world() == 1 {
+            return Ok(());
+        }
+        let state = learner.state()?;
+        let how = |_: &[u8], _: &[u8]| format!("at update {}; ranks need machines, cards and programs of one kind", state.step);
+        Ok(self.ranks.agree("weights", &Sha256::digest(bytes(&state.weights.flat)), how)?)
     }
 
     /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.

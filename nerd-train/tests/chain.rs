@@ -1,5 +1,7 @@
 //! Chains: views of a motion, scenes drawn again, the slope of a rollout's loss, and that something is learned.
 
+mod common;
+
 use std::sync::Arc;
 
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods};
@@ -10,6 +12,7 @@ use nerd_sim::dataset::{GenerateConfig, Manifest, generate};
 use nerd_sim::prelude::*;
 use nerd_train::chain::{ChainLearner, Loss, Motions, Rollout, Unroll, View, distance, scales};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
+use nerd_train::ranks::Ranks;
 use nerd_train::run::{Run, RunConfig, Variant};
 
 const CABLE: &str = "[cable]\nlength = 0.4\ndiameter = 0.008\nmass = 0.03\nbending = 1e-3\nlinks = 6\nat = [0.1, 0.05, 0.1]\n\
@@ -172,6 +175,31 @@ fn the_same_updates_on_any_number_of_threads() {
         })
     };
     assert!(trained(1) == trained(3), "weights differ");
+}
+
+#[test]
+fn ranks_make_the_updates_of_one() {
+    let Case { chain, motions, .. } = case();
+    let (normalizer, velocity) = scales(&chain, &motions);
+    let scale = ChainSolver::scale(&normalizer).expect("a chain's");
+    let config = LearnerConfig { batch: 20, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Adam };
+    let train = |ranks: &Arc<Ranks>| {
+        let (sets, state) = ([motions.clone(), motions.clone()], LearnerState::new(weights(&chain)));
+        let learner = ChainLearner::new(chain.clone(), config, state, sets, (scale, velocity), 3).expect("a learner");
+        let mut learner = learner.among(ranks);
+        let losses: Vec<f32> = (0..6)
+            .map(|_| {
+                learner.update(1e-3).expect("finite");
+                learner.progress().expect("its loss").loss
+            })
+            .collect();
+        (losses, learner.state().expect("a state"))
+    };
+    let (alone, _) = train(&Arc::default());
+    let found = common::among(3, train);
+    let off = found[0].0.iter().zip(&alone).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f32::max);
+    println!("three ranks: losses {:?}, off those of one by {off:.1e} at most", found[0].0);
+    assert!(off < 1e-3 && found.iter().all(|of_rank| *of_rank == found[0]), "losses of one rank: {alone:?}");
 }
 
 #[test]

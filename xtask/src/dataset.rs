@@ -1,17 +1,20 @@
 //! `cargo xtask dataset --robot pendulum --out data/pendulum`: trajectories of a truth as safetensors shards, whatever `train` can
 //! learn from.
 //!
-//! A shard is there whole or not at all; the same command again keeps what is there and makes what is missing.
+//! A shard is there whole or not at all; the same command again keeps what is there and makes what is missing. `--part 3/8` makes the
+//! third of eight parts, into the same folder as the others (docs/many-gpus.md).
 
 use std::path::PathBuf;
 
 use anyhow::{Error, Result};
+use nerd_sim::dataset::Part;
 use nerd_sim::prelude::*;
 use nerd_train::run::RecordConfig;
 use nerd_train::settings::Settings;
 
 use crate::keys::Keys;
 use crate::numbers::{TRANSITIONS, count};
+use crate::ranks::alone;
 
 /// Record random trajectories.
 #[derive(clap::Args, Clone, Debug)]
@@ -24,6 +27,10 @@ pub struct DatasetArgs {
     /// Transitions in all, rounded up to whole trajectories
     #[arg(long, default_value_t = 1_000_000, value_parser = count::<usize>(TRANSITIONS))]
     pub transitions: usize,
+    /// One of n parts, i/n, for machines that share the work: parts may be made at once, in any order, and again; the last one
+    /// writes the manifest, and the folder is as if it had been made at once
+    #[arg(long, value_name = "I/N", default_value_t = Part::WHOLE, hide_default_value = true)]
+    pub part: Part,
     /// Folder of the shards
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
@@ -31,11 +38,15 @@ pub struct DatasetArgs {
 
 /// Runs the verb.
 pub fn run(args: DatasetArgs) -> Result<()> {
-    let system = System::named(&args.robot)?;
+    alone("dataset", "--part shares the work out")?;
+    let (system, part) = (System::named(&args.robot)?, args.part);
     nerd_train::progress::notes(&system);
     let config = RecordConfig::default().with(&args.keys.given).map_err(Error::msg)?;
     let started = std::time::Instant::now();
-    let manifest = config.write(&system, args.transitions, &args.out)?;
+    let Some(manifest) = config.write_part(&system, args.transitions, part, &args.out)? else {
+        println!("part {part} is there; {} is complete once all parts are", args.out.display());
+        return Ok(());
+    };
     let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
     println!(
         "{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}",

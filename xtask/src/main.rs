@@ -36,6 +36,7 @@ mod numbers;
 mod out;
 mod outside;
 mod policy;
+mod ranks;
 mod reference;
 mod refusals;
 mod report;
@@ -50,6 +51,9 @@ mod tosses;
 mod train;
 mod urdf;
 mod verbs;
+
+/// Read by NCCL.
+const MULTICAST: &str = "NCCL_NVLS_ENABLE";
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -123,6 +127,11 @@ fn parse() -> Result<Verb, clap::Error> {
 }
 
 fn main() -> ExitCode {
+    // Sums of several graphics cards go without NVLink's multicast, which not every machine has set up, unless somebody asks for it.
+    if std::env::var_os(MULTICAST).is_none() {
+        // SAFETY: no other thread runs yet.
+        unsafe { std::env::set_var(MULTICAST, "0") };
+    }
     let verb = match parse() {
         Ok(verb) => verb,
         Err(error) => return refusals::unsaid(&error),

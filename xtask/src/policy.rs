@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::ppo::{PolicyRun, PpoConfig, folder, replay};
+use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder, replay};
 
 mod arena;
 mod cotrain;
@@ -12,6 +12,7 @@ pub mod evaluate;
 use arena::ArenaArgs;
 
 use crate::numbers::{SEEDS, count, finite, positive};
+use crate::ranks;
 
 /// Train, evaluate or show a policy.
 #[derive(clap::Args, Clone, Debug)]
@@ -67,6 +68,9 @@ pub struct TrainArgs {
     /// Seed of weights, noise and starts
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
+    /// Processes of this machine that share the environments out among them [default: 1, or WORLD_SIZE where a launcher set it]
+    #[arg(long, value_name = "N", value_parser = count::<usize>(1..=1024))]
+    pub ranks: Option<usize>,
     /// Folder of the run [default: out/policies/TASK-SOLVER-SEED]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -92,7 +96,7 @@ pub struct ShowArgs {
 pub fn run(args: PolicyArgs) -> Result<()> {
     match args.verb {
         PolicyVerb::Train(args) => train(*args),
-        PolicyVerb::CoTrain(args) => cotrain::run(args),
+        PolicyVerb::CoTrain(args) => ranks::alone("policy co-train", "leave it out").and_then(|()| cotrain::run(args)),
         PolicyVerb::Evaluate(args) => evaluate::run(args),
         PolicyVerb::Show(args) => show(args),
     }
@@ -107,7 +111,16 @@ fn train(args: TrainArgs) -> Result<()> {
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
     let out = args.out.unwrap_or_else(|| format!("out/policies/{task}-{}-{seed}", arena.word()).into());
-    let done = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out }.train()?;
+    let run = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out };
+    ranks::run(args.ranks, |ranks| {
+        if let Some(done) = run.train_among(ranks)? {
+            say(&done);
+        }
+        Ok(())
+    })
+}
+
+fn say(done: &Learned) {
     let reward = done.reward.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
     let seconds = done.elapsed.as_secs_f64();
     println!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());
@@ -115,7 +128,6 @@ fn train(args: TrainArgs) -> Result<()> {
     if done.failed > 0 {
         eprintln!("{} episodes ended because the solver could not go on with them", done.failed);
     }
-    Ok(())
 }
 
 fn show(args: ShowArgs) -> Result<()> {

@@ -9,7 +9,7 @@ const RENAMED: [(&str, &str); 3] = [("--steps", "--frames"), ("--horizon", "--fr
 
 /// Says it, and ends.
 pub fn end(words: &str) -> ExitCode {
-    eprintln!("error: {words}");
+    nerd_train::progress::last(format_args!("error: {words}"));
     ExitCode::from(2)
 }
 

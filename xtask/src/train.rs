@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use nerd_train::run::{Recipe, RunConfig};
 
 use crate::keys::Keys;
+use crate::numbers::count;
+use crate::ranks;
 
 /// Train a NeRD model.
 #[derive(clap::Args, Clone, Debug)]
@@ -18,18 +20,26 @@ pub struct TrainArgs {
     /// trained again, all of its runs (--updates and --transitions are then most that each has)
     #[arg(long)]
     pub recipe: Option<String>,
+    /// Processes of this machine that share the run out among them [default: 1, or WORLD_SIZE where a launcher set it]
+    #[arg(long, value_name = "N", conflicts_with = "gpus", value_parser = count::<usize>(1..=1024))]
+    pub ranks: Option<usize>,
+    /// As many ranks, each with a graphics card of its own: `--ranks N --device cuda`
+    #[arg(long, value_name = "N", value_parser = count::<usize>(1..=1024))]
+    pub gpus: Option<usize>,
     #[command(flatten)]
     pub keys: Keys<RunConfig>,
 }
 
 /// Runs the verb.
 pub fn run(args: TrainArgs) -> Result<()> {
-    let given = &args.keys.given;
+    let mut given = args.keys.given;
+    if args.gpus.is_some() && given.insert("device".into(), "cuda".into()).is_some_and(|device| device != "cuda") {
+        bail!("--gpus: a rank with a graphics card computes there; leave --device out");
+    }
     let recipe = match (&args.file, &args.recipe) {
-        (Some(file), _) => Recipe::read(file, given),
-        (None, Some(name)) => Recipe::named(name, given),
-        (None, None) => Recipe::plain(given),
-    };
-    recipe?.train()?;
-    Ok(())
+        (Some(file), _) => Recipe::read(file, &given),
+        (None, Some(name)) => Recipe::named(name, &given),
+        (None, None) => Recipe::plain(&given),
+    }?;
+    ranks::run(args.ranks.or(args.gpus), |ranks| Ok(recipe.train_among(ranks).map(drop)?))
 }

@@ -1,5 +1,6 @@
 //! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
 
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,7 +9,7 @@ use nerd_core::dynamics::Data;
 use super::begin::Begun;
 use super::drive::Drive;
 use super::recording::sha256_of;
-use super::{DatasetError, FORMAT, GenerateConfig, Manifest, Recording, manifest, read_shard, write_shard};
+use super::{DatasetError, FORMAT, GenerateConfig, Manifest, Part, Recording, manifest, read_shard, write_shard};
 use crate::batch::contacts;
 use crate::solver::Solver;
 use crate::system::System;
@@ -93,61 +94,103 @@ pub fn generate(
     folder: &Path,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
+    let made = generate_part(system, solver, truth, config, Part::WHOLE, folder, progress)?;
+    made.ok_or_else(|| DatasetError::Format { path: folder.into(), reason: "another process removed or changed its shards".into() })
+}
+
+/// The same of a part of the shards. Whoever finds that all of them are there writes `manifest.json`: then the folder is, byte by byte,
+/// what [`generate`] would have written. None as long as shards of other parts are missing.
+///
+/// # Errors
+/// As [`generate`].
+pub fn generate_part(
+    system: &Arc<System>,
+    solver: &mut dyn Solver,
+    truth: &str,
+    config: &GenerateConfig,
+    part: Part,
+    folder: &Path,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Option<Manifest>, DatasetError> {
     config.check(system)?;
-    let total = config.trajectories();
-    let identity = manifest::header(system, truth);
     if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
         let reason = format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
         return Err(DatasetError::Format { path: folder.into(), reason });
     }
-    let mut hashes = Vec::new();
-    let mut shards = Vec::new();
-    let mut first = 0;
-    while first < total {
-        let count = config.shard_trajectories.min(total - first);
-        let name = format!("shard-{:05}.safetensors", shards.len());
-        let path = folder.join(&name);
-        let mut header = identity.clone();
-        let settings = [
-            ("seed", config.seed.to_string()),
-            ("first", first.to_string()),
-            ("frames", config.frames.to_string()),
-            ("trajectories", count.to_string()),
-            ("torque_scale", config.torque_scale.to_string()),
-            ("hold", config.hold.to_string()),
-            ("resets", config.resets.to_string()),
-            ("pilot", format!("{:?}", config.pilot)),
-        ];
-        header.extend(settings.map(|(k, v)| (k.to_string(), v)));
-        let kept = read_shard(&path).ok().filter(|(_, found)| *found == header).map(|(recording, _)| recording);
-        let recording = match kept {
-            Some(recording) => recording,
+    let (identity, shards) = (manifest::header(system, truth), Shard::all(config));
+    let there = |shard: &Shard| -> Option<[u8; 32]> {
+        let (recording, found) = read_shard(&folder.join(&shard.name)).ok()?;
+        (found == shard.header(&identity, config)).then(|| recording.sha256())
+    };
+    let mine = || shards.iter().enumerate().filter(|(k, _)| part.holds(*k)).map(|(_, shard)| shard);
+    let total: usize = mine().map(|shard| shard.count * config.frames).sum();
+    let (mut hashes, mut done) = (HashMap::new(), 0);
+    for shard in mine() {
+        let hash = match there(shard) {
+            Some(hash) => hash,
             None => {
-                let recording = record(system, solver, config, first as u64, count)?;
-                write_shard(&path, &recording, &header)?;
-                recording
+                let recording = record(system, solver, config, shard.first as u64, shard.count)?;
+                write_shard(&folder.join(&shard.name), &recording, &shard.header(&identity, config))?;
+                recording.sha256()
             }
         };
-        hashes.push(recording.sha256());
-        shards.push(name);
-        first += count;
-        progress(first * config.frames, total * config.frames);
+        hashes.insert(shard.first, hash);
+        done += shard.count * config.frames;
+        progress(done, total);
     }
-    let sha256 = sha256_of(hashes);
+    // Names are looked at first: to read all shards takes its time.
+    if shards.iter().any(|shard| !folder.join(&shard.name).exists()) {
+        return Ok(None);
+    }
+    let hash = |shard: &Shard| hashes.get(&shard.first).copied().or_else(|| there(shard));
+    let Some(hashes) = shards.iter().map(hash).collect::<Option<Vec<_>>>() else { return Ok(None) };
     let manifest = Manifest {
         format: Some(FORMAT),
         robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),
         system_sha256: system.sha256(),
         truth: truth.into(),
-        trajectories: total,
+        trajectories: config.trajectories(),
         frames: config.frames,
         seed: config.seed,
-        shards,
-        sha256,
+        shards: shards.into_iter().map(|shard| shard.name).collect(),
+        sha256: sha256_of(hashes),
     };
     let path = folder.join("manifest.json");
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;
     crate::files::write(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;
-    Ok(manifest)
+    Ok(Some(manifest))
+}
+
+/// A shard to be made.
+struct Shard {
+    name: String,
+    first: usize,
+    count: usize,
+}
+
+impl Shard {
+    /// All of a data set.
+    fn all(config: &GenerateConfig) -> Vec<Self> {
+        let (most, total) = (config.shard_trajectories, config.trajectories());
+        let shard = |(k, first)| Self { name: format!("shard-{k:05}.safetensors"), first, count: most.min(total - first) };
+        (0..total).step_by(most).enumerate().map(shard).collect()
+    }
+
+    /// What stands in it beside the numbers.
+    fn header(&self, identity: &BTreeMap<String, String>, config: &GenerateConfig) -> BTreeMap<String, String> {
+        let settings = [
+            ("seed", config.seed.to_string()),
+            ("first", self.first.to_string()),
+            ("frames", config.frames.to_string()),
+            ("trajectories", self.count.to_string()),
+            ("torque_scale", config.torque_scale.to_string()),
+            ("hold", config.hold.to_string()),
+            ("resets", config.resets.to_string()),
+            ("pilot", format!("{:?}", config.pilot)),
+        ];
+        let mut header = identity.clone();
+        header.extend(settings.map(|(k, v)| (k.to_string(), v)));
+        header
+    }
 }

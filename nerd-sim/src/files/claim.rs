@@ -1,4 +1,4 @@
-//! A folder of results that one process at a time writes.
+//! A folder of results that one process at a time writes, or several that share it.
 
 use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::is_at;
 
-/// A folder claimed by [`claim`], until this is dropped or the process ends, however it does. Folders that were made by the
+/// A folder claimed by [`claim`] or [`share`], until this is dropped or the process ends, however it does. Folders that were made by the
 /// claim and are still empty then go with it.
 #[derive(Debug)]
 pub struct Claim {
@@ -20,13 +20,25 @@ pub struct Claim {
 /// # Errors
 /// If another process (or another claim of this one) writes there, with the folder's name; or what the file system says.
 pub fn claim(folder: &Path) -> Result<Claim> {
+    locked(folder, File::try_lock)
+}
+
+/// Claims a folder together with others who share it: with files of their own each, or the same bytes.
+///
+/// # Errors
+/// If another process has it for itself, with the folder's name; or what the file system says.
+pub fn share(folder: &Path) -> Result<Claim> {
+    locked(folder, File::try_lock_shared)
+}
+
+fn locked(folder: &Path, lock: fn(&File) -> std::result::Result<(), TryLockError>) -> Result<Claim> {
     let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
     // A claim that ends may remove the folder just before it is locked here: then it is made again.
     for _ in 0..100 {
         let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder).map_err(named)?;
-        let Ok(lock) = handle(folder) else { continue };
-        match lock.try_lock() {
+        let Ok(file) = handle(folder) else { continue };
+        match lock(&file) {
             Err(TryLockError::WouldBlock) => {
                 let text = format!("{} is in use: another process writes there; wait for it, or choose another folder", folder.display());
                 return Err(Error::new(ErrorKind::WouldBlock, text));
@@ -34,8 +46,8 @@ pub fn claim(folder: &Path) -> Result<Claim> {
             // A file system without locks cannot tell.
             Ok(()) | Err(TryLockError::Error(_)) => {}
         }
-        if is_at(&lock, &place(folder)) {
-            return Ok(Claim { made, _lock: lock });
+        if is_at(&file, &place(folder)) {
+            return Ok(Claim { made, _lock: file });
         }
     }
     Err(Error::other(format!("{} comes and goes: another process makes and removes it", folder.display())))

@@ -7,7 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error, Result, Write};
 use std::path::{Path, PathBuf};
 
-pub use claim::{Claim, claim};
+pub use claim::{Claim, claim, share};
 
 /// Replaces the file at `path` (its folder is made if absent) by `bytes`; see [`write_with`].
 ///

@@ -12,6 +12,7 @@ use super::judge::missed;
 use super::loss::Loss;
 use super::{Motions, Rollout, Unroll, View};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
+use crate::ranks::Ranks;
 use crate::windows::Windows;
 
 /// Rollouts of a thread's pass: their activations in a frame stay near the processor.
@@ -34,8 +35,9 @@ pub struct ChainLearner {
     scale: [f64; OUTPUTS],
     loss: Loss,
     frames: usize,
-    /// Where the last update ended. A run that is gone on with begins all of them anew.
+    /// Of this rank, where the last update ended. A run that is gone on with begins all of them anew.
     rollouts: Vec<Option<Rollout>>,
+    ranks: Arc<Ranks>,
     memory: Mutex<Vec<Vec<Memory>>>,
     sums: (f64, f64, u32),
 }
@@ -61,8 +63,15 @@ impl ChainLearner {
         }
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let loss = Loss::new(&scale, velocity, frames);
-        let (rollouts, memory) = (vec![None; config.batch], Mutex::default());
-        Ok(Self { chain, config, state, train, validation, network, scale, loss, frames, rollouts, memory, sums: (0.0, 0.0, 0) })
+        let (rollouts, memory, ranks) = (vec![None; config.batch], Mutex::default(), Arc::default());
+        Ok(Self { chain, config, state, train, validation, network, scale, loss, frames, rollouts, ranks, memory, sums: (0.0, 0.0, 0) })
+    }
+
+    /// Computes this rank's rollouts of every update.
+    pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
+        self.rollouts = vec![None; ranks.part(self.config.batch).len()];
+        self.ranks = ranks.clone();
+        self
     }
 
     /// What rollouts go through.
@@ -71,20 +80,21 @@ impl ChainLearner {
         Unroll { chain, motions: train, network, scale, frames: *frames, loss: *loss }
     }
 
-    /// Those of an update: carried on, or begun where its draws say.
+    /// This rank's of an update: carried on, or begun where its draws say.
     fn drawn(&mut self) -> Vec<Rollout> {
         let mut rng = stream(self.config.seed, self.state.step);
-        let before = std::mem::take(&mut self.rollouts);
-        let (unroll, round) = (self.unroll(), self.chain.round());
-        let one = |kept: Option<Rollout>| {
-            // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other.
+        let mut before = std::mem::take(&mut self.rollouts).into_iter();
+        let (unroll, round, mine) = (self.unroll(), self.chain.round(), self.ranks.part(self.config.batch));
+        let one = |row: usize| {
+            // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other, on whichever rank.
             let (anew, mirrored) = (rng.random::<f64>() < ANEW, rng.random::<bool>());
             let (motion, frame) = (rng.random_range(0..self.train.len()), rng.random_range(0..=self.train.frames - self.frames));
             let yaw = rng.random::<f64>() * std::f64::consts::TAU;
+            let kept = mine.contains(&row).then(|| before.next().flatten())?;
             let kept = kept.filter(|r| !anew && r.frame + self.frames <= self.train.frames);
-            kept.unwrap_or_else(|| unroll.begin(motion, frame, View::new(if round { yaw } else { 0.0 }, round && mirrored)))
+            Some(kept.unwrap_or_else(|| unroll.begin(motion, frame, View::new(if round { yaw } else { 0.0 }, round && mirrored))))
         };
-        before.into_iter().map(one).collect()
+        (0..self.config.batch).filter_map(one).collect()
     }
 
     /// Whether a rollout is near enough to the truth to be carried on.
@@ -99,7 +109,7 @@ impl Learner for ChainLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let (step, mut rollouts) = (self.state.step, self.drawn());
         self.network.load(&self.state.weights.flat);
-        let (unroll, weight) = (self.unroll(), 1.0 / (rollouts.len() * self.frames) as f64);
+        let (unroll, weight) = (self.unroll(), 1.0 / (self.config.batch * self.frames) as f64);
         let part = |rollouts: &mut [Rollout]| {
             let taken = self.memory.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut memory = taken.unwrap_or_default();
@@ -112,14 +122,15 @@ impl Learner for ChainLearner {
         // Added up in order: the same bits on any number of threads.
         let mut gradient = vec![0.0; self.state.weights.flat.len()];
         parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
+        let loss = self.ranks.sum_with(&mut gradient, loss as f32)?;
         let norm = adam::norm(&gradient);
         if !loss.is_finite() || !norm.is_finite() {
-            return Err(LearnError::NotFinite { step, loss: loss as f32 });
+            return Err(LearnError::NotFinite { step, loss });
         }
         // Single frames are learned from the truth alone.
         self.rollouts = rollouts.into_par_iter().map(|r| (self.frames > 1 && self.near(&r)).then_some(r)).collect();
         adam::step_by(BETA, &mut self.state, &gradient, norm, lr, &self.config);
-        self.sums = (self.sums.0 + loss, self.sums.1 + f64::from(norm), self.sums.2 + 1);
+        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
         Ok(())
     }
 

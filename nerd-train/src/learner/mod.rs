@@ -21,6 +21,7 @@ pub mod cuda;
 use nerd_model::transformer::Weights;
 
 use crate::ranges::{OutOfRange, positive, within};
+use crate::ranks::RankError;
 use crate::windows::Windows;
 
 /// Share of their distance by which the averaged weights follow the weights after update `step`, counted from 0: the
@@ -130,6 +131,9 @@ pub enum LearnError {
     /// Data and network do not fit together.
     #[error("{0}")]
     Mismatch(String),
+    /// Another rank is gone.
+    #[error(transparent)]
+    Ranks(#[from] RankError),
 }
 
 /// Computes updates on the windows it was given.

@@ -1,6 +1,6 @@
 //! An update on the CPU in shards, whoever computes a shard.
 //!
-//! An update cuts its batch in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its bent form, so the
+//! An update cuts its batch, or this rank's part of it, in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its bent form, so the
 //! shards' losses and gradients add up to those of the mean over the batch. Shards keep all cores busy, and a small shard's
 //! activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of threads.
 
@@ -11,6 +11,7 @@ use nerd_model::transformer::Weights;
 use rayon::prelude::*;
 
 use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam, validation_rows};
+use crate::ranks::Ranks;
 use crate::windows::{Windows, draw};
 
 /// Windows in a shard.
@@ -62,6 +63,7 @@ pub struct Sharded<P> {
     validation: Arc<Windows>,
     shard: usize,
     threads: usize,
+    ranks: Arc<Ranks>,
     sums: (f64, f64, u32),
 }
 
@@ -78,8 +80,14 @@ impl<P: Pass> Sharded<P> {
         validation: Arc<Windows>,
     ) -> Result<Self, LearnError> {
         super::check(&config, &state, [("training", &train), ("validation", &validation)])?;
-        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-        Ok(Self { pass, config, state, train, validation, shard: SHARD, threads, sums: (0.0, 0.0, 0) })
+        let (threads, ranks) = (rayon::current_num_threads(), Arc::default());
+        Ok(Self { pass, config, state, train, validation, shard: SHARD, threads, ranks, sums: (0.0, 0.0, 0) })
+    }
+
+    /// Computes this rank's part of every update.
+    pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
+        self.ranks = ranks.clone();
+        self
     }
 
     /// Another shard size and number of threads (a GPU wants the whole batch in one shard on one thread).
@@ -93,7 +101,12 @@ impl<P: Pass> Sharded<P> {
     /// # Errors
     /// If the device fails.
     pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
-        let loss = Loss { scale: 1.0 / self.values(&self.train, rows.len()), huber: self.config.huber };
+        self.part(rows, rows.len())
+    }
+
+    /// What the windows `rows` add to the mean over so many windows.
+    fn part(&self, rows: &[u64], windows: usize) -> Result<(f32, Vec<f32>), LearnError> {
+        let loss = Loss { scale: 1.0 / self.values(&self.train, windows), huber: self.config.huber };
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), loss);
         let parts = self.sharded(&self.state.weights, true, rows, work)?;
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
@@ -113,8 +126,13 @@ impl<P: Pass> Sharded<P> {
     /// # Errors
     /// As [`Learner::update`].
     pub fn update_on(&mut self, lr: f32, rows: &[u64]) -> Result<(), LearnError> {
-        let step = self.state.step;
         let (loss, gradient) = self.gradient(rows)?;
+        self.make(lr, loss, gradient)
+    }
+
+    /// The update by this gradient.
+    fn make(&mut self, lr: f32, loss: f32, gradient: Vec<f32>) -> Result<(), LearnError> {
+        let step = self.state.step;
         if !loss.is_finite() {
             return Err(LearnError::NotFinite { step, loss });
         }
@@ -173,8 +191,11 @@ impl<P: Pass> Sharded<P> {
 impl<P: Pass> Learner for Sharded<P> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let (step, windows) = (self.state.step, self.train.len() as u64);
-        let rows: Vec<u64> = (0..self.config.batch as u64).map(|row| draw(self.config.seed, step, row, windows)).collect();
-        self.update_on(lr, &rows)
+        let LearnerConfig { batch, seed, .. } = self.config;
+        let rows: Vec<u64> = self.ranks.part(batch).map(|row| draw(seed, step, row as u64, windows)).collect();
+        let (loss, mut gradient) = self.part(&rows, batch)?;
+        let loss = self.ranks.sum_with(&mut gradient, loss)?;
+        self.make(lr, loss, gradient)
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {

@@ -1,5 +1,6 @@
 //! Where a policy acts: a truth, or a model of one.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use nerd_model::folder::{Model, ModelConfig};
@@ -100,6 +101,12 @@ impl Arena {
     /// # Errors
     /// As [`Arena::episodes`].
     pub fn host(&self, task: Box<dyn Task>, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
+        self.part(task, 0..n, seed, clock)
+    }
+
+    /// Some of the episodes, by their numbers among all.
+    pub(super) fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64, clock: &Clock) -> Result<Episodes> {
+        let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
             _ => System::named(task.robot())?,
@@ -123,7 +130,7 @@ impl Arena {
             Self::Mujoco(python) => (Box::new(nerd_sim::mjcf::Mujoco::new(python, &system, &batch.scenes[0])?), 0),
         };
         let solver = Box::new(Timed(solver, clock.solver.clone()));
-        let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
+        let mut episodes = Episodes::part(task, Simulation { batch, solver }, seed, envs.start);
         episodes.remember(memory);
         Ok(episodes)
     }

@@ -3,16 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nerd_tasks::Episodes;
-
 use super::folder::{PolicyConfig, save};
-use super::{Trainer, curve};
+use super::{Environments, Trainer, curve};
 use crate::error::Result;
 use crate::report::Provenance;
 use crate::sessions;
 
 /// Writes `<out>/policy`.
-pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer<Episodes>) -> Result<()> {
+pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer<impl Environments>) -> Result<()> {
     let sessions = sessions::read(out)?;
     let (minutes, machine) = sessions::sum(&sessions);
     let stamp = Provenance::now(trainer.seed);

@@ -4,17 +4,20 @@
 //! (feature `report`); the same run again continues it. The policy with the largest mean reward is in `OUT/policy`.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{Episodes, Fast, Task, named};
+use nerd_tasks::{Fast, Task, named};
 
 use super::clock::{Clock, Split};
-use super::{Arena, PpoConfig, Trainer, card};
+use super::{Arena, PpoConfig, Shared, Trainer, card};
 use crate::bounds;
-use crate::error::{Error, Result};
+use crate::difference::between;
+use crate::error::{Error, Result, refuse};
 use crate::metrics::Metrics;
 use crate::progress::{Bar, bar};
+use crate::ranks::Ranks;
 use crate::sessions;
 
 /// Two checkpoints are at least this far apart.
@@ -62,7 +65,7 @@ pub struct Learned {
 
 /// A run that goes on.
 struct Going {
-    trainer: Trainer<Episodes>,
+    trainer: Trainer<Shared>,
     metrics: Metrics,
     split: Split,
     failed: usize,
@@ -75,18 +78,56 @@ impl PolicyRun {
     /// If task, model or settings cannot be, the folder is another run's or in use, the solver cannot step, or a file cannot be
     /// written.
     pub fn train(&self) -> Result<Learned> {
+        self.lead(&Arc::default())
+    }
+
+    /// The same as one of several ranks: each steps its share of the environments, rank 0 learns and writes. None on the others.
+    ///
+    /// # Errors
+    /// As [`PolicyRun::train`]; or if another rank is lost.
+    pub fn train_among(&self, ranks: &Arc<Ranks>) -> Result<Option<Learned>> {
+        let (environments, world) = (self.config.environments, ranks.world());
+        if world > environments {
+            refuse!("{environments} environments: {world} ranks need one each");
+        }
+        #[cfg(feature = "cuda")]
+        if world > 1 && matches!(self.arena, Arena::Model { device: crate::device::Device::Cuda, .. }) {
+            refuse!("--device cuda: ranks of `policy train` compute on the CPU; leave --device or --ranks out");
+        }
+        if ranks.leads() {
+            return self.lead(ranks).map(Some);
+        }
+        let system = System::named(named(&self.task)?.robot())?;
+        self.shared(ranks, &system, &Clock::default())?.serve()?;
+        Ok(None)
+    }
+
+    /// This rank's share of the environments.
+    fn shared(&self, ranks: &Arc<Ranks>, system: &Arc<System>, clock: &Clock) -> Result<Shared> {
+        let identity = serde_json::json!({ "run": self.identity(system)?, "seed": self.seed, "settings": self.config }).to_string();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let how = |theirs: &[u8], ours: &[u8]| between(&text(theirs), &text(ours)) + "; give all ranks the same command";
+        ranks.agree("settings", identity.as_bytes(), how)?;
+        let (task, n) = (named(&self.task)?, self.config.environments);
+        let task = if self.fast { Box::new(Fast::new(task, system)) } else { task };
+        Ok(Shared::new(self.arena.part(task, ranks.part(n), self.seed, clock)?, n, ranks)?)
+    }
+
+    /// What a checkpoint is known by: a model is its weights, wherever they are.
+    fn identity(&self, system: &System) -> Result<String> {
+        let begun = if self.fast { " from fast starts" } else { "" };
+        Ok(format!("{}{begun} on {}", self.task, self.arena.identity(system)?))
+    }
+
+    fn lead(&self, ranks: &Arc<Ranks>) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
         self.config.check()?;
         memory(&*task, &self.config)?;
         let (system, solver) = (System::named(task.robot())?, self.arena.title()?);
         let title = format!("{} on {solver}", self.task);
-        // What a checkpoint is known by: a model is its weights, wherever they are.
-        let begun = if self.fast { " from fast starts" } else { "" };
-        let identity = format!("{}{begun} on {}", self.task, self.arena.identity(&system)?);
-        let clock = Clock::default();
-        let task = if self.fast { Box::new(Fast::new(task, &system)) } else { task };
-        let episodes = self.arena.host(task, self.config.environments, self.seed, &clock)?;
+        let (identity, clock) = (self.identity(&system)?, Clock::default());
+        let episodes = self.shared(ranks, &system, &clock)?;
         let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
         #[cfg(feature = "cuda")]
         if matches!(self.arena, Arena::Model { device: crate::device::Device::Cuda, .. }) {
@@ -106,6 +147,7 @@ impl PolicyRun {
         self.iterate(&mut going, &identity, started, &bar)?;
         bar.finish();
         let Going { trainer, split, failed, .. } = going;
+        trainer.environments.end()?;
         let spent = split.words(&clock);
         // Asked again, a finished run keeps its times.
         if trainer.state.iteration > first || !sessions::any(out) {

@@ -14,6 +14,7 @@ use super::policy::{Policy, Shape};
 use super::rollout::{Running, rollout};
 use super::update::{Adam, Updated};
 use crate::checkpoint::CheckpointError;
+use crate::ranks::RankError;
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +26,9 @@ pub enum PpoError {
     /// The solver failed.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// Another rank is gone.
+    #[error(transparent)]
+    Ranks(#[from] RankError),
     /// A file failed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

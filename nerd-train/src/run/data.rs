@@ -52,10 +52,10 @@ impl Run {
         let (record, sequence) = (&self.config.record, self.network.sequence());
         let mut training = match &self.config.data {
             Some(folder) => read(&self.system, &record.truth(&self.system).name(), folder, sequence, self.form)?,
-            None => record.tokens(&self.system, &self.recording, sequence, self.form)?,
+            None => record.tokens(&self.ranks, &self.system, &self.recording, sequence, self.form)?,
         };
         let validation = self.validation(VALIDATION.0.min(self.config.transitions));
-        let mut validation = record.tokens(&self.system, &validation, sequence, self.form)?.windows;
+        let mut validation = record.tokens(&self.ranks, &self.system, &validation, sequence, self.form)?.windows;
         let windows = &training.windows;
         if windows.is_empty() || validation.is_empty() {
             refuse!("{} trajectories of {} frames hold no sequence of {sequence} tokens", windows.trajectories(), windows.frames);
@@ -114,11 +114,10 @@ impl Run {
                 memory::unrolled(&self.network, frames)?;
                 let scale = ChainSolver::scale(&judge.normalizer).map_err(Error::Refused)?;
                 let sets = [motions, validation.clone()];
-                Ok(Box::new(ChainLearner::new(self.chain()?, self.learner, state, sets, (scale, velocity), frames)?))
+                let learner = ChainLearner::new(self.chain()?, self.learner, state, sets, (scale, velocity), frames)?;
+                Ok(Box::new(learner.among(&self.ranks)))
             }
-            (Matter::Windows([training, validation]), _) => {
-                engine(self.config.device, self.config.f32, self.learner, state, training, validation)
-            }
+            (Matter::Windows(sets), _) => engine(self.config.device, self.config.f32, self.learner, state, sets, &self.ranks),
             (Matter::Motions(..), None) => refuse!("motions that nothing is judged by"),
         }
     }

@@ -8,6 +8,7 @@ use super::RunConfig;
 use crate::device::Device;
 use crate::error::Result;
 use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState};
+use crate::ranks::Ranks;
 use crate::windows::Windows;
 
 /// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
@@ -25,24 +26,24 @@ pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<Str
     }
 }
 
-/// What learns, at the state it goes on from; on CUDA in tf32, or in f32 if `exact`.
+/// What learns as one of `ranks` on data and validation, at the state it goes on from; on CUDA in tf32, or in f32 if `exact`.
 #[cfg_attr(not(feature = "cuda"), expect(unused_variables, reason = "only CUDA knows tf32"))]
 pub fn engine(
     device: Device,
     exact: bool,
     learner: LearnerConfig,
     state: LearnerState,
-    training: Arc<Windows>,
-    validation: Arc<Windows>,
+    [training, validation]: [Arc<Windows>; 2],
+    ranks: &Arc<Ranks>,
 ) -> Result<Box<dyn Learner>> {
     match device {
-        Device::Cpu => Ok(Box::new(CpuLearner::new(learner, state, training, validation)?)),
+        Device::Cpu => Ok(Box::new(CpuLearner::new(learner, state, training, validation)?.among(ranks))),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use crate::learner::cuda::{CudaLearner, Precision};
             crate::device::transformer_only(&state.weights.config)?;
             let precision = if exact { Precision::F32 } else { Precision::Tf32 };
-            Ok(Box::new(CudaLearner::new(learner, precision, state, &training, &validation)?))
+            Ok(Box::new(CudaLearner::among(ranks, learner, precision, state, &training, &validation)?))
         }
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => no_cuda(),

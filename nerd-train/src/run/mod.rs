@@ -16,6 +16,8 @@
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
+//! As one of several ranks ([`Run::among`]) a run is led by rank 0; follow.rs is what the others do.
+//!
 //! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors`, `best.safetensors`; the same
 //! settings again continue it. A [`Recipe`] is a file of settings, of one run or of several that follow each other.
 
@@ -23,6 +25,7 @@ mod card;
 mod criterion;
 mod data;
 pub(crate) mod engine;
+mod follow;
 mod memory;
 mod onward;
 mod plan;
@@ -34,7 +37,7 @@ mod variant;
 
 use std::path::Path;
 
-use nerd_sim::files::{Claim, claim};
+use nerd_sim::files::{Claim, claim, share};
 
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
@@ -47,4 +50,9 @@ use crate::error::{Error, Result};
 /// A folder that this process alone writes.
 pub(crate) fn claimed(folder: &Path) -> Result<Claim> {
     claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
+}
+
+/// A folder that processes write together.
+fn shared(folder: &Path) -> Result<Claim> {
+    share(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
 }

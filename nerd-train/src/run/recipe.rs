@@ -16,6 +16,7 @@
 //! `nerd-train/assets/runs`, to be copied.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nerd_model::folder::Model;
 use nerd_sim::prelude::*;
@@ -23,6 +24,7 @@ use serde_json::Value;
 
 use super::{Run, RunConfig};
 use crate::error::{Error, Result, refuse};
+use crate::ranks::Ranks;
 use crate::settings::{Given, Settings};
 
 macro_rules! shipped {
@@ -116,8 +118,16 @@ impl Recipe {
     /// # Errors
     /// Those of its runs.
     pub fn train(&self) -> Result<Option<PathBuf>> {
+        self.train_among(&Arc::default())
+    }
+
+    /// The same as one of several processes. Where there are several runs, all ranks have to see their folders.
+    ///
+    /// # Errors
+    /// Those of its runs.
+    pub fn train_among(&self, ranks: &Arc<Ranks>) -> Result<Option<PathBuf>> {
         if let [one] = &self.runs[..] {
-            return Run::new(one)?.train();
+            return Run::new(one)?.among(ranks)?.train();
         }
         self.runs.iter().try_for_each(RunConfig::check)?;
         let mut last = None;
@@ -126,7 +136,7 @@ impl Recipe {
                 last = Some(done);
                 continue;
             }
-            last = Run::new(run)?.train()?;
+            last = Run::new(run)?.among(ranks)?.train()?;
             if last.is_none() || run.finish {
                 break;
             }

@@ -5,17 +5,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nerd_model::form::Form;
-use nerd_sim::dataset::{GenerateConfig, Manifest, Pilot};
+use nerd_sim::dataset::{GenerateConfig, Manifest, Part, Pilot};
 use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
 use nerd_sim::truth::Truth;
 
 use crate::bounds::{self, FRAMES, SEEDS};
 use crate::chain::Motions;
-use crate::error::{Result, refuse};
+use crate::error::{Error, Result, refuse};
 use crate::ppo::Policies;
-use crate::prepare::{Prepared, generate};
+use crate::prepare::{Prepared, generate_among};
 use crate::progress::bar;
+use crate::ranks::Ranks;
 use crate::settings::settings;
 use crate::shipped;
 
@@ -110,6 +111,15 @@ impl RecordConfig {
     /// # Errors
     /// If it is more than the machine bears, the truth cannot step, or a file cannot be written.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
+        let made = self.write_part(system, transitions, Part::WHOLE, folder)?;
+        made.ok_or_else(|| Error::Refused(format!("{}: another process removed or changed its shards", folder.display())))
+    }
+
+    /// The same of a part: the manifest once all parts are there. Parts share the folder.
+    ///
+    /// # Errors
+    /// As [`RecordConfig::write`].
+    pub fn write_part(&self, system: &Arc<System>, transitions: usize, part: Part, folder: &Path) -> Result<Option<Manifest>> {
         let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.
         let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);
@@ -117,11 +127,11 @@ impl RecordConfig {
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
         bounds::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
         let config = self.of(system, transitions)?;
-        let _claim = crate::run::claimed(folder)?;
+        let _claim = if part.whole() { super::claimed(folder) } else { super::shared(folder) }?;
         let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
         let (mut solver, truth) = (self.truth(system).solver(system), self.truth(system).name());
         let tell = &mut |done: usize, _: usize| bar.set(done as u64);
-        let manifest = nerd_sim::dataset::generate(system, &mut *solver, &truth, &config, folder, tell)?;
+        let manifest = nerd_sim::dataset::generate_part(system, &mut *solver, &truth, &config, part, folder, tell)?;
         bar.finish();
         Ok(manifest)
     }
@@ -136,12 +146,19 @@ impl RecordConfig {
         Ok(motions)
     }
 
-    /// Records in memory, as tokens.
-    pub(super) fn tokens(&self, system: &Arc<System>, config: &GenerateConfig, history: usize, form: Form) -> Result<Prepared> {
-        let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
+    /// Records in memory, as tokens, each rank its share.
+    pub(super) fn tokens(
+        &self,
+        ranks: &Ranks,
+        system: &Arc<System>,
+        config: &GenerateConfig,
+        history: usize,
+        form: Form,
+    ) -> Result<Prepared> {
+        let bar = bar("recording transitions", (config.trajectories() * config.frames / ranks.world()) as u64);
         let done = AtomicUsize::new(0);
         let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-        let prepared = generate(system, &|| self.truth(system).solver(system), config, history, form, &tell)?;
+        let prepared = generate_among(ranks, system, &|| self.truth(system).solver(system), config, history, form, &tell)?;
         bar.finish();
         Ok(prepared)
     }

@@ -21,6 +21,7 @@ use crate::best::Best;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
 use crate::progress;
+use crate::ranks::Ranks;
 use crate::report::write;
 use crate::sessions;
 use crate::shipped;
@@ -42,6 +43,7 @@ pub struct Run {
     /// Which policies act in its data; none is known of data from a folder.
     actors: Option<String>,
     arithmetic: String,
+    pub(super) ranks: Arc<Ranks>,
 }
 
 impl Run {
@@ -79,7 +81,21 @@ impl Run {
         let parent = config.from.as_deref().map(|folder| parent(folder, &system, network, form)).transpose()?;
         let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
         let arithmetic = arithmetic(config, &network)?;
-        Ok(Self { config: config.clone(), system, base, form, network, learner, trainer, recording, parent, actors, arithmetic })
+        let (config, ranks) = (config.clone(), Arc::default());
+        Ok(Self { config, system, base, form, network, learner, trainer, recording, parent, actors, arithmetic, ranks })
+    }
+
+    /// The same as a run of several processes, of which this is one.
+    ///
+    /// # Errors
+    /// If it cannot be shared out.
+    pub fn among(mut self, ranks: &Arc<Ranks>) -> Result<Self> {
+        let (batch, world) = (self.learner.batch, ranks.world());
+        if batch < world {
+            refuse!("--batch {batch}: {world} ranks need a window each");
+        }
+        self.ranks = ranks.clone();
+        Ok(self)
     }
 
     /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
@@ -87,6 +103,17 @@ impl Run {
     /// # Errors
     /// If the folder is another run's or in use, the truth cannot step, an update fails, or a file cannot be written.
     pub fn train(&self) -> Result<Option<PathBuf>> {
+        if !self.ranks.leads() {
+            return self.follow();
+        }
+        let made = self.lead()?;
+        // The others have waited for it: the next run may begin with it.
+        self.ranks.decide(made.is_some())?;
+        Ok(made)
+    }
+
+    /// Trains as rank 0.
+    fn lead(&self) -> Result<Option<PathBuf>> {
         let (started, out) = (Instant::now(), &self.config.out);
         let _claim = claimed(out)?;
         let mut identity = self.identity();
@@ -94,13 +121,14 @@ impl Run {
         if self.config.finish && !out.join("best.safetensors").exists() {
             refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
         }
+        self.agreed(&identity)?;
         let data = self.data()?;
         (identity.transitions, identity.data_sha256) = (data.transitions, data.sha256.clone());
         let (identity, path) = (identity, out.join("run.json"));
         let first = || self.parent.as_ref().map_or_else(|| Weights::init(self.network, self.learner.seed), |p| p.weights.clone());
-        let state = resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()));
+        let state = self.given(Some(resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()))))?;
         let text = serde_json::to_string(&identity).map_err(Error::format(&path))?;
-        let trainer = Trainer::new(self.trainer, self.learner.batch, out, &text);
+        let trainer = self.trainer(&text, started);
         if self.config.finish {
             let Some(best) = trainer.best()? else { refuse!("{}: no validated weights of this very run", out.display()) };
             let chosen = format!("{}; the run was ended there", self.averaged(&best));
@@ -125,8 +153,16 @@ impl Run {
         self.export(&identity, judge.normalizer, weights, chosen)
     }
 
+    /// What makes its updates until the minutes are over; `run` is kept in its checkpoints.
+    pub(super) fn trainer(&self, run: &str, started: Instant) -> Trainer {
+        // More minutes than a duration holds are no limit.
+        let left = |minutes: f64| Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok();
+        let trainer = Trainer::new(self.trainer, self.learner.batch, &self.config.out, run);
+        trainer.stop_at(self.config.minutes.and_then(left)).among(&self.ranks)
+    }
+
     /// What decides the run's bytes, as far as it is known before its data is.
-    fn identity(&self) -> Identity {
+    pub(super) fn identity(&self) -> Identity {
         let RecordConfig { frames, torque_scale, hold, resets, .. } = self.config.record;
         let truth = self.config.record.truth(&self.system);
         Identity {
@@ -158,7 +194,7 @@ impl Run {
     }
 
     /// Fresh data from update `step` on, if it is asked for.
-    fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
+    pub(super) fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         if self.config.fresh == 0 {
             return Ok(None);
         }
@@ -166,7 +202,7 @@ impl Run {
         let shards = self.config.fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
         let (updates, history, form, normalizer) = (self.trainer.updates, self.network.sequence(), self.form, normalizer.clone());
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
-        Ok(Some(Supply::new(&self.system, move || truth.solver(&of), config)?))
+        Ok(Some(Supply::among(&self.ranks, &self.system, move || truth.solver(&of), config)?))
     }
 
     /// All updates, or as many as there is time for; each validation ends a line of `sessions.jsonl`.
@@ -181,8 +217,9 @@ impl Run {
     ) -> Result<Outcome> {
         let mut logged = (first, Duration::ZERO);
         let mut log = |step: u64| -> Result<()> {
-            let now = started.elapsed();
-            sessions::log(&self.config.out, logged.0, step, (now - logged.1).as_secs_f64(), "")?;
+            let (now, world) = (started.elapsed(), self.ranks.world());
+            let spent = if world > 1 { format!("{world} ranks") } else { String::new() };
+            sessions::log(&self.config.out, logged.0, step, (now - logged.1).as_secs_f64(), &spent)?;
             logged = (step, now);
             Ok(())
         };
@@ -200,9 +237,7 @@ impl Run {
             log(step)?;
             Ok(error)
         };
-        // More minutes than a duration holds are no limit.
-        let left = |minutes: f64| Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok();
-        let outcome = trainer.stop_at(self.config.minutes.and_then(left)).run(engine, fresh, &mut hook)?;
+        let outcome = trainer.run(engine, fresh, &mut hook)?;
         log(outcome.step)?;
         Ok(outcome)
     }

@@ -100,7 +100,8 @@ pub fn single(
     let settings =
         LearnerConfig { batch: config.batch, clip: 1.0, average: 0.99, seed: config.seed, huber: Some(1.0), optimizer: Optimizer::Muon };
     let schedule = Schedule { start: config.rate, end: 0.0, ..Schedule::default() };
-    let mut learner = engine(device, false, settings, LearnerState::new(model.weights.clone()), windows.clone(), windows)?;
+    let mut learner =
+        engine(device, false, settings, LearnerState::new(model.weights.clone()), [windows.clone(), windows], &Arc::default())?;
     let mut chosen = Chosen::new(model, worth)?;
     for step in 0..config.updates {
         learner.update(schedule.rate(step, config.updates) as f32)?;

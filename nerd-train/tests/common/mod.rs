@@ -3,6 +3,7 @@
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code)]
 
+use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 
 use burn::tensor::Device;
@@ -13,6 +14,7 @@ use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
 use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
+use nerd_train::ranks::{Place, Ranks};
 use nerd_train::windows::Windows;
 
 /// About three thousand parameters.
@@ -85,4 +87,20 @@ pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normal
     let mut weights = Weights::init(network, 5);
     weights.flat.iter_mut().for_each(|w| *w *= 3.0);
     Model { config, normalizer, weights }
+}
+
+/// What each of so many ranks, threads here, comes to.
+pub fn among<T: Send>(world: usize, work: impl Fn(&Arc<Ranks>) -> T + Sync) -> Vec<T> {
+    let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port");
+    let one = |rank: usize| {
+        let place = Place { rank, world, local: rank, address: "127.0.0.1".into(), port: free.port() };
+        let ranks = Arc::new(Ranks::join(place, |_| ()).expect("all came"));
+        let done = work(&ranks);
+        ranks.leave(None);
+        done
+    };
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..world).map(|rank| scope.spawn(move || one(rank))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
+    })
 }

@@ -37,7 +37,7 @@ impl CudaForward {
         if weights.flat.len() != layout.parameters {
             return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), layout.parameters)));
         }
-        let network = Network::new(layout, max_windows, precision, false)?;
+        let network = Network::new(0, layout, max_windows, precision, false)?;
         let d = &network.device;
         let (flat, last) = (d.upload(&weights.flat)?, d.zeros(max_windows)?);
         let (selected, predictions) = (d.zeros(max_windows * c.embedding)?, d.zeros(max_windows * c.outputs)?);

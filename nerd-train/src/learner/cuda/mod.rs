@@ -3,7 +3,7 @@
 //!
 //! Matrix products go through cuBLAS, everything else through `kernels.cu`, compiled by NVRTC when the engine
 //! starts. Driver, cuBLAS and NVRTC are loaded at run time; without them the constructors return
-//! [`LearnError::Device`](super::LearnError::Device). All sums have a fixed order and cuBLAS a fixed workspace, so a
+//! [`LearnError::Device`]. All sums have a fixed order and cuBLAS a fixed workspace, so a
 //! run that is stopped and taken up again from its state gives the same bits as an unbroken one on the same device.
 
 mod forward;
@@ -11,6 +11,7 @@ mod layout;
 mod muon;
 mod network;
 mod neural;
+mod step;
 mod stream;
 mod trainer;
 

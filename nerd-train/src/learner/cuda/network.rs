@@ -92,15 +92,15 @@ pub(super) struct Network {
 }
 
 impl Network {
-    /// Memory for `rows` windows; `train` adds what the backward pass needs.
-    pub fn new(layout: Layout, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
+    /// Memory for `rows` windows on a GPU; `train` adds what the backward pass needs.
+    pub fn new(ordinal: usize, layout: Layout, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
         let c = layout.config;
         // Kernels and products count rows, and launches their blocks, in 31 bits.
         let most = i32::MAX as usize / (layout.tokens * c.heads * 32);
         if !(1..=most).contains(&rows) {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
-        let device = Device::open(&layout.source(), &KERNELS)?.with_products(precision)?;
+        let device = Device::open(ordinal, &layout.source(), &KERNELS)?.with_products(precision)?;
         let (n, e) = (rows * layout.tokens, c.embedding);
         let zeros = |len| device.zeros::<f32>(len);
         let kept = |_| -> Result<Kept, LearnError> {
@@ -201,26 +201,26 @@ impl Network {
         self.device.launch("head_predict", (n.div_ceil(8), 1), (256, 1), 0, &args)
     }
 
-    /// Squared error of the first `n` tokens against the targets. `sums` gets the gradients of the head's biases
+    /// Squared error of the first `n` tokens against the targets, which are among `all` of a mean. `sums` gets the gradients of the head's biases
     /// and output matrix, then the squared error; `z` becomes its own gradient ([`crate::learner::LearnerConfig::huber`]).
-    pub fn loss(&self, w: u64, n: usize, huber: Option<f32>, sums: u64) -> Result<(), DeviceError> {
+    pub fn loss(&self, w: u64, n: usize, all: usize, huber: Option<f32>, sums: u64) -> Result<(), DeviceError> {
         let l = &self.layout;
         let blocks = n.div_ceil(8).min(HEAD_ROWS);
-        let gain = 2.0 / (n * l.config.outputs) as f32;
+        let gain = 2.0 / (all * l.config.outputs) as f32;
         let weights = [Ptr(self.z.ptr), Ptr(l.at(w, l.hidden_bias)), Ptr(l.at(w, l.head_out)), Ptr(l.at(w, l.head_bias))];
         let rest = [Ptr(self.targets.ptr), Ptr(self.head.ptr), Int(n), Float(gain), Float(huber.map_or(0.0, |d| (d * d).recip()))];
         self.device.launch("head_loss", (blocks, 1), (256, 1), 0, &[&weights[..], &rest[..]].concat())?;
         self.column_sum(self.head.ptr, blocks, l.head_columns(), sums)
     }
 
-    /// Gradient of the loss of all windows with respect to the parameters at `w`, to `g`; behind its end the
-    /// squared error. Needs [`Network::trunk`] and [`Network::top`] before it.
-    pub fn backward(&self, w: u64, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
+    /// What all windows add to the gradient of the mean loss of `batch` of them, with respect to the parameters at `w`, to `g`; behind
+    /// its end the squared error. Needs [`Network::trunk`] and [`Network::top`] before it.
+    pub fn backward(&self, w: u64, batch: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
         let Some(m) = &self.backward else { return Err(DeviceError("the network was built without a backward pass".into())) };
         let (l, d) = (&self.layout, &self.device);
         let (e, n, hidden) = (l.config.embedding, self.rows * l.tokens, l.config.head);
         let (threads, _, shared) = l.attention();
-        self.loss(w, n, huber, l.at(g, l.hidden_bias))?;
+        self.loss(w, n, batch * l.tokens, huber, l.at(g, l.hidden_bias))?;
 
         // Head and final norm. `dqkv` serves as scratch for the gradient of `mapped`.
         self.linear_dx(self.z.ptr, l.at(w, l.hidden), m.dqkv.ptr, (n, e, hidden))?;

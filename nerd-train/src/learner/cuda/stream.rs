@@ -39,7 +39,7 @@ impl CudaStream {
             return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", layout.parameters)));
         }
         let turns = layout.turns(c.history);
-        let network = Network::new(layout, envs, precision, false)?;
+        let network = Network::new(0, layout, envs, precision, false)?;
         let d = &network.device;
         let weights = d.upload(&weights.flat)?;
         network.fold(weights.ptr)?;

@@ -1,56 +1,35 @@
 //! [`CudaLearner`]: one update is one replay of a captured graph.
 //!
-//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`. What changes between updates (count,
-//! learning rate, bias corrections, decay of the average) lives in [`Scalars`] on the device, so nothing is asked
+//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`. A rank of several gathers its rows of the
+//! batch, and behind the backward pass the gradients of all are added up. What changes between updates (count,
+//! learning rate, bias corrections, decay of the average) lives in `Scalars` on the device, so nothing is asked
 //! of it while a run goes on.
 
 use nerd_model::transformer::Weights;
 
+use std::ops::Range;
+
 use super::Precision;
 use super::layout::Layout;
-use super::muon::{Muon, Vectors};
+use super::muon::Muon;
 use super::network::Network;
+use super::step::{Choice, Data, NORM_BLOCKS, Scalars, Step, gather};
 use crate::learner::muon::hidden;
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
+use crate::ranks::Ranks;
 use crate::windows::Windows;
-use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
-use nerd_cuda::Buffer;
-use nerd_cuda::Graph;
-
-/// Blocks of the gradient norm's first stage.
-const NORM_BLOCKS: usize = 528;
-
-/// Mirror of the struct in `kernels.cu`.
-#[repr(C)]
-#[derive(Clone, Copy, Default)]
-struct Scalars {
-    step: u64,
-    bad_step: u64,
-    count: u64,
-    loss_sum: f64,
-    norm_sum: f64,
-    lr: f32,
-    bad_loss: f32,
-    scale: f32,
-    rate: f32,
-    root: f32,
-    blend: f32,
-}
-
-/// Windows on the device.
-struct Data {
-    x: Buffer<f32>,
-    y: Buffer<f32>,
-    windows: usize,
-    per: usize,
-    frames: usize,
-}
+use nerd_cuda::Arg::Ptr;
+use nerd_cuda::{Buffer, Device, Graph, Sums};
 
 /// The fused CUDA engine of the [`Learner`] trait.
 pub struct CudaLearner {
     graph: Graph,
     network: Network,
     config: LearnerConfig,
+    /// Of the batch.
+    rows: Range<usize>,
+    /// Over ranks.
+    sums: Option<Sums>,
     lr: f32,
     train: Data,
     validation: Data,
@@ -80,13 +59,70 @@ impl CudaLearner {
         train: &Windows,
         validation: &Windows,
     ) -> Result<Self, LearnError> {
+        Self::of_rows(0..config.batch, config, precision, state, train, validation)
+    }
+
+    /// The same as one of several ranks, on the GPU of its number on this machine. Gradients are added up by NCCL.
+    ///
+    /// # Errors
+    /// As [`CudaLearner::new`]; if NCCL is missing or fails, or another rank is gone.
+    pub fn among(
+        ranks: &Ranks,
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        train: &Windows,
+        validation: &Windows,
+    ) -> Result<Self, LearnError> {
+        if ranks.world() == 1 {
+            return Self::new(config, precision, state, train, validation);
+        }
+        let ordinal = match (Device::count()?, ranks.local()) {
+            // A launcher may show each process its own card alone.
+            (1, _) => 0,
+            (count, local) if local < count => local,
+            (count, local) => {
+                return Err(LearnError::Device(format!("LOCAL_RANK is {local}, and {count} GPUs are seen: start fewer ranks")));
+            }
+        };
+        let join = |device: &Device| -> Result<Option<Sums>, LearnError> {
+            let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
+            Ok(Some(Sums::join(device, &ranks.share(0, || id)?, ranks.rank(), ranks.world())?))
+        };
+        Self::part((ordinal, ranks.part(config.batch)), config, precision, state, (train, validation), join)
+    }
+
+    /// On GPU 0, for these rows of the batch alone, with nothing added to their gradient: those of parts make up the whole's. For checks.
+    ///
+    /// # Errors
+    /// As [`CudaLearner::new`].
+    pub fn of_rows(
+        rows: Range<usize>,
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        train: &Windows,
+        validation: &Windows,
+    ) -> Result<Self, LearnError> {
+        Self::part((0, rows), config, precision, state, (train, validation), |_| Ok(None))
+    }
+
+    fn part(
+        (ordinal, rows): (usize, Range<usize>),
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        (train, validation): (&Windows, &Windows),
+        join: impl FnOnce(&Device) -> Result<Option<Sums>, LearnError>,
+    ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
         let layout = Layout::new(shape)?;
         let p = layout.parameters;
         crate::learner::check(&config, &state, [("training", train), ("validation", validation)])?;
         let columns = layout.head_columns();
-        let network = Network::new(layout, config.batch, precision, true)?;
+        let network = Network::new(ordinal, layout, rows.len(), precision, true)?;
         let d = &network.device;
+        let sums = join(d)?;
         let data = |w: &Windows| -> Result<Data, LearnError> {
             Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, windows: w.len(), per: w.per_trajectory(), frames: w.frames })
         };
@@ -103,6 +139,8 @@ impl CudaLearner {
         let step = Step {
             network: &network,
             config,
+            rows: rows.clone(),
+            sums: sums.as_ref(),
             train: &train,
             weights: &weights,
             average: &average,
@@ -119,6 +157,8 @@ impl CudaLearner {
             graph,
             network,
             config,
+            rows,
+            sums,
             lr: 0.0,
             train,
             validation,
@@ -147,8 +187,8 @@ impl CudaLearner {
         Ok(())
     }
 
-    /// Gradient of the next update before clipping (in the order of the flat weights) and its loss, without making
-    /// the update. For checks.
+    /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,
+    /// without making the update. For checks.
     ///
     /// # Errors
     /// [`LearnError::Device`] if the device fails.
@@ -184,6 +224,8 @@ impl CudaLearner {
         Step {
             network: &self.network,
             config: self.config,
+            rows: self.rows.clone(),
+            sums: self.sums.as_ref(),
             train: &self.train,
             weights: &self.weights,
             average: &self.average,
@@ -248,7 +290,7 @@ impl Learner for CudaLearner {
             gather(net, &self.validation, rows, Choice::These(numbers.at(first)))?;
             net.windows(w, rows)?;
             net.top(w, net.x.ptr, rows * net.layout.tokens)?;
-            net.loss(w, rows * net.layout.tokens, None, self.head_sums.ptr)?;
+            net.loss(w, rows * net.layout.tokens, rows * net.layout.tokens, None, self.head_sums.ptr)?;
             net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
         }
         let mut total = [0.0];
@@ -266,91 +308,4 @@ impl Learner for CudaLearner {
         let weights = Weights { config: self.network.layout.config, flat: read(&self.weights)? };
         Ok(LearnerState { step: self.scalars()?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
     }
-}
-
-/// What one update reads and writes.
-struct Step<'a> {
-    network: &'a Network,
-    config: LearnerConfig,
-    train: &'a Data,
-    weights: &'a Buffer<f32>,
-    average: &'a Buffer<f32>,
-    m: &'a Buffer<f32>,
-    v: &'a Buffer<f32>,
-    gradients: &'a Buffer<f32>,
-    norms: &'a Buffer<f32>,
-    scalars: &'a Buffer<Scalars>,
-    muon: Option<&'a Muon>,
-}
-
-impl Step<'_> {
-    /// From the sum of squared errors to the loss.
-    fn mean(&self) -> f32 {
-        let c = self.network.layout.config;
-        1.0 / (self.config.batch * self.network.layout.tokens * c.outputs) as f32
-    }
-
-    fn gradient(&self) -> Result<(), LearnError> {
-        let (net, w) = (self.network, self.weights.ptr);
-        gather(net, self.train, self.config.batch, Choice::Drawn { scalars: self.scalars.ptr, seed: self.config.seed })?;
-        net.fold(w)?;
-        net.windows(w, self.config.batch)?;
-        net.top(w, net.x.ptr, self.config.batch * net.layout.tokens)?;
-        Ok(net.backward(w, self.config.huber, self.gradients.ptr)?)
-    }
-
-    fn all(&self) -> Result<(), LearnError> {
-        self.gradient()?;
-        let (d, p, s) = (&self.network.device, self.network.layout.parameters, Ptr(self.scalars.ptr));
-        let [w, g, m, v, a] = [self.weights, self.gradients, self.m, self.v, self.average].map(|b| Ptr(b.ptr));
-        d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
-        let args = [
-            Ptr(self.norms.ptr),
-            Int(NORM_BLOCKS),
-            Ptr(self.gradients.at(p)),
-            Float(self.mean()),
-            Float(self.config.clip),
-            Double(self.config.average),
-            s,
-        ];
-        d.launch("finish", (1, 1), (256, 1), 0, &args)?;
-        let blocks = if self.muon.is_some() { self.network.layout.config.layers } else { 0 };
-        let first = self.network.layout.first_block() as u64;
-        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), Long(first), Int(blocks)])?;
-        let address = |b: &Buffer<f32>| b.ptr;
-        let vectors = Vectors {
-            weights: address(self.weights),
-            gradients: address(self.gradients),
-            m: address(self.m),
-            average: address(self.average),
-            scalars: self.scalars.ptr,
-        };
-        self.muon.map_or(Ok(()), |muon| Ok(muon.update(d, &vectors)?))
-    }
-
-    /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs.
-    fn capture(&self) -> Result<Graph, LearnError> {
-        self.gradient()?;
-        self.network.device.wait()?;
-        self.network.device.capture(|| self.all())
-    }
-}
-
-/// Which windows.
-enum Choice {
-    /// Those of the update counted in `scalars`.
-    Drawn { scalars: u64, seed: u64 },
-    /// Those of the numbers from this address on.
-    These(u64),
-}
-
-/// Fills the network's inputs and targets with `rows` windows.
-fn gather(net: &Network, data: &Data, rows: usize, choice: Choice) -> Result<(), LearnError> {
-    let [windows, per, frames] = [data.windows, data.per, data.frames].map(|x| Long(x as u64));
-    let (scalars, seed, numbers) = match choice {
-        Choice::Drawn { scalars, seed } => (scalars, seed, 0),
-        Choice::These(numbers) => (0, 0, numbers),
-    };
-    let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.inputs.ptr), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
-    Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &[&from[..], &[windows, per, frames, Ptr(numbers)]].concat())?)
 }

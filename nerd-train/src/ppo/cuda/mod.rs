@@ -56,7 +56,7 @@ impl CudaEngine {
     /// # Errors
     /// If there is no GPU, a library is missing or memory runs out.
     pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
-        let device = Device::open(SOURCE, &KERNELS)?.with_products(Precision::F32)?;
+        let device = Device::open(0, SOURCE, &KERNELS)?.with_products(Precision::F32)?;
         let (network, n, a) = (shape.network(), config.steps(), shape.action);
         let (sizes, parameters) = (sizes(config), shape.parameters());
         let rows = sizes[1];

@@ -1,0 +1,205 @@
+//! Ranks: several processes of one run, on one machine or on many.
+//!
+//! Each rank computes its share of every update, what they found is added up in rank order, and then every rank makes the same step:
+//! weights are equal everywhere and are never sent. Rank 0 leads: it evaluates, decides and writes, and the others wait for it.
+//! A run without others is rank 0 of 1, for which nothing here costs anything.
+//!
+//! ```text
+//! place.rs   which rank this is: RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR, MASTER_PORT
+//! star.rs    how ranks meet: all are tied to rank 0 by TCP, through which sums and bytes go
+//! watch.rs   a rank that dies, or is silent, ends all others with its number and reason
+//! launch.rs  the ranks of one machine, started by the command itself
+//! ```
+//!
+//! On graphics cards the gradients alone go another way, by NCCL (`nerd_cuda::Sums`).
+
+mod launch;
+mod place;
+mod star;
+mod watch;
+
+use std::ops::Range;
+
+pub use launch::{End, LAUNCHED, launch, with_launcher};
+pub use place::Place;
+use star::Star;
+
+/// Why ranks cannot work together any more. One line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RankError {
+    /// A variable of the environment that is missing or wrong.
+    #[error("{0}")]
+    Place(String),
+    /// They did not find each other.
+    #[error("{0}")]
+    Meet(String),
+    /// One of them is gone.
+    #[error("rank {rank} of {world} ended: {reason}")]
+    Lost {
+        /// Which.
+        rank: usize,
+        /// Of how many.
+        world: usize,
+        /// What it said, or how it was missed.
+        reason: String,
+    },
+    /// They do not do the same.
+    #[error("rank {rank}: {what} differ from those of rank 0: {how}")]
+    Apart {
+        /// Which.
+        rank: usize,
+        /// Of what.
+        what: String,
+        /// In which way, and what to do.
+        how: String,
+    },
+}
+
+/// This process among those of its run.
+#[derive(Debug, Default)]
+pub struct Ranks {
+    place: Place,
+    star: Option<Star>,
+}
+
+impl Ranks {
+    /// Meets the others; waits for them up to a minute.
+    ///
+    /// If one of them is lost while this rank is busy and does not ask for them, `end` is called some seconds later, with what is to be
+    /// said: a rank that waits in a driver can be ended in no other way.
+    ///
+    /// # Errors
+    /// [`RankError::Meet`].
+    pub fn join(place: Place, end: fn(&RankError)) -> Result<Self, RankError> {
+        let star = if place.world > 1 { Some(Star::join(&place, end)?) } else { None };
+        Ok(Self { place, star })
+    }
+
+    /// Its number, from 0.
+    pub fn rank(&self) -> usize {
+        self.place.rank
+    }
+
+    /// How many there are.
+    pub fn world(&self) -> usize {
+        self.place.world
+    }
+
+    /// Its number on its machine, from 0: that of its graphics card.
+    pub fn local(&self) -> usize {
+        self.place.local
+    }
+
+    /// Whether it evaluates, decides and writes.
+    pub fn leads(&self) -> bool {
+        self.place.rank == 0
+    }
+
+    /// Its share of `0..n`: shares follow one another and differ by one at most.
+    pub fn part(&self, n: usize) -> Range<usize> {
+        let Place { rank, world, .. } = self.place;
+        rank * n / world..(rank + 1) * n / world
+    }
+
+    /// Adds up the vectors of all ranks, in rank order, so that all have the same bits after it.
+    ///
+    /// # Errors
+    /// If a rank is lost, or has a vector of another length.
+    pub fn sum(&self, values: &mut [f32]) -> Result<(), RankError> {
+        self.star.as_ref().map_or(Ok(()), |star| star.sum(values))
+    }
+
+    /// The same of a gradient and the loss that goes with it, so that all ranks stop where that is no number.
+    ///
+    /// # Errors
+    /// As [`Ranks::sum`].
+    pub fn sum_with(&self, gradient: &mut Vec<f32>, loss: f32) -> Result<f32, RankError> {
+        if self.star.is_none() {
+            return Ok(loss);
+        }
+        gradient.push(loss);
+        self.sum(gradient)?;
+        Ok(gradient.pop().unwrap_or(f32::NAN))
+    }
+
+    /// What rank `from` has, on all ranks; only there is `make` called.
+    ///
+    /// # Errors
+    /// If a rank is lost.
+    pub fn share(&self, from: usize, make: impl FnOnce() -> Vec<u8>) -> Result<Vec<u8>, RankError> {
+        let mine = (from == self.place.rank).then(make);
+        match &self.star {
+            None => Ok(mine.unwrap_or_default()),
+            Some(star) => star.share(from, mine),
+        }
+    }
+
+    /// What all ranks have, in their order, on rank 0; nothing on the others.
+    ///
+    /// # Errors
+    /// If a rank is lost.
+    pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
+        match &self.star {
+            None => Ok(vec![mine]),
+            Some(star) => star.gather(mine),
+        }
+    }
+
+    /// Waits until all ranks have come to this point.
+    ///
+    /// # Errors
+    /// If a rank is lost.
+    pub fn wait(&self) -> Result<(), RankError> {
+        self.sum(&mut [])
+    }
+
+    /// Whether rank 0 says yes.
+    ///
+    /// # Errors
+    /// If a rank is lost.
+    pub fn decide(&self, mine: bool) -> Result<bool, RankError> {
+        if self.star.is_none() {
+            return Ok(mine);
+        }
+        Ok(self.share(0, || vec![mine.into()])? == [1])
+    }
+
+    /// Refuses to go on where `mine` is not what rank 0 has; `how` says in which way theirs and ours differ, and what to do.
+    ///
+    /// # Errors
+    /// [`RankError::Apart`]; or if a rank is lost.
+    pub fn agree(&self, what: &str, mine: &[u8], how: impl FnOnce(&[u8], &[u8]) -> String) -> Result<(), RankError> {
+        if self.star.is_none() {
+            return Ok(());
+        }
+        let theirs = self.share(0, || mine.to_vec())?;
+        if theirs == mine {
+            return self.wait();
+        }
+        Err(RankError::Apart { rank: self.place.rank, what: what.into(), how: how(&theirs, mine) })
+    }
+
+    /// Parts from the others: done, or for a reason that they will tell. Once is enough.
+    pub fn leave(&self, reason: Option<&str>) {
+        if let Some(star) = &self.star {
+            star.leave(reason);
+        }
+    }
+}
+
+impl Drop for Ranks {
+    fn drop(&mut self) {
+        self.leave(Some("it went away before the end"));
+    }
+}
+
+/// Numbers as bytes, as they are sent.
+pub fn bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// Bytes as numbers.
+pub fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|x| f32::from_le_bytes(*x)).collect()
+}
