@@ -253,7 +253,9 @@ mod tests {
     #[test]
     fn products_of_every_shape_are_those_of_the_definition() {
         let value = |i: usize| ((i * 2_654_435_761) % 1000) as f32 * 1e-3 - 0.5;
-        for (rows, inner, outer) in [(1, 1, 1), (7, 5, 3), (8, 37, 48), (13, 30, 32), (25, 96, 18), (9, 192, 64), (17, 48, 100), (33, 64, 14), (2, 3, 577)] {
+        for (rows, inner, outer) in
+            [(1, 1, 1), (7, 5, 3), (8, 37, 48), (13, 30, 32), (25, 96, 18), (9, 192, 64), (17, 48, 100), (33, 64, 14), (2, 3, 577)]
+        {
             let (x, w): (Vec<_>, Vec<_>) = ((0..rows * inner).map(value).collect(), (0..inner * outer).map(|i| value(i + 7)).collect());
             let matrix = Matrix::new(inner, &w);
             let exact = |i: usize| {
