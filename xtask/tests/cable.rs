@@ -43,10 +43,18 @@ fn what_inspect_prints_of_a_cable_stands_beside_its_section() {
 #[test]
 fn data_of_a_frame_each_are_recorded_and_ask_for_the_cables_file() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let out = folder.path().to_str().expect("utf-8");
-    let made = xtask(&["dataset", "--robot", LEAD, "--transitions", "4", "--frames", "1", "--out", out]);
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    refused(&["inspect", out], "PATH/lead.toml");
+    let (out, own) = (folder.path().join("data"), folder.path().join("own.toml"));
+    let [out, own] = [&out, &own].map(|path| path.to_str().expect("utf-8"));
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-sim/assets/cables/lead.toml"), own).expect("a cable that is not built in");
+    for (robot, known) in [(own, false), (LEAD, true)] {
+        let made = xtask(&["dataset", "--robot", robot, "--transitions", "4", "--frames", "1", "--out", out]);
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        match known {
+            true => assert!(xtask(&["inspect", out]).status.success(), "what is built in needs no file"),
+            false => refused(&["inspect", out], "PATH/own.toml"),
+        }
+        std::fs::remove_dir_all(out).expect("the data");
+    }
 }
 
 #[test]

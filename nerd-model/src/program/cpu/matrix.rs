@@ -55,18 +55,18 @@ impl Matrix {
     /// `out = x W` for the rows of `x`.
     pub fn product(&self, x: &[f32], out: &mut Vec<f32>) {
         out.resize(x.len() / self.inner * self.outer, 0.0);
-        Arch::new().dispatch(Product { matrix: self, x, out, add: false });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false, across: false });
     }
 
     /// `out = x^T W` for `x`, `[inner, rows]`.
     #[cfg(feature = "autodiff")]
     pub fn across(&self, x: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Across { matrix: self, x, out });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false, across: true });
     }
 
     /// `out += x W` for the rows of `x`.
     pub fn add_product(&self, x: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product { matrix: self, x, out, add: true });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: true, across: false });
     }
 }
 
@@ -82,11 +82,13 @@ impl WithSimd for Lanes {
     }
 }
 
+/// `x W`, or `x^T W`.
 struct Product<'a> {
     matrix: &'a Matrix,
     x: &'a [f32],
     out: &'a mut [f32],
     add: bool,
+    across: bool,
 }
 
 impl WithSimd for Product<'_> {
@@ -106,76 +108,30 @@ impl WithSimd for Product<'_> {
     }
 }
 
+/// Rows of `x^T`'s inner side that stay near the processor while all columns pass them.
+const NEAR: usize = 48;
+
 impl Product<'_> {
     #[inline(always)]
     fn panels<S: Simd, const R: usize, const V: usize>(self, simd: S) {
-        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out, add } = self;
+        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out, add, across } = self;
         let (inner, outer, width) = (*inner, *outer, V * S::F32_LANES);
-        let (vectors, _) = S::as_simd_f32s(panels);
-        for (panel, first) in vectors.chunks_exact(inner * V).zip((0..outer).step_by(width)) {
-            let panel = &panel.as_chunks::<V>().0[..inner];
-            let columns = first..outer.min(first + width);
-            let mut rows = x.chunks_exact(R * inner);
-            let mut outs = out.chunks_exact_mut(R * outer);
-            for (x, out) in (&mut rows).zip(&mut outs) {
-                store::<S, R, V>(simd, tile(simd, x, panel), out, outer, columns.clone(), add);
-            }
-            for (x, out) in rows.remainder().chunks_exact(inner).zip(outs.into_remainder().chunks_exact_mut(outer)) {
-                store::<S, 1, V>(simd, tile(simd, x, panel), out, outer, columns.clone(), add);
-            }
-        }
-    }
-}
-
-/// Rows that stay near the processor while all columns pass them.
-#[cfg(feature = "autodiff")]
-const NEAR: usize = 48;
-
-/// [`Matrix::across`].
-#[cfg(feature = "autodiff")]
-struct Across<'a> {
-    matrix: &'a Matrix,
-    x: &'a [f32],
-    out: &'a mut [f32],
-}
-
-#[cfg(feature = "autodiff")]
-impl WithSimd for Across<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match (S::F32_LANES, self.matrix.vectors) {
-            (16.., 2) => self.panels::<S, 12, 2>(simd),
-            (16.., 4) => self.panels::<S, 6, 4>(simd),
-            (16.., _) => self.panels::<S, 8, 3>(simd),
-            (_, 2) => self.panels::<S, 6, 2>(simd),
-            (_, 4) => self.panels::<S, 3, 4>(simd),
-            _ => self.panels::<S, 4, 3>(simd),
-        }
-    }
-}
-
-#[cfg(feature = "autodiff")]
-impl Across<'_> {
-    #[inline(always)]
-    fn panels<S: Simd, const R: usize, const V: usize>(self, simd: S) {
-        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out } = self;
-        let (inner, outer, width) = (*inner, *outer, V * S::F32_LANES);
-        let rows = x.len() / inner;
+        let (rows, near) = (x.len() / inner, if across { NEAR } else { inner });
         let (vectors, _) = S::as_simd_f32s(panels);
         for (panel, first) in vectors.chunks_exact(inner * V).zip((0..outer).step_by(width)) {
             let columns = first..outer.min(first + width);
-            let parts = panel.as_chunks::<V>().0[..inner].chunks(NEAR).zip(x.chunks(NEAR * rows));
-            for (part, (panel, x)) in parts.enumerate() {
+            for (part, panel) in panel.as_chunks::<V>().0[..inner].chunks(near).enumerate() {
+                let (x, add) = (&x[part * near * rows..], add || part > 0);
                 let mut outs = out.chunks_exact_mut(R * outer);
                 let mut row = 0;
                 for out in &mut outs {
-                    store::<S, R, V>(simd, tile_across(simd, x, rows, row, panel), out, outer, columns.clone(), part > 0);
+                    let sums = if across { tile_across(simd, x, rows, row, panel) } else { tile(simd, &x[row * inner..], panel) };
+                    store::<S, R, V>(simd, sums, out, outer, columns.clone(), add);
                     row += R;
                 }
                 for out in outs.into_remainder().chunks_exact_mut(outer) {
-                    store::<S, 1, V>(simd, tile_across(simd, x, rows, row, panel), out, outer, columns.clone(), part > 0);
+                    let sums = if across { tile_across(simd, x, rows, row, panel) } else { tile(simd, &x[row * inner..], panel) };
+                    store::<S, 1, V>(simd, sums, out, outer, columns.clone(), add);
                     row += 1;
                 }
             }
@@ -196,7 +152,6 @@ fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S
 }
 
 /// Sums of R columns of x from the `row`-th on, `[inner, rows]`, with one panel.
-#[cfg(feature = "autodiff")]
 #[inline(always)]
 fn tile_across<S: Simd, const R: usize, const V: usize>(
     simd: S,
