@@ -28,7 +28,8 @@ pub struct Collider {
     pub material: Material,
     /// Set if the shape is a half-space, which is then answered in closed form.
     pub plane: Option<Plane>,
-    /// Centre and radius (m) of a ball around the shape, in its own axes: a place far outside is not asked how far.
+    /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked how far. Another
+    /// shape needs another one.
     pub ball: (Vector3<f64>, f64),
 }
 

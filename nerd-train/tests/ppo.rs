@@ -192,8 +192,8 @@ impl Environments for Point {
         Ok(result)
     }
 
-    fn snapshot(&self) -> Snapshot {
-        Snapshot { states: self.x.clone(), frames: self.age.clone(), ..Default::default() }
+    fn snapshot(&self) -> Result<Snapshot, StepError> {
+        Ok(Snapshot { states: self.x.clone(), frames: self.age.clone(), ..Default::default() })
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {

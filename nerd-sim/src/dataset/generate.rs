@@ -129,6 +129,10 @@ pub fn generate_part(
         let hash = match there(shard) {
             Some(hash) => hash,
             None => {
+                // What stands in the manifest of a shard that is written over is true no more.
+                if folder.join(&shard.name).exists() {
+                    removed(&folder.join("manifest.json"))?;
+                }
                 let recording = record(system, solver, config, shard.first as u64, shard.count)?;
                 write_shard(&folder.join(&shard.name), &recording, &shard.header(&identity, config))?;
                 recording.sha256()
@@ -160,6 +164,14 @@ pub fn generate_part(
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;
     crate::files::write(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;
     Ok(Some(manifest))
+}
+
+/// Removes a file, if it is there.
+fn removed(path: &Path) -> Result<(), DatasetError> {
+    match std::fs::remove_file(path) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(DatasetError::File { path: path.into(), source }),
+        _ => Ok(()),
+    }
 }
 
 /// A shard to be made.

@@ -21,8 +21,8 @@ impl<E: Environments> Trainer<E> {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn save(&self, path: &Path, run: &str) -> Result<(), CheckpointError> {
-        let (state, snapshot) = (&self.state, self.environments.snapshot());
+    pub fn save(&self, path: &Path, run: &str) -> Result<(), PpoError> {
+        let (state, snapshot) = (&self.state, self.environments.snapshot()?);
         let mut file = Writer::default();
         put(&mut file, "policy", &state.policy);
         if let Some((reward, policy)) = &state.best {
@@ -44,7 +44,7 @@ impl<E: Environments> Trainer<E> {
         file.f64("past.states", snapshot.past_states);
         file.f64("past.torques", snapshot.past_torques);
         let config = serde_json::to_string(&self.config).unwrap_or_default();
-        file.save(path, HashMap::from([("config".into(), config), ("run".into(), run.into())]))
+        Ok(file.save(path, HashMap::from([("config".into(), config), ("run".into(), run.into())]))?)
     }
 
     /// Goes on where the file's run stood. What `run` was at [`Self::save`] must be the same now.

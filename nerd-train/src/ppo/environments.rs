@@ -19,7 +19,10 @@ pub trait Environments {
     /// If the solver cannot step them.
     fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError>;
     /// What later steps depend on.
-    fn snapshot(&self) -> Snapshot;
+    ///
+    /// # Errors
+    /// If not all of them can be asked.
+    fn snapshot(&self) -> Result<Snapshot, StepError>;
     /// Goes on where a snapshot was taken.
     ///
     /// # Errors
@@ -48,8 +51,8 @@ impl Environments for Episodes {
         self.step(actions)
     }
 
-    fn snapshot(&self) -> Snapshot {
-        self.snapshot()
+    fn snapshot(&self) -> Result<Snapshot, StepError> {
+        Ok(self.snapshot())
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {

@@ -125,17 +125,19 @@ impl Environments for Shared {
             all.failed += part(answer, 4).iter().sum::<u64>() as usize;
             self.observations.extend(reals(part(answer, 5)));
         }
+        // Success is asked for in games alone.
+        all.misses = vec![None; self.count];
         Ok(all)
     }
 
-    fn snapshot(&self) -> Snapshot {
+    fn snapshot(&self) -> Result<Snapshot, StepError> {
         let own = self.own.snapshot();
         if self.ranks.world() == 1 {
-            return own;
+            return Ok(own);
         }
-        // A rank that is lost is noticed at the next step; what is saved until then is the part of it that is there.
-        let told = self.tell(&[vec![SAY]]).and_then(|()| self.answers(said(own)));
-        joined(&told.unwrap_or_default().iter().map(|parts| heard(parts)).collect::<Vec<_>>())
+        // Of a part of the environments nothing is saved: what was saved last is whole.
+        let told = self.tell(&[vec![SAY]]).and_then(|()| self.answers(said(own))).map_err(lost)?;
+        Ok(joined(&told.iter().map(|parts| heard(parts)).collect::<Vec<_>>()))
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {

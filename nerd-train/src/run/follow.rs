@@ -19,7 +19,8 @@ impl Run {
     pub(super) fn follow(&self) -> Result<Option<PathBuf>> {
         let started = Instant::now();
         self.agreed(&self.identity())?;
-        let Data { judge, matter, .. } = self.data()?;
+        let Data { judge, matter, sha256, .. } = self.data()?;
+        self.same_data(&sha256)?;
         let state = self.given(None)?;
         if !self.config.finish {
             let fresh = self.supply(&judge.normalizer, state.step)?;
@@ -35,6 +36,15 @@ impl Run {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let how = |theirs: &[u8], ours: &[u8]| between(&text(theirs), &text(ours)) + "; give all ranks the same command";
         Ok(self.ranks.agree("settings", mine.to_string().as_bytes(), how)?)
+    }
+
+    /// Refuses to begin where a folder of data holds something else than that of rank 0; what ranks record they have from each other.
+    pub(super) fn same_data(&self, sha256: &str) -> Result<()> {
+        if self.config.data.is_none() {
+            return Ok(());
+        }
+        let how = |_: &[u8], _: &[u8]| "its folder holds other shards; give all ranks the same data".to_string();
+        Ok(self.ranks.agree("data", sha256.as_bytes(), how)?)
     }
 
     /// The state to go on from, as rank 0 has it.

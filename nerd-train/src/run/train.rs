@@ -123,6 +123,7 @@ impl Run {
         }
         self.agreed(&identity)?;
         let data = self.data()?;
+        self.same_data(&data.sha256)?;
         (identity.transitions, identity.data_sha256) = (data.transitions, data.sha256.clone());
         let (identity, path) = (identity, out.join("run.json"));
         let first = || self.parent.as_ref().map_or_else(|| Weights::init(self.network, self.learner.seed), |p| p.weights.clone());
@@ -155,10 +156,15 @@ impl Run {
 
     /// What makes its updates until the minutes are over; `run` is kept in its checkpoints.
     pub(super) fn trainer(&self, run: &str, started: Instant) -> Trainer {
+        let trainer = Trainer::new(self.trainer, self.learner.batch, &self.config.out, run);
+        trainer.stop_at(self.left(started)).among(&self.ranks)
+    }
+
+    /// What is left of its minutes, a second at least.
+    fn left(&self, started: Instant) -> Option<Duration> {
         // More minutes than a duration holds are no limit.
         let left = |minutes: f64| Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok();
-        let trainer = Trainer::new(self.trainer, self.learner.batch, &self.config.out, run);
-        trainer.stop_at(self.config.minutes.and_then(left)).among(&self.ranks)
+        self.config.minutes.and_then(left)
     }
 
     /// What decides the run's bytes, as far as it is known before its data is.
@@ -237,7 +243,8 @@ impl Run {
             log(step)?;
             Ok(error)
         };
-        let outcome = trainer.run(engine, fresh, &mut hook)?;
+        // Time that was spent until here is spent.
+        let outcome = trainer.stop_at(self.left(started)).run(engine, fresh, &mut hook)?;
         log(outcome.step)?;
         Ok(outcome)
     }
