@@ -205,8 +205,8 @@ impl Environments for Blind {
         Ok(StepResult { rewards, terminated, truncated, reached, ..StepResult::default() })
     }
 
-    fn snapshot(&self) -> Snapshot {
-        Snapshot::default()
+    fn snapshot(&self) -> Result<Snapshot, StepError> {
+        Ok(Snapshot::default())
     }
 
     fn restore(&mut self, _: &Snapshot) -> Result<(), StepError> {
