@@ -63,18 +63,22 @@ pub(crate) const DRAWS: usize = 10_000;
 /// The first of so many starts that stands as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
 /// inside of it.
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, draws: usize) -> Option<Vec<f64>> {
-    let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
-    let least = match &system.spec.root {
-        Some(root) => of(root, which).clearance,
-        None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
-    };
-    let Some(least) = least else { return Some(draw(system, which, rng)) };
+    let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     (0..draws).map(|_| draw(system, which, rng)).find(|state| {
         contacts(system, &scene, state, &mut data, &mut events);
         events.iter().all(|e| e.distance >= least)
     })
+}
+
+/// How far (m) from the data's scene a start stands at least, where that is asked for.
+pub(crate) fn least_clearance(system: &System, which: Start) -> Option<f64> {
+    let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
+    match &system.spec.root {
+        Some(root) => of(root, which).clearance,
+        None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
+    }
 }
 
 fn of(root: &RootSpec, which: Start) -> &RootStart {

@@ -4,59 +4,53 @@
 //! origin is below 0.3 m; truncated after 500 steps of 1/60 s. Starts: the reset law of `ant.toml`.
 
 use crate::body::{Body, observe};
-use crate::{Task, View, Work};
+use crate::formula::{About, Formulas, Number, Sight};
 
 /// A task of the Ant, which is its reward.
-#[derive(Clone, Copy)]
-pub struct Ant {
-    /// Name on the command line.
-    pub name: &'static str,
-    /// Reward of a state of the torso.
-    pub reward: fn(&Body) -> f64,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ant {
+    /// Forward, along world +x, as fast as it can: `R = v_x + 0.1 p_up + p_heading`, v in m/s.
+    Run,
+    /// About world +y as fast as it can: `R = w_y + p_up`, w in rad/s.
+    Spin,
+    /// About world +y at 5 rad/s: `R = 5 exp(-(w_y - 5)^2 - 0.1 w_x^2 - 0.1 w_z^2) + 0.1 p_up`, w in rad/s.
+    SpinTrack,
 }
 
-/// Coordinates of the Ant, and height below which it is over (m).
-const NQ: usize = 15;
+/// Height (m) below which it is over.
 const LOWEST: f64 = 0.3;
 
-impl Task for Ant {
-    fn name(&self) -> &'static str {
-        self.name
+impl Formulas for Ant {
+    fn about(&self) -> About {
+        let name = match self {
+            Self::Run => "ant-run",
+            Self::Spin => "ant-spin",
+            Self::SpinTrack => "ant-spin-track",
+        };
+        About { name, robot: "ant", scene: "ground", observation: 29, action: 8, steps: 500, frames: 1 }
     }
 
-    fn robot(&self) -> &'static str {
-        "ant"
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        observe(sight, out);
     }
 
-    fn scene(&self) -> &'static str {
-        "ground"
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        sight.controlled(action, torques);
     }
 
-    fn observation_dim(&self) -> usize {
-        29
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _torques: &[N]) -> N {
+        let (Body { linear, angular: [x, y, z], up, heading, .. }, tenth) = (Body::of(sight), N::from(0.1));
+        match self {
+            Self::Run => linear[0] + tenth * up + heading,
+            Self::Spin => y + up,
+            Self::SpinTrack => {
+                let away = (y - N::from(5.0)).squared() + tenth * x.squared() + tenth * z.squared();
+                N::from(5.0) * (-away).exp() + tenth * up
+            }
+        }
     }
 
-    fn action_dim(&self) -> usize {
-        8
-    }
-
-    fn episode_length(&self) -> u64 {
-        500
-    }
-
-    fn observe(&self, view: View, _work: &mut Work, out: &mut [f64]) {
-        observe(view.state, NQ, out);
-    }
-
-    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
-        work.controller.torques(view.state, action, torques);
-    }
-
-    fn reward(&self, view: View, _torques: &[f64], _work: &mut Work) -> f64 {
-        (self.reward)(&Body::of(view.state, NQ))
-    }
-
-    fn terminated(&self, view: View, _work: &mut Work) -> bool {
-        view.state[1] < LOWEST
+    fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
+        sight.q(1).below(N::from(LOWEST))
     }
 }

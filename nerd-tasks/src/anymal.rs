@@ -13,78 +13,52 @@
 //! of the reference system's code, whose rewards are the ones that were published. Starts: the reset law of
 //! `anymal.toml`.
 
-use nerd_sim::batch::contacts;
-
 use crate::body::{Body, observe};
-use crate::{Task, View, Work};
+use crate::formula::{About, Formulas, Number, Sight};
 
 /// A task of ANYmal, which is the velocity it asks for.
-#[derive(Clone, Copy)]
-pub struct Anymal {
-    /// Name on the command line.
-    pub name: &'static str,
-    /// Velocity forward and sideways (m/s).
-    pub velocity: [f64; 2],
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anymal {
+    /// 1 m/s along world +x.
+    Forward,
+    /// 1 m/s along world +z.
+    Side,
 }
 
-/// Coordinates of ANYmal, and height of the base below which it is over (m).
-const NQ: usize = 19;
+/// Height of the base (m) below which it is over.
 const LOWEST: f64 = 0.4;
 /// Gap between surfaces (m) that counts as a touch.
 const MARGIN: f64 = 0.01;
 /// Radius (m) of the feet, the only contact points that may touch: all others are larger.
 const FOOT: f64 = 0.03;
 
-impl Task for Anymal {
-    fn name(&self) -> &'static str {
-        self.name
+impl Formulas for Anymal {
+    fn about(&self) -> About {
+        let name = if *self == Self::Forward { "anymal-forward" } else { "anymal-side" };
+        About { name, robot: "anymal", scene: "ground", observation: 37, action: 12, steps: 1000, frames: 1 }
     }
 
-    fn robot(&self) -> &'static str {
-        "anymal"
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        observe(sight, out);
     }
 
-    fn scene(&self) -> &'static str {
-        "ground"
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        sight.controlled(action, torques);
     }
 
-    fn observation_dim(&self) -> usize {
-        37
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N {
+        let (body, one) = (Body::of(sight), N::from(1.0));
+        let none = N::from(0.0);
+        let [forward, sideways] = if *self == Self::Forward { [one, none] } else { [none, one] };
+        let gap = (body.linear[0] - forward).squared() + (body.linear[2] - sideways).squared();
+        let effort = torques.iter().fold(none, |sum, tau| sum + tau.squared());
+        ((-gap).exp() + N::from(0.5) * (-body.angular[1].squared()).exp() - N::from(2.5e-5) * effort).max(none)
     }
 
-    fn action_dim(&self) -> usize {
-        12
-    }
-
-    fn episode_length(&self) -> u64 {
-        1000
-    }
-
-    fn observe(&self, view: View, _work: &mut Work, out: &mut [f64]) {
-        observe(view.state, NQ, out);
-    }
-
-    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
-        let Work { controller, numbers, .. } = work;
-        numbers.clear();
-        numbers.extend(action.iter().map(|a| a.clamp(-1.0, 1.0)));
-        controller.torques(view.state, numbers, torques);
-    }
-
-    fn reward(&self, view: View, torques: &[f64], _work: &mut Work) -> f64 {
-        let (body, [forward, sideways]) = (Body::of(view.state, NQ), self.velocity);
-        let gap = (body.linear.x - forward).powi(2) + (body.linear.z - sideways).powi(2);
-        let effort: f64 = torques.iter().map(|tau| tau * tau).sum();
-        ((-gap).exp() + 0.5 * (-body.angular.y.powi(2)).exp() - 2.5e-5 * effort).max(0.0)
-    }
-
-    fn terminated(&self, view: View, work: &mut Work) -> bool {
-        if view.state[1] < LOWEST {
-            return true;
-        }
-        let Work { system, data, events, .. } = work;
-        contacts(system, view.scene, view.state, data, events);
-        let points = system.robot.contact_points.iter().zip(&*events);
-        points.filter(|(point, _)| point.radius > FOOT + 1e-3).any(|(point, event)| event.distance < point.radius + MARGIN)
+    fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
+        let low = sight.q(1).below(N::from(LOWEST));
+        let radii: Vec<f64> = sight.system().robot.contact_points.iter().map(|point| point.radius).collect();
+        let others = radii.into_iter().enumerate().filter(|(_, radius)| *radius > FOOT + 1e-3);
+        others.fold(low, |over, (point, radius)| over.or(sight.distance(point).below(N::from(radius + MARGIN))))
     }
 }

@@ -1,51 +1,55 @@
 //! What tasks of the Ant and of ANYmal see of a floating root. World up is +y, forward is +x, +z is to the right.
 
-use nalgebra::{UnitQuaternion, Vector3};
-use nerd_core::state::{quaternion, vector};
+use crate::formula::{Number, Sight};
 
 /// Pose and velocity of a floating root in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body {
+pub struct Body<N> {
     /// Height of its origin (m).
-    pub height: f64,
-    /// Orientation, body to world.
-    pub orientation: UnitQuaternion<f64>,
+    pub height: N,
     /// Velocity of its origin `p_dot = v + w x p` (m/s), v the linear part of the state's twist about the world origin.
-    pub linear: Vector3<f64>,
+    pub linear: [N; 3],
     /// Angular velocity (rad/s).
-    pub angular: Vector3<f64>,
+    pub angular: [N; 3],
     /// World-y component of the body's z axis, 1 when upright.
-    pub up: f64,
+    pub up: N,
     /// World-x component of the body's x axis, 1 when facing forward.
-    pub heading: f64,
+    pub heading: N,
 }
 
-impl Body {
-    /// The root of a state `[q, qd]` whose `q` has `nq` numbers.
-    pub fn of(state: &[f64], nq: usize) -> Self {
-        let (p, orientation) = (vector(state), quaternion(&state[3..7]));
-        let (angular, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
+impl<N: Number> Body<N> {
+    /// The root that is seen.
+    pub fn of(sight: &impl Sight<N>) -> Self {
+        let ([p, w, v], turn) = ([0, 1, 2].map(|part| three(sight, part)), [3, 4, 5, 6].map(|k| sight.q(k)));
+        let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];
+        // The state's quaternion need not be of unit length.
+        let [x, y, z, c] = turn;
+        let (one, two) = (x.squared() + y.squared() + z.squared() + c.squared(), N::from(2.0));
         Self {
-            height: p.y,
-            orientation,
-            linear: v + angular.cross(&p),
-            angular,
-            up: (orientation * Vector3::z()).y,
-            heading: (orientation * Vector3::x()).x,
+            height: p[1],
+            linear: [0, 1, 2].map(|i| v[i] + cross(i)),
+            angular: w,
+            up: two * (y * z - c * x) / one,
+            heading: N::from(1.0) - two * (y.squared() + z.squared()) / one,
         }
     }
 }
 
+/// Place, angular velocity and linear part of the twist.
+fn three<N>(sight: &impl Sight<N>, part: usize) -> [N; 3] {
+    [0, 1, 2].map(|k| if part == 0 { sight.q(k) } else { sight.qd(3 * (part - 1) + k) })
+}
+
 /// The observation of both robots, `13 + 2 k` numbers for k joints: height, quaternion x y z w, velocity, angular velocity,
 /// joint positions, joint velocities, up, heading. The world position and time are not in it.
-pub fn observe(state: &[f64], nq: usize, out: &mut [f64]) {
-    let (body, k) = (Body::of(state, nq), nq - 7);
+pub fn observe<N: Number>(sight: &impl Sight<N>, out: &mut [N]) {
+    let (body, k) = (Body::of(sight), (out.len() - 13) / 2);
     out[0] = body.height;
-    out[1..5].copy_from_slice(&state[3..7]);
-    out[5..8].copy_from_slice(body.linear.as_slice());
-    out[8..11].copy_from_slice(body.angular.as_slice());
-    out[11..11 + k].copy_from_slice(&state[7..nq]);
-    out[11 + k..11 + 2 * k].copy_from_slice(&state[nq + 6..]);
-    out[11 + 2 * k] = body.up;
-    out[12 + 2 * k] = body.heading;
+    (0..4).for_each(|i| out[1 + i] = sight.q(3 + i));
+    out[5..8].copy_from_slice(&body.linear);
+    out[8..11].copy_from_slice(&body.angular);
+    for i in 0..k {
+        (out[11 + i], out[11 + k + i]) = (sight.q(7 + i), sight.qd(6 + i));
+    }
+    (out[11 + 2 * k], out[12 + 2 * k]) = (body.up, body.heading);
 }

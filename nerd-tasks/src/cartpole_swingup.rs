@@ -9,9 +9,7 @@
 //! Over when `|x| > 4` m or a velocity passes 10 m/s or 10 rad/s; truncated after 300 steps of 1/60 s. Starts:
 //! `x, x_dot, theta_dot ~ U(-1, 1)`, `theta ~ U(-pi, pi)` (`cartpole.toml`).
 
-use nerd_core::state::wrap;
-
-use crate::{Task, View, Work};
+use crate::formula::{About, Formulas, Number, Sight};
 
 /// The task; it has no settings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -20,42 +18,27 @@ pub struct CartpoleSwingup;
 /// Force of an action of 1 (N).
 const FORCE: f64 = 1500.0;
 
-impl Task for CartpoleSwingup {
-    fn name(&self) -> &'static str {
-        "cartpole-swingup"
+impl Formulas for CartpoleSwingup {
+    fn about(&self) -> About {
+        About { name: "cartpole-swingup", robot: "cartpole", scene: "free", observation: 4, action: 1, steps: 300, frames: 1 }
     }
 
-    fn robot(&self) -> &'static str {
-        "cartpole"
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        out.copy_from_slice(&[sight.q(0), sight.q(1).wrap(), sight.qd(0), sight.qd(1)]);
     }
 
-    fn observation_dim(&self) -> usize {
-        4
+    fn act<N: Number>(&self, _sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        torques.copy_from_slice(&[N::from(FORCE) * action[0], N::from(0.0)]);
     }
 
-    fn action_dim(&self) -> usize {
-        1
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _torques: &[N]) -> N {
+        let (x, theta, tenth) = (sight.q(0), sight.q(1).wrap(), N::from(0.1));
+        let moved = tenth * sight.qd(1).squared() + tenth * sight.qd(0).squared();
+        N::from(5.0) - theta.squared() - N::from(0.05) * x.squared() - moved
     }
 
-    fn episode_length(&self) -> u64 {
-        300
-    }
-
-    fn observe(&self, view: View, _work: &mut Work, out: &mut [f64]) {
-        out.copy_from_slice(view.state);
-        out[1] = wrap(out[1]);
-    }
-
-    fn act(&self, _view: View, action: &[f64], _work: &mut Work, torques: &mut [f64]) {
-        torques.copy_from_slice(&[FORCE * action[0].clamp(-1.0, 1.0), 0.0]);
-    }
-
-    fn reward(&self, view: View, _torques: &[f64], _work: &mut Work) -> f64 {
-        let (x, theta, xd, thetad) = (view.state[0], wrap(view.state[1]), view.state[2], view.state[3]);
-        5.0 - theta * theta - 0.05 * x * x - 0.1 * thetad * thetad - 0.1 * xd * xd
-    }
-
-    fn terminated(&self, view: View, _work: &mut Work) -> bool {
-        view.state[0].abs() > 4.0 || view.state[2].abs() > 10.0 || view.state[3].abs() > 10.0
+    fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
+        let beyond = |most: f64, x: N| N::from(most).below(x.abs());
+        beyond(4.0, sight.q(0)).or(beyond(10.0, sight.qd(0))).or(beyond(10.0, sight.qd(1)))
     }
 }

@@ -11,13 +11,7 @@
 //! Never over; truncated after 128 steps. Targets: `x ~ U(0.3, 0.7)`, `y ~ U(-0.35, 0.35)`, `z ~ U(0.05, 0.45)`; starts:
 //! the reset law of `franka.toml`, default pose +- 0.125 rad at rest.
 
-use nalgebra::Vector3;
-use nerd_core::dynamics::{kinematics, point_position};
-use nerd_core::state::vector;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-
-use crate::{Task, View, Work};
+use crate::formula::{About, Formulas, Number, Sight};
 
 /// The task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,81 +25,42 @@ pub enum FrankaReach {
 }
 
 /// End effector in the frame of link 7 (m).
-const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.212_07);
+const TOOL: [f64; 3] = [0.0, 0.0, 0.212_07];
 /// Box of targets (m), low and high.
 const TARGETS: [[f64; 2]; 3] = [[0.3, 0.7], [-0.35, 0.35], [0.05, 0.45]];
 
 /// Joints; also numbers of an action.
 const JOINTS: usize = 7;
 
-/// World position of the end effector (m).
-fn tool(view: View, work: &mut Work) -> Vector3<f64> {
-    kinematics(&work.system.robot, view.state, &mut work.data);
-    point_position(&work.data, JOINTS - 1, &TOOL)
-}
+impl Formulas for FrankaReach {
+    fn about(&self) -> About {
+        let (name, frames) = if *self == Self::Position { ("franka-reach", 2) } else { ("franka-reach-torque", 1) };
+        About { name, robot: "franka", scene: "free", observation: JOINTS + 6, action: JOINTS, steps: 128, frames }
+    }
 
-impl Task for FrankaReach {
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Position => "franka-reach",
-            Self::Torque => "franka-reach-torque",
+    fn goal(&self) -> &'static [[f64; 2]] {
+        &TARGETS
+    }
+
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        (0..JOINTS).for_each(|k| out[k] = sight.q(k));
+        out[JOINTS..JOINTS + 3].copy_from_slice(&sight.place(JOINTS - 1, TOOL));
+        (0..3).for_each(|k| out[JOINTS + 3 + k] = sight.goal(k));
+    }
+
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        if *self == Self::Position {
+            return sight.controlled(action, torques);
         }
+        let gains: Vec<f64> = sight.system().joint_specs().map(|joint| joint.gain.unwrap_or(joint.torque)).collect();
+        torques.iter_mut().zip(gains).zip(action).for_each(|((tau, gain), a)| *tau = N::from(gain) * *a);
     }
 
-    fn robot(&self) -> &'static str {
-        "franka"
-    }
-
-    fn observation_dim(&self) -> usize {
-        JOINTS + 6
-    }
-
-    fn action_dim(&self) -> usize {
-        JOINTS
-    }
-
-    fn episode_length(&self) -> u64 {
-        128
-    }
-
-    fn frames(&self) -> u64 {
-        match self {
-            Self::Position => 2,
-            Self::Torque => 1,
-        }
-    }
-
-    fn goal_dim(&self) -> usize {
-        3
-    }
-
-    fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
-        out.iter_mut().zip(TARGETS).for_each(|(x, [low, high])| *x = low + (high - low) * rng.random::<f64>());
-    }
-
-    fn observe(&self, view: View, work: &mut Work, out: &mut [f64]) {
-        out[..JOINTS].copy_from_slice(&view.state[..JOINTS]);
-        out[JOINTS..JOINTS + 3].copy_from_slice(tool(view, work).as_slice());
-        out[JOINTS + 3..].copy_from_slice(view.goal);
-    }
-
-    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
-        let Work { controller, numbers, system, .. } = work;
-        numbers.clear();
-        numbers.extend(action.iter().map(|a| a.clamp(-1.0, 1.0)));
-        match self {
-            Self::Position => controller.torques(view.state, numbers, torques),
-            Self::Torque => {
-                for ((tau, joint), a) in torques.iter_mut().zip(system.joint_specs()).zip(numbers) {
-                    *tau = joint.gain.unwrap_or(joint.torque) * *a;
-                }
-            }
-        }
-    }
-
-    fn reward(&self, view: View, _torques: &[f64], work: &mut Work) -> f64 {
-        let d = (tool(view, work) - vector(view.goal)).norm();
-        let peak = |k: f64| 1.0 / ((k * d).exp() + (-k * d).exp() + 1e-4);
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _torques: &[N]) -> N {
+        let tool = sight.place(JOINTS - 1, TOOL);
+        let square = (0..3).fold(N::from(0.0), |sum, k| sum + (tool[k] - sight.goal(k)).squared());
+        let d = square.sqrt();
+        let peak = |k: f64| N::from(1.0) / ((N::from(k) * d).exp() + (N::from(-k) * d).exp() + N::from(1e-4));
         -d + peak(50.0) + peak(300.0)
     }
 }

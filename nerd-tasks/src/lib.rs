@@ -1,28 +1,22 @@
 #![doc = include_str!("../README.md")]
 
-pub mod ant;
-mod ant_run;
-mod ant_spin;
-mod ant_spin_track;
-pub mod anymal;
-mod anymal_forward;
-mod anymal_side;
+mod ant;
+mod anymal;
 pub mod body;
 mod cartpole_swingup;
+pub mod device;
 mod drape;
 mod episodes;
 mod fast;
+pub mod formula;
 mod franka_reach;
 mod lead_tip;
 mod memory;
 mod registry;
 mod task;
 
-pub use ant_run::ANT_RUN;
-pub use ant_spin::ANT_SPIN;
-pub use ant_spin_track::ANT_SPIN_TRACK;
-pub use anymal_forward::ANYMAL_FORWARD;
-pub use anymal_side::ANYMAL_SIDE;
+pub use ant::Ant;
+pub use anymal::Anymal;
 pub use cartpole_swingup::CartpoleSwingup;
 pub use episodes::{Episodes, StepResult};
 pub use fast::{Fast, fast_start};

@@ -1,6 +1,6 @@
 //! Tasks by name.
 
-use crate::{ANT_RUN, ANT_SPIN, ANT_SPIN_TRACK, ANYMAL_FORWARD, ANYMAL_SIDE, CartpoleSwingup, FrankaReach, LeadTip, Task};
+use crate::{Ant, Anymal, CartpoleSwingup, FrankaReach, LeadTip, Task};
 
 /// No such task.
 #[derive(Debug, thiserror::Error)]
@@ -13,11 +13,11 @@ fn all() -> [Box<dyn Task>; 9] {
         Box::new(CartpoleSwingup),
         Box::new(FrankaReach::Position),
         Box::new(FrankaReach::Torque),
-        Box::new(ANT_RUN),
-        Box::new(ANT_SPIN),
-        Box::new(ANT_SPIN_TRACK),
-        Box::new(ANYMAL_FORWARD),
-        Box::new(ANYMAL_SIDE),
+        Box::new(Ant::Run),
+        Box::new(Ant::Spin),
+        Box::new(Ant::SpinTrack),
+        Box::new(Anymal::Forward),
+        Box::new(Anymal::Side),
         Box::new(LeadTip),
     ]
 }

@@ -106,4 +106,12 @@ pub trait Task: Send + Sync {
     fn terminated(&self, _view: View, _work: &mut Work) -> bool {
         false
     }
+
+    /// The task as kernels for a graphics card ([`crate::device`]), in scenes of so many colliders.
+    ///
+    /// # Errors
+    /// Why there are none: of a task that is no [`crate::formula::Formulas`], because nobody wrote them.
+    fn kernels(&self, _system: &System, _colliders: usize) -> Result<String, String> {
+        Err(format!("task `{}` is not written in formulas (nerd_tasks::formula), so it stays on the CPU", self.name()))
+    }
 }

@@ -1,5 +1,6 @@
 //! The articulated solver on a device.
 
+mod episode;
 #[cfg(feature = "cuda")]
 mod held;
 mod program;
@@ -8,6 +9,7 @@ mod roll;
 #[cfg(feature = "cuda")]
 mod solver;
 
+pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]
 pub use held::Held;
 pub use program::{Reach, Real, fault, functions, packed, program, record};

@@ -75,7 +75,6 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let mut define = |name: &str, value: String| {
         let _ = writeln!(text, "#define {name} {value}");
     };
-    let flag = |on: bool| i32::from(on).to_string();
     let count = |n: usize| n.to_string();
     define("REAL", if real == Real::F64 { "double" } else { "float" }.into());
     let sizes = [("NL", robot.links.len()), ("NV", robot.nv()), ("NQ", robot.nq()), ("NJ", robot.joint_count())];
@@ -166,7 +165,7 @@ fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
     real_table(text, "RADIUS", robot.contact_points.iter().map(|p| p.radius).collect());
 }
 
-fn whole(text: &mut String, name: &str, numbers: Vec<i64>) {
+pub(super) fn whole(text: &mut String, name: &str, numbers: Vec<i64>) {
     table(text, "int", name, numbers.into_iter().map(|n| n.to_string()));
 }
 
@@ -174,13 +173,18 @@ fn real_table(text: &mut String, name: &str, numbers: Vec<f64>) {
     table(text, "real", name, numbers.into_iter().map(|x| format!("(real){}", number(x))));
 }
 
+/// A switch.
+pub(super) fn flag(on: bool) -> String {
+    i32::from(on).to_string()
+}
+
 /// What is infinite is more than any number of a frame, and fits into an f32.
-fn number(x: f64) -> String {
+pub(super) fn number(x: f64) -> String {
     format!("{:e}", x.clamp(-1e38, 1e38))
 }
 
 /// An array with at least one entry, since none may have none.
-fn table(text: &mut String, kind: &str, name: &str, entries: impl Iterator<Item = String>) {
+pub(super) fn table(text: &mut String, kind: &str, name: &str, entries: impl Iterator<Item = String>) {
     let mut entries: Vec<String> = entries.collect();
     if entries.is_empty() {
         entries.push("0".into());

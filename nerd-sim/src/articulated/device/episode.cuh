@@ -1,0 +1,156 @@
+// How an episode begins and what a robot's own controller makes of an action, as sampling.rs and control.rs have them. Tables: of the root,
+// ranges of PLACES, SPINS, SPEEDS and TILTS and the orientation POSE; of the joints, ranges STARTS_Q and STARTS_QD and MINUS (-1), KP, KD, GAIN,
+// REST; the scene APART_FROM in which a start stands clear by APART.
+
+// Numbers in [0, 1), one after the other.
+struct Draws { unsigned long long key[4], stream, block; unsigned words[16]; int at; };
+FN Draws draws(const unsigned long long* key, unsigned long long stream) {
+    Draws d;
+    for (int k = 0; k < 4; k++) d.key[k] = key[k];
+    d.stream = stream;
+    d.block = 0;
+    d.at = 16;
+    return d;
+}
+BIG double one(Draws& d) {
+    if (d.at == 16) {
+        chacha8(d.key, d.block++, d.stream, d.words);
+        d.at = 0;
+    }
+    d.at += 2;
+    return unit(d.words + d.at - 2);
+}
+
+// a + b x, each rounded, as it is on the CPU.
+FN double along(double a, double b, double x) {
+#ifdef __CUDACC_RTC__
+    return __dadd_rn(a, __dmul_rn(b, x));
+#else
+    return a + b * x;
+#endif
+}
+FN double between(Draws& d, const double* range) { return along(range[0], range[1] - range[0], one(d)); }
+
+// Quaternions x y z w of unit length.
+FN void product(const double* a, const double* b, double* out) {
+    out[0] = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1];
+    out[1] = a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0];
+    out[2] = a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3];
+    out[3] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
+}
+FN void turned(const double* q, const double* v, double* out) {
+    const double a = 2 * (q[1] * v[2] - q[2] * v[1]), b = 2 * (q[2] * v[0] - q[0] * v[2]), c = 2 * (q[0] * v[1] - q[1] * v[0]);
+    out[0] = v[0] + q[3] * a + q[1] * c - q[2] * b;
+    out[1] = v[1] + q[3] * b + q[2] * a - q[0] * c;
+    out[2] = v[2] + q[3] * c + q[0] * b - q[1] * a;
+}
+
+BIG void draw_root(Draws& d, double* state) {
+    double *p = state, w[3], v[3], n[3], length = 0, turn[4], spin[3], speed[3];
+    for (int k = 0; k < 3; k++) p[k] = between(d, PLACES + 2 * k);
+    for (int k = 0; k < 3; k++) w[k] = between(d, SPINS + 2 * k);
+    for (int k = 0; k < 3; k++) v[k] = between(d, SPEEDS + 2 * k);
+    while (!(length > 1e-6)) {
+        for (int k = 0; k < 3; k++) n[k] = along(-1, 2, one(d));
+        length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    }
+    const double half = between(d, TILTS) / 2;
+    for (int k = 0; k < 3; k++) turn[k] = n[k] / length * sin(half);
+    turn[3] = cos(half);
+    product(POSE, turn, state + 3);
+    turned(state + 3, w, spin);
+    turned(state + 3, v, speed);
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        state[NQ + k] = spin[k];
+        state[NQ + 3 + k] = speed[k] + (p[i] * spin[j] - p[j] * spin[i]);
+    }
+}
+
+BIG void draw_start(Draws& d, double* state) {
+    if (DOFS) draw_root(d, state);
+    for (int i = 0; i < NJ; i++) {
+        state[COORDS + i] = between(d, STARTS_Q + 2 * i);
+        if (MINUS[i] >= 0) state[COORDS + i] -= state[COORDS + MINUS[i]];
+    }
+    for (int i = 0; i < NJ; i++) state[NQ + DOFS + i] = between(d, STARTS_QD + 2 * i);
+    wrap(state);
+}
+
+// How far a place, seen from the root, is from the scene.
+FN real nearest(const Work& w, V3 p) {
+    real least = infinite();
+    for (int c = 0; c < w.surfaces; c++) {
+        V3 normal, place;
+        const real d = distance(w.surface[c], p, normal, place);
+        if (d < least) least = d;
+    }
+    return least;
+}
+FN V3 place_of(const Work& w, int p) {
+    const int link = POINT_LINK[p];
+    return w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * p);
+}
+
+// Links and surfaces where a state stands, seen from the root.
+BIG void settle(Work& w, const double* state, const double* scene) {
+    take(w.tree, state);
+    w.tree.shift = v3(0, 0, 0);
+    kinematics(w.tree);
+    survey(w, scene);
+}
+
+BIG void start(Draws& d, double* state) {
+    for (int k = 0; k < MOST_DRAWS; k++) {
+        draw_start(d, state);
+        if (!CLEARS) return;
+        Work w;
+        settle(w, state, APART_FROM);
+        bool clear = true;
+        for (int p = 0; p < NP; p++) clear = clear && nearest(w, place_of(w, p)) >= APART;
+        if (clear) return;
+    }
+}
+
+// Joint accelerations under a position law a frame ahead, without contact; false at a state that has none.
+BIG bool look_ahead(const double* state, const double* gap, const double* speed, double* qdd) {
+    Tree t;
+    take(t, state);
+    t.shift = v3(0, 0, 0);
+    kinematics(t);
+    crba(t);
+    bias(t, t.qd, read3(GRAVITY), 0);
+    for (int k = 0; k < NV; k++) qdd[k] = -t.tau[k];
+    for (int i = 0; i < NJ; i++) {
+        const int k = DOFS + i;
+        t.mass[LOWER(k, k)] += FRAME * (KD[i] + FRAME * KP[i]);
+        qdd[k] += KP[i] * (gap[i] - FRAME * speed[i]) - KD[i] * speed[i];
+    }
+    if (!refill(t)) return false;
+    solve(t, qdd);
+    return true;
+}
+
+// Torques of an action within +-1.
+BIG void controlled(const double* state, const double* action, double* tau) {
+    const double *q = state + COORDS, *qd = state + NQ + DOFS;
+    if (!CONTROLLED) {
+        for (int i = 0; i < NJ; i++) tau[i] = GAIN[i] * action[i];
+        return;
+    }
+    double gap[NJ + 1], speed[NJ + 1], qdd[NV];
+    for (int i = 0; i < NJ; i++) {
+        const double d = (RELATIVE ? q[i] : REST[i]) + ACTION_SCALE * action[i] - q[i];
+        gap[i] = WRAPS[i] && !RELATIVE ? wrapped(d) : d;
+        speed[i] = qd[i];
+    }
+    if (AHEAD && look_ahead(state, gap, speed, qdd))
+        for (int i = 0; i < NJ; i++) {
+            gap[i] -= FRAME * (speed[i] + FRAME * qdd[DOFS + i]);
+            speed[i] += FRAME * qdd[DOFS + i];
+        }
+    for (int i = 0; i < NJ; i++) {
+        const double t = KP[i] * gap[i] - KD[i] * speed[i];
+        tau[i] = CLAMPED ? (t < -GAIN[i] ? -GAIN[i] : t > GAIN[i] ? GAIN[i] : t) : t;
+    }
+}

@@ -1,0 +1,66 @@
+//! What stands around a solver in an episode, as text for a device: starts, and the robot's own controller.
+
+use std::fmt::Write;
+
+use super::super::{ArticulatedConfig, Friction};
+use super::program::{Reach, Real, flag, functions, number, record, table, whole};
+use crate::range::Range;
+use crate::sampling::{DRAWS, Start, least_clearance};
+use crate::system::System;
+
+/// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
+pub const RANDOM: &str = include_str!("random.cuh");
+
+/// Functions in 64 bits for scenes of so many colliders: those of the solver, `start` (of resets) and `controlled`.
+///
+/// # Errors
+/// In the scene that starts stand clear of, a shape without a kernel or more colliders than that.
+pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
+    let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
+    let clear = least_clearance(system, Start::Reset);
+    let apart = match (&clear, &system.spec.data_scene) {
+        (Some(_), Some(name)) => Some(system.scene(name).map_err(|e| e.to_string())?),
+        _ => None,
+    };
+    if let Some(scene) = apart.as_ref().filter(|scene| scene.colliders.len() > colliders) {
+        return Err(format!("starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one", scene.name));
+    }
+    let reach = Reach { colliders, ..Reach::default() };
+    let record = apart.map(|scene| record(&scene, system, &config, reach)).transpose()?;
+    let mut text = functions(system, &config, Real::F64, reach);
+    let control = system.spec.control.as_ref();
+    let mut define = |name: &str, value: String| {
+        let _ = writeln!(text, "#define {name} {value}");
+    };
+    define("MOST_DRAWS", DRAWS.to_string());
+    define("CLEARS", flag(record.is_some()));
+    define("APART", number(clear.unwrap_or(0.0)));
+    define("CONTROLLED", flag(control.is_some()));
+    define("RELATIVE", flag(control.is_some_and(|c| c.relative)));
+    define("AHEAD", flag(control.is_some_and(|c| c.ahead)));
+    define("CLAMPED", flag(control.is_some_and(|c| c.clamp)));
+    define("ACTION_SCALE", number(control.map_or(0.0, |c| c.scale)));
+    let mut numbers = |name: &str, values: Vec<f64>| table(&mut text, "double", name, values.iter().map(|x| number(*x)));
+    let ends = |range: &Range| [range.low, range.high];
+    let root = system.spec.root.as_ref();
+    let law = root.map(|root| root.reset.as_ref().unwrap_or(&root.sample));
+    numbers("POSE", root.map_or(vec![0.0; 4], |root| nerd_core::state::quaternion(&root.quaternion).coords.as_slice().to_vec()));
+    numbers("PLACES", law.map_or(Vec::new(), |l| l.position.iter().flat_map(ends).collect()));
+    numbers("SPINS", law.map_or(Vec::new(), |l| l.angular.iter().flat_map(ends).collect()));
+    numbers("SPEEDS", law.map_or(Vec::new(), |l| l.linear.iter().flat_map(ends).collect()));
+    numbers("TILTS", law.map_or(Vec::new(), |l| ends(&l.tilt).to_vec()));
+    numbers("APART_FROM", record.unwrap_or_default());
+    numbers("GRAVITY", system.gravity().as_slice().to_vec());
+    let specs = &system.spec.joints;
+    numbers("STARTS_Q", specs.iter().flat_map(|s| ends(&s.reset.q)).collect());
+    numbers("STARTS_QD", specs.iter().flat_map(|s| ends(&s.reset.qd)).collect());
+    numbers("KP", system.joint_specs().map(|j| j.kp).collect());
+    numbers("KD", system.joint_specs().map(|j| j.kd).collect());
+    numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
+    numbers("REST", system.joint_specs().map(|j| j.default).collect());
+    let other = |s: &crate::spec::JointSpec, i: usize| s.reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
+    whole(&mut text, "MINUS", specs.iter().enumerate().map(|(i, s)| other(s, i).map_or(-1, |k| k as i64)).collect());
+    text.push_str(RANDOM);
+    text.push_str(include_str!("episode.cuh"));
+    Ok(text)
+}

@@ -1,0 +1,166 @@
+// Episodes of a task in many environments, as episodes.rs has them.
+
+constexpr int STATE = NQ + NV;
+// A coordinate beyond this is no motion any more.
+constexpr double FAR = 1e5;
+
+// All environments, row by row. `begun` and the seed's key tell what is drawn next; `memory` counts what a learned solver remembers of each.
+struct World {
+    double *states, *goals, *torques;
+    const double* scenes;
+    const int* scene_of;
+    int* faults;
+    unsigned *memory, *failed;
+    unsigned long long *frames, *begun, key[4], first;
+    // Episodes that failed, and 1 + an environment whose start cannot be stepped.
+    unsigned* counts;
+    int n;
+};
+
+BIG void restart(const World& w, int env) {
+    Draws d = draws(w.key, (w.first + env) << 32 | w.begun[env]);
+    w.begun[env]++;
+    double* goal = w.goals + (long long)env * GOALS;
+    for (int k = 0; k < GOALS; k++) goal[k] = between(d, ASKED + 2 * k);
+    double state[STATE];
+    for (int k = 0; k < STATE; k++) state[k] = 0;
+    start(d, state);
+    for (int k = 0; k < STATE; k++) w.states[(long long)env * STATE + k] = state[k];
+    w.frames[env] = 0;
+    w.faults[env] = 0;
+    if (w.memory) w.memory[env] = 0;
+}
+
+// Counts a frame, or begins anew what could not be stepped.
+FN void counted(const World& w, int env) {
+    if (!w.faults[env]) { w.frames[env]++; return; }
+    if (w.frames[env] == 0 && !w.failed[env]) w.counts[1] = 1 + env;
+    w.failed[env] = 1;
+    restart(w, env);
+}
+
+// An environment for formulas that ask, or not, for links and distances.
+FN Seen seen(const World& w, int env, Work& work, bool asks) {
+    const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS, &work};
+    if (asks) settle(work, s.state, w.scenes + (long long)w.scene_of[env] * SCENE);
+    return s;
+}
+
+// Torques of a frame; what stands before it is kept where `past` is.
+FN void act(const World& w, int env, const float* actions, bool later, double* past_states, double* past_torques) {
+    if (later) counted(w, env);
+    Work work;
+    const Seen s = seen(w, env, work, ACT_ASKS);
+    double action[ACTIONS + 1], *tau = w.torques + (long long)env * NJ;
+    for (int k = 0; k < ACTIONS; k++) action[k] = actions[(long long)env * ACTIONS + k];
+    task_act(s, action, tau);
+    if (!past_states) return;
+    for (int k = 0; k < STATE; k++) past_states[(long long)env * STATE + k] = s.state[k];
+    for (int k = 0; k < NJ; k++) past_torques[(long long)env * NJ + k] = tau[k];
+}
+
+// Rows as a policy sees them: the newest observation, its difference from the one before, that one's, and so on (stack.rs).
+FN void pushed(const double* now, const double* row, double* out, int depth) {
+    for (int j = depth - 1; j > 1; j--)
+        for (int k = 0; k < SEEN; k++) out[j * SEEN + k] = row[(j - 1) * SEEN + k];
+    for (int k = 0; k < SEEN; k++) {
+        if (depth > 1) out[SEEN + k] = now[k] - row[k];
+        out[k] = now[k];
+    }
+}
+FN void observe(const World& w, int env, Work& work, double* out) { task_observe(seen(w, env, work, OBSERVE_ASKS), out); }
+
+// After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), what is seen then; `cut` gets what was seen where time ran out.
+FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth, double* reward, unsigned char* end) {
+    counted(w, env);
+    double *state = w.states + (long long)env * STATE, now[SEEN], out;
+    for (int k = 0; k < STATE; k++) if (!(fabs(state[k]) <= FAR)) w.failed[env] = 1;
+    Work work;
+    if (w.failed[env]) {
+        // As the CPU does: once because it failed, once because it ended.
+        w.begun[env]++;
+        *reward = 0;
+        *end = 1;
+#ifdef __CUDACC_RTC__
+        atomicAdd(w.counts, 1);
+#else
+        w.counts[0]++;
+#endif
+        w.failed[env] = 0;
+    } else {
+        Seen s = seen(w, env, work, OVER_ASKS);
+        task_over(s, &out);
+        *end = out != 0 ? 1 : w.frames[env] >= LENGTH ? 2 : 0;
+        if (REWARD_ASKS && !OVER_ASKS) s = seen(w, env, work, true);
+        task_reward(s, w.torques + (long long)env * NJ, reward);
+        observe(w, env, work, now);
+        pushed(now, row, next, depth);
+        if (*end == 2) {
+            double* kept = cut + ((long long)cuts[env]++ * w.n + env) * depth * SEEN;
+            for (int k = 0; k < depth * SEEN; k++) kept[k] = next[k];
+        }
+    }
+    if (!*end) return;
+    restart(w, env);
+    for (int k = 0; k < depth * SEEN; k++) next[k] = 0;
+    observe(w, env, work, next);
+}
+
+#ifdef __CUDACC_RTC__
+extern "C" __global__ void task_act(const World* world, const float* actions, int later, double* past_states, double* past_torques) {
+    const int env = blockIdx.x * blockDim.x + threadIdx.x;
+    if (env < world->n) act(*world, env, actions, later, past_states, past_torques);
+}
+extern "C" __global__ void task_judge(const World* world, const double* rows, double* next, double* cut, unsigned* cuts, int depth, double* rewards,
+                                      unsigned char* ends) {
+    const int env = blockIdx.x * blockDim.x + threadIdx.x;
+    const long long at = (long long)env * depth * SEEN;
+    if (env < world->n) judge(*world, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env);
+}
+#else
+#include <cstdio>
+// From standard input: n and depth; key and first; states, goals, frames, begun, planted faults, actions, rows, the scene. To standard output: what one
+// step makes of them in which nothing moves, and what is planted fails in every frame.
+template <typename T> T* take_in(long long n) {
+    T* all = new T[n + 1]();
+    if ((long long)std::fread(all, sizeof(T), n, stdin) != n) throw 1;
+    return all;
+}
+template <typename T> void put_out(const T* all, long long n) { std::fwrite(all, sizeof(T), n, stdout); }
+int main() {
+    const int* head = take_in<int>(2);
+    const int n = head[0], depth = head[1];
+    const unsigned long long* key = take_in<unsigned long long>(5);
+    double *states = take_in<double>(n * STATE), *goals = take_in<double>(n * GOALS);
+    unsigned long long *frames = take_in<unsigned long long>(n), *begun = take_in<unsigned long long>(n);
+    const int* planted = take_in<int>(n);
+    const float* actions = take_in<float>(n * ACTIONS);
+    const double *rows = take_in<double>(n * depth * SEEN), *scene = take_in<double>(SCENE);
+    int *of = new int[n](), *faults = new int[n]();
+    unsigned *failed = new unsigned[n](), *cuts = new unsigned[n](), counts[2] = {0, 0};
+    double *torques = new double[n * NJ + 1](), *next = new double[n * depth * SEEN](), *cut = new double[n * depth * SEEN]();
+    double* rewards = new double[n]();
+    unsigned char* ends = new unsigned char[n]();
+    const World w = {states, goals, torques, scene, of, faults, 0, failed, frames, begun, {key[0], key[1], key[2], key[3]}, key[4], counts, n};
+    for (int f = 0; f < STEP_FRAMES; f++)
+        for (int env = 0; env < n; env++) {
+            act(w, env, actions, f > 0, 0, 0);
+            faults[env] = planted[env];
+        }
+    for (int env = 0; env < n; env++) {
+        const long long at = (long long)env * depth * SEEN;
+        judge(w, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env);
+    }
+    put_out(torques, n * NJ);
+    put_out(rewards, n);
+    put_out(ends, n);
+    put_out(next, n * depth * SEEN);
+    put_out(cut, n * depth * SEEN);
+    put_out(states, n * STATE);
+    put_out(goals, n * GOALS);
+    put_out(frames, n);
+    put_out(begun, n);
+    put_out(counts, 2);
+    return 0;
+}
+#endif

@@ -1,0 +1,219 @@
+//! Formulas written down: every step is a line of C.
+
+use std::cell::{Cell, RefCell};
+use std::fmt::Write;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use nerd_sim::system::System;
+
+use super::{Formulas, Number, Sight};
+
+/// The lines so far, and what they ask of whoever runs them.
+#[derive(Debug, Default)]
+pub struct Tape {
+    lines: RefCell<String>,
+    count: Cell<usize>,
+    asks: Cell<bool>,
+}
+
+impl Tape {
+    /// A new line: the number that `formula` says.
+    fn line(&self, formula: &str) -> Text<'_> {
+        let k = self.count.replace(self.count.get() + 1);
+        let _ = writeln!(self.lines.borrow_mut(), "    const double n{k} = {formula};");
+        Text::Line(self, k)
+    }
+
+    fn say(&self, words: &str) {
+        let _ = writeln!(self.lines.borrow_mut(), "    {words}");
+    }
+}
+
+/// A number that is known, or that a line will say.
+#[derive(Clone, Copy, Debug)]
+pub enum Text<'a> {
+    /// Known.
+    Number(f64),
+    /// Of this line.
+    Line(&'a Tape, usize),
+}
+
+impl std::fmt::Display for Text<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Number(x) => write!(f, "({x:e})"),
+            Self::Line(_, k) => write!(f, "n{k}"),
+        }
+    }
+}
+
+impl From<f64> for Text<'_> {
+    fn from(x: f64) -> Self {
+        Self::Number(x)
+    }
+}
+
+impl Text<'_> {
+    /// Of one number.
+    fn one(self, known: fn(f64) -> f64, name: &str) -> Self {
+        match self {
+            Self::Number(x) => Self::Number(known(x)),
+            Self::Line(tape, _) => tape.line(&format!("{name}({self})")),
+        }
+    }
+
+    /// Of two: known where both are.
+    fn two(self, other: Self, known: fn(f64, f64) -> f64, [before, between, after]: [&str; 3]) -> Self {
+        match (self, other) {
+            (Self::Number(a), Self::Number(b)) => Self::Number(known(a, b)),
+            (Self::Line(tape, _), _) | (_, Self::Line(tape, _)) => tape.line(&format!("{before}{self}{between}{other}{after}")),
+        }
+    }
+}
+
+impl Add for Text<'_> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.two(other, |a, b| a + b, ["", " + ", ""])
+    }
+}
+
+impl Sub for Text<'_> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.two(other, |a, b| a - b, ["", " - ", ""])
+    }
+}
+
+impl Mul for Text<'_> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.two(other, |a, b| a * b, ["", " * ", ""])
+    }
+}
+
+impl Div for Text<'_> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self.two(other, |a, b| a / b, ["", " / ", ""])
+    }
+}
+
+impl Neg for Text<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.one(|x| -x, "-")
+    }
+}
+
+impl Number for Text<'_> {
+    fn sqrt(self) -> Self {
+        self.one(f64::sqrt, "sqrt")
+    }
+
+    fn exp(self) -> Self {
+        self.one(f64::exp, "exp")
+    }
+
+    fn abs(self) -> Self {
+        self.one(f64::abs, "fabs")
+    }
+
+    fn max(self, other: Self) -> Self {
+        self.two(other, f64::max, ["fmax(", ", ", ")"])
+    }
+
+    fn min(self, other: Self) -> Self {
+        self.two(other, f64::min, ["fmin(", ", ", ")"])
+    }
+
+    fn wrap(self) -> Self {
+        self.one(nerd_core::state::wrap, "wrapped")
+    }
+
+    fn below(self, other: Self) -> Self {
+        self.two(other, |a, b| a.below(b), ["", " < ", " ? 1.0 : 0.0"])
+    }
+}
+
+/// An environment that is told of in words of `device/task.cuh`.
+struct Told<'a> {
+    tape: &'a Tape,
+    system: &'a System,
+}
+
+impl<'a> Sight<Text<'a>> for Told<'a> {
+    fn system(&self) -> &System {
+        self.system
+    }
+
+    fn q(&self, k: usize) -> Text<'a> {
+        self.tape.line(&format!("s.state[{k}]"))
+    }
+
+    fn qd(&self, k: usize) -> Text<'a> {
+        self.tape.line(&format!("s.state[NQ + {k}]"))
+    }
+
+    fn goal(&self, k: usize) -> Text<'a> {
+        self.tape.line(&format!("s.goal[{k}]"))
+    }
+
+    fn place(&mut self, link: usize, [x, y, z]: [f64; 3]) -> [Text<'a>; 3] {
+        self.tape.asks.set(true);
+        [0, 1, 2].map(|k| self.tape.line(&format!("place(s, {link}, {x:e}, {y:e}, {z:e}, {k})")))
+    }
+
+    fn distance(&mut self, point: usize) -> Text<'a> {
+        self.tape.asks.set(true);
+        self.tape.line(&format!("gap(s, {point})"))
+    }
+
+    fn controlled(&mut self, action: &[Text<'a>], torques: &mut [Text<'a>]) {
+        let k = self.tape.count.get();
+        let list = action.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        self.tape.say(&format!("const double a{k}[] = {{{list}}}; double t{k}[NJ + 1]; controlled(s.state, a{k}, t{k});"));
+        torques.iter_mut().enumerate().for_each(|(i, tau)| *tau = self.tape.line(&format!("t{k}[{i}]")));
+    }
+}
+
+/// A task's formulas as functions of C: `task_observe`, `task_act`, `task_reward` and `task_over`, each with a word before it that tells
+/// whether it asks for links or distances.
+///
+/// # Panics
+/// If a formula speaks of a link, a point or a number of the goal that there is not.
+pub fn written(task: &impl Formulas, system: &System) -> String {
+    let (about, joints) = (task.about(), system.robot.joint_count());
+    let mut functions = String::new();
+    let mut function = |name: &str, given: &str, say: &dyn Fn(&mut Told)| {
+        let tape = Tape::default();
+        say(&mut Told { tape: &tape, system });
+        let asks = u8::from(tape.asks.get());
+        let _ = writeln!(functions, "#define {}_ASKS {}", name.to_uppercase(), asks);
+        let _ = writeln!(functions, "BIG void task_{name}(const Seen& s{given}) {{\n{}}}", tape.lines.borrow());
+    };
+    let list = |tape: &Tape, name: &str, numbers: &[Text]| {
+        numbers.iter().enumerate().for_each(|(k, x)| tape.say(&format!("{name}[{k}] = {x};")));
+    };
+    function("observe", ", double* out", &|told| {
+        let mut out = vec![Text::Number(0.0); about.observation];
+        task.observe(told, &mut out);
+        list(told.tape, "out", &out);
+    });
+    function("act", ", const double* action, double* torques", &|told| {
+        let mut torques = vec![Text::Number(0.0); joints];
+        let action: Vec<_> = (0..about.action).map(|k| told.tape.line(&format!("action[{k}]"))).collect();
+        task.act(told, &action, &mut torques);
+        list(told.tape, "torques", &torques);
+    });
+    function("reward", ", const double* torques, double* out", &|told| {
+        let torques: Vec<_> = (0..joints).map(|k| told.tape.line(&format!("torques[{k}]"))).collect();
+        let reward = task.reward(told, &torques);
+        list(told.tape, "out", &[reward]);
+    });
+    function("over", ", double* out", &|told| {
+        let over = task.over(told);
+        list(told.tape, "out", &[over]);
+    });
+    functions
+}

@@ -1,0 +1,153 @@
+//! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
+
+#[path = "../../nerd-sim/tests/cpp/mod.rs"]
+mod cpp;
+
+use std::sync::Arc;
+
+use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::stream;
+use nerd_sim::solver::Fault;
+use nerd_tasks::{Episodes, StepResult, named, names};
+
+const N: usize = 64;
+const SEED: u64 = 9;
+/// Number of the first environment, and of those that the solver cannot go on with, that have gone too far, and whose time is over.
+const FIRST: usize = 5;
+const FAILS: usize = 3;
+const FAR: usize = 4;
+const LATE: [usize; 2] = [7, 8];
+
+/// Moves nothing, and fails in one environment.
+struct Still;
+
+impl Solver for Still {
+    fn step(&mut self, batch: &mut Batch, _: &[f64]) -> Result<(), StepError> {
+        let frame = batch.frames[FAILS];
+        batch.frames.iter_mut().enumerate().filter(|(env, _)| *env != FAILS).for_each(|(_, f)| *f += 1);
+        Err(StepError::Environments(vec![Fault { env: FAILS, frame, reason: "planted".into() }]))
+    }
+}
+
+/// Episodes under way, some of them at their ends, and the actions of a step.
+fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
+    let task = named(task).expect("a task");
+    let batch = Batch::new(system, &system.scene(task.scene()).expect("a scene"), N);
+    let (d, nq, length) = (system.robot.state_dim(), system.robot.nq(), task.episode_length() * task.frames());
+    let mut episodes = Episodes::part(task, Simulation { batch, solver: Box::new(Still) }, SEED, FIRST);
+    let batch = &mut episodes.simulation.batch;
+    for (k, x) in batch.states.iter_mut().enumerate() {
+        let (env, at) = (k / d, k % d);
+        // Heights as well, so that some have fallen; and speeds.
+        *x += if at < nq { 0.2 * (env as f64 * 0.37 + at as f64).sin() } else { (env as f64 * 0.73 + at as f64).cos() };
+    }
+    batch.states[FAR * d] = 1e6;
+    batch.frames.iter_mut().enumerate().for_each(|(env, f)| *f = 1 + env as u64);
+    LATE.iter().for_each(|env| batch.frames[*env] = length - 1);
+    let actions = (0..N * episodes.task.action_dim()).map(|k| f64::from((1.3 * (k as f32 * 0.9).sin()).clamp(-1.0, 1.0)));
+    let actions = actions.collect();
+    (episodes, actions)
+}
+
+/// The task's kernels on what `episodes` are now: torques, rewards, how each ended, rows of `depth`, cut ones, states, goals; frames, begun, failed.
+struct Said {
+    numbers: Vec<Vec<f64>>,
+    ends: Vec<u8>,
+    frames: Vec<u64>,
+    begun: Vec<u64>,
+    failed: u32,
+}
+
+fn run(made: &std::path::Path, episodes: &Episodes, actions: &[f64], rows: &[f64], depth: usize) -> Said {
+    let (batch, task, kept) = (&episodes.simulation.batch, &episodes.task, episodes.snapshot());
+    let (config, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach::of(batch));
+    let mut input: Vec<u8> = [N as i32, depth as i32].iter().flat_map(|x| x.to_le_bytes()).collect();
+    input.extend(stream(SEED, 0).get_seed());
+    input.extend((FIRST as u64).to_le_bytes());
+    let numbers = |values: &[f64]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    input.extend(numbers(&batch.states));
+    input.extend(numbers(&kept.goals));
+    input.extend(batch.frames.iter().chain(&kept.begun).flat_map(|x| x.to_le_bytes()));
+    input.extend((0..N).flat_map(|env| i32::from(env == FAILS).to_le_bytes()));
+    input.extend(actions.iter().flat_map(|x| (*x as f32).to_le_bytes()));
+    input.extend(numbers(rows));
+    input.extend(numbers(&record(&batch.scenes[0], &batch.system, &config, reach).expect("a scene with kernels")));
+    let output = cpp::talk(made, input);
+    let (d, joints) = (batch.system.robot.state_dim(), batch.system.robot.joint_count());
+    let mut rest = &output[..];
+    let mut bytes = |n: usize| {
+        let (mine, others) = rest.split_at(n);
+        rest = others;
+        mine.to_vec()
+    };
+    let reals = |bytes: Vec<u8>| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<f64>>();
+    let whole = |bytes: Vec<u8>| bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect::<Vec<u64>>();
+    let mut all = vec![reals(bytes(8 * N * joints)), reals(bytes(8 * N))];
+    let ends = bytes(N);
+    let row = depth * task.observation_dim();
+    all.extend([row, row, d, task.goal_dim()].map(|width| reals(bytes(8 * N * width))));
+    let (frames, begun) = (whole(bytes(8 * N)), whole(bytes(8 * N)));
+    let failed = u32::from_le_bytes(bytes(4).try_into().expect("four bytes"));
+    Said { numbers: all, ends, frames, begun, failed }
+}
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+}
+
+#[test]
+fn every_task_of_formulas_is_the_same_in_kernels() {
+    let Some(compiler) = cpp::compiler() else {
+        println!("skipped: no compiler of C++ on this machine");
+        return;
+    };
+    let (folder, mut count) = (tempfile::tempdir().expect("a folder"), 0);
+    for name in names() {
+        let task = named(name).expect("a task");
+        let system = System::named(task.robot()).expect("a robot");
+        let colliders = system.scene(task.scene()).expect("a scene").colliders.len();
+        let text = match task.kernels(&system, colliders) {
+            Ok(text) => text,
+            Err(why) => {
+                assert_eq!(name, "lead-tip", "{why}");
+                continue;
+            }
+        };
+        let made = cpp::compile(compiler, &text, folder.path(), name);
+        let (mut episodes, actions) = under_way(name, &system);
+        let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
+        let said = run(&made, &episodes, &actions, &before, 2);
+        let single = run(&made, &episodes, &actions, &before[..N * task.observation_dim()], 1);
+        let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
+        let after = episodes.snapshot();
+        let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
+        assert_eq!((&said.ends, said.failed as usize), (&ends, failed), "{name}: how episodes ended");
+        assert!(failed == 2 && LATE.iter().any(|env| ends[*env] == 2) && ends.contains(&0), "{name}: {ends:?}");
+        assert_eq!(said.frames, episodes.simulation.batch.frames, "{name}: frames");
+        assert_eq!(said.begun, after.begun, "{name}: episodes begun");
+        let width = task.observation_dim();
+        let ended = |env: usize| ends[env] > 0;
+        let expected = (0..N).flat_map(|env| {
+            let now = &episodes.observations()[env * width..][..width];
+            let difference = now.iter().zip(&before[env * 2 * width..]).map(|(a, b)| if ended(env) { 0.0 } else { a - b });
+            now.iter().copied().chain(difference).collect::<Vec<_>>()
+        });
+        let expected = expected.collect::<Vec<_>>();
+        let cut: Vec<f64> = single.numbers[3].chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
+        let seen: Vec<f64> = reached.chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
+        let off = [
+            ("rewards", apart(&said.numbers[1], &rewards)),
+            ("rows", apart(&said.numbers[2], &expected)),
+            ("observations", apart(&single.numbers[2], episodes.observations())),
+            ("cut rows", apart(&cut, &seen)),
+            ("states", apart(&said.numbers[4], &after.states)),
+            ("goals", apart(&said.numbers[5], &after.goals)),
+        ];
+        println!("{name}: {off:.1?}");
+        assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
+        count += 1;
+    }
+    assert_eq!(count, 8, "tasks with kernels");
+}
