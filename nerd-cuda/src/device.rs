@@ -170,6 +170,16 @@ impl Device {
         self.context.new_event(None).map_err(failed("event"))
     }
 
+    /// An event that knows when it was reached.
+    pub fn timer(&self) -> Result<CudaEvent, DeviceError> {
+        self.context.new_event(Some(sys::CUevent_flags::CU_EVENT_DEFAULT)).map_err(failed("event"))
+    }
+
+    /// Seconds from one [`Device::timer`] to another, once both were reached.
+    pub fn seconds(&self, from: &CudaEvent, to: &CudaEvent) -> Result<f64, DeviceError> {
+        from.elapsed_ms(to).map(|ms| f64::from(ms) * 1e-3).map_err(failed("event"))
+    }
+
     /// Marks the work given to `lane` until now.
     pub fn mark(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
         event.record(self.stream(lane)).map_err(failed("event"))

@@ -73,6 +73,12 @@ pub trait Solver: Send {
 
     /// Forgets whatever is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
+
+    /// Itself as what keeps a batch on a graphics card, if that is what it does.
+    #[cfg(feature = "cuda")]
+    fn resident(&mut self) -> Option<&mut dyn crate::articulated::device::Resident> {
+        None
+    }
 }
 
 impl<S: Solver + ?Sized> Solver for Box<S> {
@@ -82,6 +88,11 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 
     fn reset(&mut self, env: usize) {
         (**self).reset(env);
+    }
+
+    #[cfg(feature = "cuda")]
+    fn resident(&mut self) -> Option<&mut dyn crate::articulated::device::Resident> {
+        (**self).resident()
     }
 }
 

@@ -90,6 +90,16 @@ impl Episodes {
         self.past.most = frames;
     }
 
+    /// Its seed, and the number of its first environment: with [`Snapshot::begun`] they are what is drawn next.
+    pub fn draws(&self) -> (u64, usize) {
+        (self.seed, self.first)
+    }
+
+    /// Frames that are kept, see [`Self::remember`].
+    pub fn remembered(&self) -> usize {
+        self.past.most
+    }
+
     /// Environments.
     pub fn len(&self) -> usize {
         self.begun.len()

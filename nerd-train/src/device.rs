@@ -10,7 +10,7 @@ use nerd_model::pick::Setting;
 use nerd_model::pick::learned;
 use nerd_model::transformer::{Architecture, Stream, Weights};
 #[cfg(feature = "cuda")]
-use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
+use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 #[cfg(feature = "cuda")]
 use nerd_sim::batch::Batch;
 use nerd_sim::solver::Solver;
@@ -150,6 +150,10 @@ impl Solver for Willing {
             Some(instead) => instead.reset(env),
             None => self.whole.reset(env),
         }
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        self.instead.is_none().then_some(&mut self.whole as &mut dyn Resident)
     }
 }
 

@@ -3,6 +3,7 @@
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 
+use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::{normal, stream};
 use nerd_tasks::StepResult;
 use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, RunningMoments, Shape};
@@ -27,6 +28,7 @@ using std::vector;
 typedef unsigned long long u64;
 #define __global__
 #define __device__
+#define FN static inline
 static u64 INDEX;
 #include KERNELS
 template <class T> vector<T> take(size_t n) { vector<T> x(n); if (fread(x.data(), sizeof(T), n, stdin) != n) throw 1; return x; }
@@ -121,7 +123,7 @@ fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
 fn kernels_answer_and_judge_as_the_cpu_does() {
     let Some(compiler) = cpp::compiler() else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let text = MAIN.replace("#include KERNELS", include_str!("../src/ppo/cuda/acting.cu"));
+    let text = MAIN.replace("#include KERNELS", &(RANDOM.to_string() + include_str!("../src/ppo/cuda/acting.cu")));
     let made = cpp::compile(compiler, &text, folder.path(), "acting");
     let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
     let (r, steps) = (&engine.rollout, N * HORIZON);

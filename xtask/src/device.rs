@@ -39,6 +39,9 @@ pub struct DeviceArgs {
     /// Tasks whose training is timed, comma-separated; without one, none is
     #[arg(long, value_delimiter = ',', num_args = 0.., default_value = "cartpole-swingup,franka-reach,ant-run,anymal-forward")]
     pub tasks: Vec<String>,
+    /// Substeps of implicit steps in which tasks are learned and timed, too, comma-separated; without one, none is
+    #[arg(long, value_delimiter = ',', num_args = 0.., default_values_t = [4], value_parser = count::<usize>(SUBSTEPS))]
+    pub beside: Vec<usize>,
     /// Python that has MuJoCo Warp, to ask that engine in
     #[arg(long, value_name = "PYTHON")]
     pub warp: Option<PathBuf>,
@@ -56,7 +59,7 @@ pub struct DeviceArgs {
 /// Runs the verb.
 #[cfg(feature = "cuda")]
 pub fn run(args: DeviceArgs) -> Result<()> {
-    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, tasks, warp, seed, name, out } = args;
+    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, tasks, beside, warp, seed, name, out } = args;
     let pair = |text: &String| {
         let (robot, scene) =
             text.split_once(':').ok_or_else(|| anyhow::anyhow!("--robots {text}: write ROBOT:SCENE, for example ant:ground"))?;
@@ -72,6 +75,7 @@ pub fn run(args: DeviceArgs) -> Result<()> {
         environments,
         substeps: [substeps, explicit],
         tasks,
+        beside: beside.into_iter().map(nerd_model::pick::Setting::Implicit).collect(),
         warp,
         seed,
     };

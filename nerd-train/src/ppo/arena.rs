@@ -6,11 +6,15 @@ use std::path::PathBuf;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::pick::Setting;
 use nerd_model::transformer::Stream;
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::Real;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
 use super::clock::{Clock, Timed};
+#[cfg(feature = "cuda")]
+use crate::learner::cuda::Precision;
 use crate::device::Device;
 use crate::error::{Result, refuse};
 
@@ -28,6 +32,9 @@ pub enum Arena {
     },
     /// An analytic solver that nobody learned from. The reference simulator's preset acts on its own robot, `NAME-paper`.
     Judge(Setting),
+    /// An analytic solver that keeps its batch on a GPU.
+    #[cfg(feature = "cuda")]
+    Card(Setting),
     /// MuJoCo, run by this Python.
     #[cfg(feature = "report")]
     Mujoco(PathBuf),
@@ -40,6 +47,8 @@ impl Arena {
             Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
             Self::Model { .. } => "neural".into(),
             Self::Judge(setting) => setting.to_string().replace(' ', "-"),
+            #[cfg(feature = "cuda")]
+            Self::Card(setting) => setting.to_string().replace(' ', "-") + "-cuda",
             #[cfg(feature = "report")]
             Self::Mujoco(_) => "mujoco".into(),
         }
@@ -54,6 +63,8 @@ impl Arena {
             Self::Truth(truth) => truth.name(),
             Self::Model { folder, .. } => format!("neural {} of {}", folder.display(), ModelConfig::read(folder)?.truth),
             Self::Judge(setting) => setting.to_string(),
+            #[cfg(feature = "cuda")]
+            Self::Card(setting) => format!("{setting} in 32 bits"),
             #[cfg(feature = "report")]
             Self::Mujoco(_) => "MuJoCo".into(),
         })
@@ -78,6 +89,16 @@ impl Arena {
     /// Whether a step is dear: where small settings pay.
     pub fn dear(&self) -> bool {
         matches!(self, Self::Model { device: Device::Cpu, .. })
+    }
+
+    /// Whether a GPU takes part, on which policies answer and learn, too.
+    pub fn on_gpu(&self) -> bool {
+        match self {
+            Self::Model { device, .. } => *device == Device::Cuda,
+            #[cfg(feature = "cuda")]
+            Self::Card(_) => true,
+            _ => false,
+        }
     }
 
     /// `n` episodes of a task.
@@ -126,6 +147,8 @@ impl Arena {
                 (device.solver(model, &system, n, timed)?, reach)
             }
             Self::Judge(setting) => (setting.solver(&system)?, 0),
+            #[cfg(feature = "cuda")]
+            Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F32)?, 0),
             #[cfg(feature = "report")]
             Self::Mujoco(python) => (Box::new(nerd_sim::mjcf::Mujoco::new(python, &system, &batch.scenes[0])?), 0),
         };

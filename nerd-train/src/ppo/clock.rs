@@ -38,6 +38,11 @@ impl Solver for Timed<Box<dyn Solver>> {
     fn reset(&mut self, env: usize) {
         self.0.reset(env);
     }
+
+    #[cfg(feature = "cuda")]
+    fn resident(&mut self) -> Option<&mut dyn nerd_sim::articulated::device::Resident> {
+        self.0.resident()
+    }
 }
 
 impl Stream for Timed<Box<dyn Stream>> {
@@ -57,6 +62,8 @@ pub struct Split {
     policy: f64,
     update: f64,
     steps: f64,
+    /// Where no clock counts it.
+    solver: f64,
 }
 
 impl Split {
@@ -66,11 +73,13 @@ impl Split {
         self.policy += line.policy_seconds;
         self.update += line.update_seconds;
         self.steps += steps as f64;
+        self.solver += line.solver_seconds.unwrap_or(0.0);
     }
 
     /// In words: steps a second, and shares.
     pub fn words(&self, clock: &Clock) -> String {
         let [solver, network] = [&clock.solver, &clock.network].map(|c| c.load(Ordering::Relaxed) as f64 * 1e-9);
+        let solver = solver + self.solver;
         let all = (self.rollout + self.update).max(1e-9);
         let share = |seconds: f64| format!("{:.0} %", 100.0 * seconds.max(0.0) / all);
         let dynamics = match network {

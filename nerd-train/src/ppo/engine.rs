@@ -9,13 +9,27 @@ use super::config::PpoConfig;
 use super::gae::{Steps, advantages};
 use super::loss::surprise;
 use super::policy::{Answer, Policy};
-use super::rollout::Rollout;
+use super::environments::Environments;
+use super::rollout::{Rollout, Running, Taken, rollout};
 use super::trainer::PpoError;
 use super::update::{Adam, Updated, update};
 
 /// One rollout after the other: [`Engine::begin`], then [`Engine::act`] and [`Engine::arrive`] by turns, [`Engine::finish`], and
 /// [`Engine::update`].
 pub trait Engine: Send {
+    /// A whole rollout: the steps below by turns, or all of it where the environments are ([`rollout`]).
+    ///
+    /// # Errors
+    /// If the solver cannot step, or the device fails.
+    fn roll(
+        &mut self,
+        environments: &mut dyn Environments,
+        running: &mut Running,
+        policy: &Policy,
+        law: (usize, f64, f64),
+        noise: (u64, u64),
+    ) -> Result<Taken, PpoError>;
+
     /// A rollout of this policy begins; the one before it is forgotten.
     ///
     /// # Errors
@@ -63,6 +77,17 @@ pub struct OnCpu {
 }
 
 impl Engine for OnCpu {
+    fn roll(
+        &mut self,
+        environments: &mut dyn Environments,
+        running: &mut Running,
+        policy: &Policy,
+        law: (usize, f64, f64),
+        noise: (u64, u64),
+    ) -> Result<Taken, PpoError> {
+        rollout(environments, running, self, policy, law, noise)
+    }
+
     fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
         // What the last rollout took of memory serves this one.
         let Self { rollout, policy: known, rewards, terminated, truncated, cut } = self;

@@ -18,6 +18,14 @@ pub trait Environments {
     /// # Errors
     /// If the solver cannot step them.
     fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError>;
+    /// The same as a world on a device with the solver that moves it, where they are that; from then on they are stepped there.
+    ///
+    /// # Errors
+    /// If the device fails.
+    #[cfg(feature = "cuda")]
+    fn world(&mut self) -> Result<Option<(&mut super::World, &mut dyn nerd_sim::articulated::device::Resident)>, StepError> {
+        Ok(None)
+    }
     /// What later steps depend on.
     ///
     /// # Errors

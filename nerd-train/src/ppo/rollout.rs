@@ -38,6 +38,8 @@ pub struct Taken {
     pub failed: usize,
     /// Seconds in which the policy answered, and what it saw and did was kept.
     pub policy_seconds: f64,
+    /// Seconds in which the solver moved, where nobody else counts them.
+    pub solver_seconds: Option<f64>,
 }
 
 /// Episodes under way.
@@ -53,14 +55,14 @@ pub struct Running {
 
 impl Running {
     /// Episodes that have just begun.
-    pub fn new(environments: &impl Environments, stack: usize) -> Self {
+    pub fn new(environments: &dyn Environments, stack: usize) -> Self {
         let n = environments.count();
         let stack = Stack::new(stack, environments.observation_dim(), environments.observations());
         Self { stack, rewards: vec![0.0; n], lengths: vec![0.0; n] }
     }
 
     /// One step. `out` gets the stacked observations that were reached where time ran out.
-    pub fn step(&mut self, environments: &mut impl Environments, actions: &[f64], out: &mut Vec<f64>) -> Result<Stepped, StepError> {
+    pub fn step(&mut self, environments: &mut dyn Environments, actions: &[f64], out: &mut Vec<f64>) -> Result<Stepped, StepError> {
         let result = environments.step(actions)?;
         let mut ended = Vec::new();
         for env in 0..self.rewards.len() {
@@ -91,7 +93,7 @@ pub struct Stepped {
 /// # Errors
 /// If the solver cannot step, or the engine's device fails.
 pub fn rollout(
-    environments: &mut impl Environments,
+    environments: &mut dyn Environments,
     running: &mut Running,
     engine: &mut dyn Engine,
     policy: &Policy,

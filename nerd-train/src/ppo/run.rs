@@ -91,7 +91,7 @@ impl PolicyRun {
             refuse!("{environments} environments: {world} ranks need one each");
         }
         #[cfg(feature = "cuda")]
-        if world > 1 && matches!(self.arena, Arena::Model { device: crate::device::Device::Cuda, .. }) {
+        if world > 1 && self.arena.on_gpu() {
             refuse!("--device cuda: ranks of `policy train` compute on the CPU; leave --device or --ranks out");
         }
         if ranks.leads() {
@@ -130,7 +130,7 @@ impl PolicyRun {
         let episodes = self.shared(ranks, &system, &clock)?;
         let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
         #[cfg(feature = "cuda")]
-        if matches!(self.arena, Arena::Model { device: crate::device::Device::Cuda, .. }) {
+        if self.arena.on_gpu() {
             let engine = super::CudaEngine::new(&trainer.state.policy.shape, &self.config);
             trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
         }

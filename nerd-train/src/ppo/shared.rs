@@ -6,9 +6,15 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::Resident;
 use nerd_sim::solver::StepError;
+#[cfg(feature = "cuda")]
+use nerd_sim::{batch::Batch, solver::Solver};
 use nerd_tasks::{Episodes, Snapshot, StepResult};
 
+#[cfg(feature = "cuda")]
+use super::World;
 use super::environments::Environments;
 use super::trainer::PpoError;
 use crate::ranks::{RankError, Ranks};
@@ -25,6 +31,9 @@ pub struct Shared {
     count: usize,
     /// Of all, where there are several ranks.
     observations: Vec<f64>,
+    /// Where they are on a device; none of those that cannot be.
+    #[cfg(feature = "cuda")]
+    world: Option<Option<World>>,
 }
 
 impl Shared {
@@ -33,7 +42,7 @@ impl Shared {
     /// # Errors
     /// If a rank is lost.
     pub fn new(own: Episodes, count: usize, ranks: &Arc<Ranks>) -> Result<Self, RankError> {
-        let mut shared = Self { own, ranks: ranks.clone(), count, observations: Vec::new() };
+        let mut shared = Self { own, ranks: ranks.clone(), count, observations: Vec::new(), #[cfg(feature = "cuda")] world: None };
         if ranks.world() > 1 {
             let all = shared.answers(vec![bits(shared.own.observations())])?;
             shared.observations = all.iter().flat_map(|parts| reals(part(parts, 0))).collect();
@@ -75,6 +84,24 @@ impl Shared {
     /// If a rank is lost.
     pub fn end(&self) -> Result<(), RankError> {
         self.tell(&[vec![END]])
+    }
+
+    /// The episodes as a world on the device of their solver; none where they cannot be, with a line that says why.
+    #[cfg(feature = "cuda")]
+    fn moved(&mut self) -> Result<Option<World>, StepError> {
+        // Taken out, since a world is made of episodes and of their solver.
+        let mut solver = std::mem::replace(&mut self.own.simulation.solver, Box::new(Nobody));
+        let made = solver.resident().map(|resident| World::new(&self.own, resident)).transpose();
+        self.own.simulation.solver = solver;
+        match made {
+            Err(StepError::Refused(why)) => {
+                eprintln!("{why}; what is seen goes to the card once a step, and actions come back");
+                Ok(None)
+            }
+            // What a robot asks too much of is known when its kernels are made; the solver says more when it steps.
+            Err(StepError::Solver(_)) => Ok(None),
+            other => other,
+        }
     }
 
     fn tell(&self, words: &[Vec<u64>]) -> Result<(), RankError> {
@@ -130,7 +157,23 @@ impl Environments for Shared {
         Ok(all)
     }
 
+    #[cfg(feature = "cuda")]
+    fn world(&mut self) -> Result<Option<(&mut World, &mut dyn Resident)>, StepError> {
+        if self.ranks.world() > 1 {
+            return Ok(None);
+        }
+        if self.world.is_none() {
+            self.world = Some(self.moved()?);
+        }
+        let Some(resident) = self.own.simulation.solver.resident() else { return Ok(None) };
+        Ok(self.world.as_mut().and_then(Option::as_mut).map(|world| (world, resident)))
+    }
+
     fn snapshot(&self) -> Result<Snapshot, StepError> {
+        #[cfg(feature = "cuda")]
+        if let Some(Some(world)) = &self.world {
+            return world.snapshot();
+        }
         let own = self.own.snapshot();
         if self.ranks.world() == 1 {
             return Ok(own);
@@ -141,6 +184,10 @@ impl Environments for Shared {
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        #[cfg(feature = "cuda")]
+        {
+            self.world = None;
+        }
         if self.ranks.world() == 1 {
             return self.own.restore(snapshot);
         }
@@ -230,4 +277,15 @@ fn unpacked(bytes: &[u8]) -> Vec<Vec<u64>> {
         parts.push(numbers.by_ref().take(len as usize).collect());
     }
     parts
+}
+
+/// Stands for a solver that is elsewhere for a moment.
+#[cfg(feature = "cuda")]
+struct Nobody;
+
+#[cfg(feature = "cuda")]
+impl Solver for Nobody {
+    fn step(&mut self, _: &mut Batch, _: &[f64]) -> Result<(), StepError> {
+        Err(StepError::Solver("the solver is elsewhere".into()))
+    }
 }

@@ -11,7 +11,7 @@ use super::config::{ConfigError, PpoConfig};
 use super::engine::{Engine, OnCpu};
 use super::environments::Environments;
 use super::policy::{Policy, Shape};
-use super::rollout::{Running, rollout};
+use super::rollout::Running;
 use super::update::{Adam, Updated};
 use crate::checkpoint::CheckpointError;
 use crate::ranks::RankError;
@@ -73,6 +73,9 @@ pub struct Iteration {
     /// Seconds of these in which the policy answered, and what it saw and did was kept.
     #[serde(default)]
     pub policy_seconds: f64,
+    /// Seconds in which the solver moved, where the rollout was on a device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solver_seconds: Option<f64>,
     /// Seconds learning.
     pub update_seconds: f64,
 }
@@ -144,7 +147,7 @@ impl<E: Environments> Trainer<E> {
         let (noise, orders) = (self.seed.wrapping_add(NOISE), self.seed.wrapping_add(ORDERS));
         let law = (config.horizon, config.gamma, config.lambda);
         let first = state.iteration * config.horizon as u64;
-        let taken = rollout(environments, &mut state.running, &mut **engine, &state.policy, law, (noise, first))?;
+        let taken = engine.roll(environments, &mut state.running, &state.policy, law, (noise, first))?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(&taken.ended);
         let most = config.environments.max(100);
@@ -174,6 +177,7 @@ impl<E: Environments> Trainer<E> {
             updated,
             rollout_seconds: rolled,
             policy_seconds: taken.policy_seconds,
+            solver_seconds: taken.solver_seconds,
             update_seconds: started.elapsed().as_secs_f64() - rolled,
         })
     }

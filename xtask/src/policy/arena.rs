@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use nerd_sim::truth::Truth;
 use nerd_tasks::named;
 use nerd_train::ppo::Arena;
@@ -21,7 +21,7 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Where `neural` is computed [default: cpu]
+    /// Where `neural` or `articulated` is computed [default: cpu]
     #[arg(long, value_parser = word::<Device>(DEVICES))]
     pub device: Option<Device>,
 }
@@ -30,7 +30,14 @@ impl ArenaArgs {
     /// The arena of a task; options of the learned solver are refused for another one.
     pub fn of(self, task: &str) -> Result<Arena> {
         if self.solver != SolverName::Neural {
-            unused(&[("--model", self.model.is_some()), ("--device", self.device.is_some())], "without --solver neural")?;
+            unused(&[("--model", self.model.is_some())], "without --solver neural")?;
+        }
+        if self.device == Some(Device::Cuda) {
+            match self.solver {
+                SolverName::Articulated => return on_card(),
+                SolverName::Rapier => bail!("--device cuda: rapier is on the CPU; leave it out, or take --solver articulated"),
+                SolverName::Neural => {}
+            }
         }
         let truth = match self.solver {
             SolverName::Articulated => Truth::Articulated,
@@ -43,4 +50,14 @@ impl ArenaArgs {
         };
         Ok(Arena::Truth(truth))
     }
+}
+
+#[cfg(feature = "cuda")]
+fn on_card() -> Result<Arena> {
+    Ok(Arena::Card(nerd_model::pick::Setting::Accurate))
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on_card() -> Result<Arena> {
+    bail!("--device cuda needs a build with `--features cuda`")
 }

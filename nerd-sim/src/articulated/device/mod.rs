@@ -14,6 +14,6 @@ pub use episode::{RANDOM, episode};
 pub use held::Held;
 pub use program::{Reach, Real, fault, functions, packed, program, record};
 #[cfg(feature = "cuda")]
-pub use roll::{BLOCK, Motion, OnDevice, Roll, failed};
+pub use roll::{BLOCK, Motion, OnDevice, Resident, Roll, failed};
 #[cfg(feature = "cuda")]
 pub use solver::{CudaArticulated, Whole};

@@ -50,6 +50,75 @@ pub trait Motion: Send {
 
     /// Forgets whatever is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
+
+    /// What is remembered of environments that do not follow on these frames of theirs is forgotten, as [`Motion::advance`] begins. From here on
+    /// whoever calls [`Motion::frame`] sees to that, by [`Motion::memory`].
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn follow(&mut self, _first: &[u64]) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    /// Where it counts on the device, in 32 bits, the frames that it remembers of each environment; 0 if it remembers nothing.
+    fn memory(&self) -> u64 {
+        0
+    }
+
+    /// One frame of what `held` holds, as work of the device's main stream. Environments whose fault is not 0 may stand still.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn frame(&mut self, held: &Held) -> Result<(), DeviceError>;
+}
+
+/// A batch that stays on a device while others work on it there, too.
+pub trait Resident {
+    /// Takes a batch over. What the host has of it grows old from here on.
+    ///
+    /// # Errors
+    /// What has no kernel; as [`Solver::step`].
+    fn hold(&mut self, batch: &Batch) -> Result<(), StepError>;
+
+    /// The device, and what is held there.
+    fn held(&self) -> Option<(&Device, &Held)>;
+
+    /// See [`Motion::memory`].
+    fn memory(&self) -> u64;
+
+    /// See [`Motion::frame`].
+    ///
+    /// # Errors
+    /// As that.
+    fn frame(&mut self) -> Result<(), DeviceError>;
+}
+
+impl<M: Motion> Resident for OnDevice<M> {
+    fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
+        let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
+        sound(batch, &torques, &mut self.faults)?;
+        if !self.faults.is_empty() {
+            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
+        }
+        self.motion.check(batch)?;
+        self.prepare(batch)?;
+        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
+        held.take(device, batch, self.motion.config(), *reach, &torques)?;
+        device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
+        self.motion.follow(&batch.frames).map_err(failed)
+    }
+
+    fn held(&self) -> Option<(&Device, &Held)> {
+        self.motion.device().zip(self.made.as_ref().map(|made| &made.held))
+    }
+
+    fn memory(&self) -> u64 {
+        self.motion.memory()
+    }
+
+    fn frame(&mut self) -> Result<(), DeviceError> {
+        self.made.as_ref().map_or(Ok(()), |made| self.motion.frame(&made.held))
+    }
 }
 
 /// A [`Solver`] that makes many frames in a row, as [`OnDevice::roll`].
@@ -156,5 +225,9 @@ impl<M: Motion> Solver for OnDevice<M> {
 
     fn reset(&mut self, env: usize) {
         self.motion.reset(env);
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        Some(self)
     }
 }

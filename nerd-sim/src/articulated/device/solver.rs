@@ -61,6 +61,16 @@ impl Motion for Whole {
     }
 
     fn advance(&mut self, held: &Held, _: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
+        self.launch(held, frames, hold)
+    }
+
+    fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
+        self.launch(held, 1, true)
+    }
+}
+
+impl Whole {
+    fn launch(&self, held: &Held, frames: usize, hold: bool) -> Result<(), DeviceError> {
         let Some(device) = &self.device else { return Ok(()) };
         let Held { states, torques, records, scene_of, drives, faults, done, n, .. } = held;
         let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr, drives.ptr, held.forces(), faults.ptr, done.ptr].map(Ptr);

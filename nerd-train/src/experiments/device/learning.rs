@@ -1,16 +1,15 @@
 //! How fast policies learn in learned simulators on the device.
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::ppo::clock::Clock;
-use crate::ppo::{Arena, CudaEngine, PpoConfig, Trainer};
+use crate::ppo::{Arena, CudaEngine, PpoConfig, Shared, Trainer};
 use crate::report::table::digits;
-use crate::shipped;
 
 /// Iterations that are timed, after two that are not.
 const ITERATIONS: usize = 8;
@@ -20,6 +19,9 @@ const ITERATIONS: usize = 8;
 pub struct Learning {
     /// The task.
     pub task: String,
+    /// Where it is learned.
+    #[serde(default)]
+    pub solver: String,
     /// Environments, and steps of an iteration.
     pub sizes: [usize; 2],
     /// Steps a second of all environments, updates included.
@@ -28,28 +30,29 @@ pub struct Learning {
     pub shares: [f64; 4],
 }
 
-/// Trains for a few iterations in the shipped model of a task's robot, at the paper's settings but for the number of environments.
-pub(super) fn measure(task: &str, environments: usize, seed: u64) -> Result<Learning> {
+/// Trains for a few iterations in an arena on the device, at the paper's settings but for the number of environments.
+pub(super) fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<Learning> {
     let config = PpoConfig { environments, ..PpoConfig::of(task)? };
-    let robot = nerd_tasks::named(task)?.robot();
-    let (arena, clock) = (Arena::Model { folder: shipped::models().join(robot), device: Device::Cuda }, Clock::default());
-    let mut trainer = Trainer::new(arena.timed(task, environments, seed, &clock)?, config.clone(), seed)?;
+    let clock = Clock::default();
+    let episodes = Shared::new(arena.timed(task, environments, seed, &clock)?, environments, &Arc::default())?;
+    let mut trainer = Trainer::new(episodes, config.clone(), seed)?;
     let engine = CudaEngine::new(&trainer.state.policy.shape, &config).map_err(|e| Error::Refused(e.to_string()))?;
     trainer.engine = Box::new(engine);
     // Kernels are compiled and memory taken once.
     (0..2).try_for_each(|_| trainer.iterate().map(drop))?;
     let before = clock.solver.load(Ordering::Relaxed);
-    let (began, mut rollout, mut policy, mut update) = (Instant::now(), 0.0, 0.0, 0.0);
+    let (began, mut rollout, mut policy, mut update, mut solver) = (Instant::now(), 0.0, 0.0, 0.0, 0.0);
     for _ in 0..ITERATIONS {
         let line = trainer.iterate()?;
         rollout += line.rollout_seconds;
         policy += line.policy_seconds;
         update += line.update_seconds;
+        solver += line.solver_seconds.unwrap_or(0.0);
     }
     let all = began.elapsed().as_secs_f64();
-    let solver = (clock.solver.load(Ordering::Relaxed) - before) as f64 * 1e-9;
+    solver += (clock.solver.load(Ordering::Relaxed) - before) as f64 * 1e-9;
     let shares = [solver, rollout - solver - policy, policy, update].map(|seconds| seconds / all);
-    Ok(Learning { task: task.into(), sizes: [environments, config.steps()], steps: (ITERATIONS * config.steps()) as f64 / all, shares })
+    Ok(Learning { task: task.into(), solver: arena.title()?, sizes: [environments, config.steps()], steps: (ITERATIONS * config.steps()) as f64 / all, shares })
 }
 
 impl Learning {
@@ -57,6 +60,6 @@ impl Learning {
     pub(super) fn cells(&self) -> Vec<String> {
         let [environments, steps] = self.sizes.map(|n| n.to_string());
         let shares = self.shares.map(|share| format!("{:.0}", 100.0 * share));
-        [self.task.clone(), environments, steps, digits(self.steps)].into_iter().chain(shares).collect()
+        [self.task.clone(), self.solver.clone(), environments, steps, digits(self.steps)].into_iter().chain(shares).collect()
     }
 }

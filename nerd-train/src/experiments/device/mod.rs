@@ -22,7 +22,9 @@ pub use parity::Parity;
 
 use super::Experiment;
 use crate::choice::Choice;
+use crate::device::Device;
 use crate::error::{Result, refuse};
+use crate::ppo::Arena;
 use crate::progress::bar;
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table};
@@ -50,6 +52,8 @@ pub struct OnDevice {
     pub substeps: [Vec<usize>; 2],
     /// Tasks whose training is timed, in the models of their robots.
     pub tasks: Vec<String>,
+    /// Analytic settings that their training is timed in, too.
+    pub beside: Vec<Setting>,
     /// Python that has MuJoCo Warp, to ask that engine in.
     pub warp: Option<PathBuf>,
     /// Seed of the starts.
@@ -172,7 +176,12 @@ impl Experiment for OnDevice {
             bar.set(k as u64 + 1);
         }
         for task in &self.tasks {
-            data.learning.push(learning::measure(task, self.environments, self.seed)?);
+            let robot = nerd_tasks::named(task)?.robot();
+            let mut arenas = vec![Arena::Model { folder: shipped::models().join(robot), device: Device::Cuda }];
+            arenas.extend(self.beside.iter().map(|setting| Arena::Card(setting.clone())));
+            for arena in &arenas {
+                data.learning.push(learning::measure(task, arena, self.environments, self.seed)?);
+            }
         }
         bar.finish();
         pace::mark(&mut data.paces);
@@ -221,9 +230,9 @@ impl Experiment for OnDevice {
             "front",
         ];
         let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
-        let note = "PPO in the shipped model of the task's robot, updates included: whole frames, the policy's answers and its updates on the \
-                    device, tasks on all cores of the CPU. The paper's settings but for the number of environments.";
-        let header = ["task", "environments", "steps an iteration", "steps/s", "solver (%)", "task (%)", "policy (%)", "update (%)"];
+        let note = "PPO in the shipped model of the task's robot, and in the analytic solver, updates included: frames, tasks, the policy's answers \
+                    and its updates are all on the device. The paper's settings but for the number of environments.";
+        let header = ["task", "solver", "environments", "steps an iteration", "steps/s", "solver (%)", "task (%)", "policy (%)", "update (%)"];
         let learning = Table::new("learning", &header).with(data.learning.iter().map(Learning::cells)).noted(note);
         Ok(if data.learning.is_empty() { vec![parities, paces] } else { vec![parities, paces, learning] })
     }

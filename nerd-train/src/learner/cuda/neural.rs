@@ -77,25 +77,12 @@ impl Motion for Network {
 
     fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
         let Some(made) = &mut self.made else { return Ok(()) };
-        let begins = |(env, frame): (usize, &u64)| (*frame == 0 || made.next[env] != *frame).then_some(env);
-        let fresh: Vec<usize> = first.iter().enumerate().filter_map(begins).collect();
-        made.stream.forget(&fresh)?;
+        made.follow(first, hold)?;
         let device = made.stream.device();
-        device.write(&made.hold, &[u32::from(hold)])?;
         device.write(&held.faults, &vec![0; held.n])?;
         device.write(&held.done, &vec![0; held.n])?;
-        let at = [held.torques.ptr, held.records.ptr];
-        if made.graph.as_ref().is_none_or(|(_, known)| *known != at) {
-            // Once outside of a capture, so that libraries have loaded what they load at their first call.
-            made.frame(held)?;
-            device.wait()?;
-            made.graph = Some((device.capture(|| made.frame(held))?, at));
-        } else if let Some((graph, _)) = &made.graph {
-            graph.launch("frame")?;
-        }
-        if let Some((graph, _)) = &made.graph {
-            (1..frames).try_for_each(|_| graph.launch("frame"))?;
-        }
+        (0..frames).try_for_each(|_| made.go(held))?;
+        let device = made.stream.device();
         let (mut went, mut faults) = (vec![0u32; held.n], vec![0i32; held.n]);
         device.read(&held.done, &mut went)?;
         device.read(&held.faults, &mut faults)?;
@@ -103,6 +90,21 @@ impl Motion for Network {
             *next = if faults[env] == 0 { first[env] + u64::from(went[env]) } else { u64::MAX };
         }
         Ok(())
+    }
+
+    fn follow(&mut self, first: &[u64]) -> Result<(), DeviceError> {
+        let Some(made) = &mut self.made else { return Ok(()) };
+        made.follow(first, true)?;
+        made.next.fill(u64::MAX);
+        Ok(())
+    }
+
+    fn memory(&self) -> u64 {
+        self.made.as_ref().map_or(0, |made| made.stream.taken())
+    }
+
+    fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
+        self.made.as_mut().map_or(Ok(()), |made| made.go(held))
     }
 
     fn reset(&mut self, env: usize) {
@@ -113,6 +115,28 @@ impl Motion for Network {
 }
 
 impl Made {
+    /// Forgets what does not go on with these frames; says whether torques are held.
+    fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
+        let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
+        let fresh: Vec<usize> = first.iter().enumerate().filter_map(begins).collect();
+        self.stream.forget(&fresh)?;
+        self.stream.device().write(&self.hold, &[u32::from(hold)])
+    }
+
+    /// One frame, as a graph from the second on.
+    fn go(&mut self, held: &Held) -> Result<(), DeviceError> {
+        let at = [held.torques.ptr, held.records.ptr];
+        if let Some((graph, _)) = self.graph.as_ref().filter(|(_, known)| *known == at) {
+            return graph.launch("frame");
+        }
+        // Once outside of a capture, so that libraries have loaded what they load at their first call.
+        self.frame(held)?;
+        let device = self.stream.device();
+        device.wait()?;
+        self.graph = Some((device.capture(|| self.frame(held))?, at));
+        Ok(())
+    }
+
     /// What of a frame the device does.
     fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         let (device, stream) = (self.stream.device(), &self.stream);

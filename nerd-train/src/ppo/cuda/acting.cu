@@ -9,33 +9,6 @@ extern "C" __global__ void normalize(const double* rows, const double* mean, con
     if (i < n) to[i] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
-__device__ void quarter(unsigned* x, int a, int b, int c, int d) {
-    const int at[4][3] = {{a, b, d}, {c, d, b}, {a, b, d}, {c, d, b}}, turn[4] = {16, 12, 8, 7};
-    for (int k = 0; k < 4; k++) {
-        const int to = at[k][0], from = at[k][1], other = at[k][2];
-        x[to] += x[from];
-        const unsigned mixed = x[other] ^ x[to];
-        x[other] = mixed << turn[k] | mixed >> (32 - turn[k]);
-    }
-}
-
-// One block of ChaCha8 (Bernstein 2008) with a 64-bit counter and a 64-bit stream.
-__device__ void chacha8(const u64 key[4], u64 counter, u64 stream, unsigned out[16]) {
-    const unsigned begin[16] = {0x61707865u, 0x3320646eu, 0x79622d32u, 0x6b206574u,
-                                (unsigned)key[0], (unsigned)(key[0] >> 32), (unsigned)key[1], (unsigned)(key[1] >> 32),
-                                (unsigned)key[2], (unsigned)(key[2] >> 32), (unsigned)key[3], (unsigned)(key[3] >> 32),
-                                (unsigned)counter, (unsigned)(counter >> 32), (unsigned)stream, (unsigned)(stream >> 32)};
-    for (int k = 0; k < 16; k++) out[k] = begin[k];
-    for (int round = 0; round < 4; round++) {
-        for (int k = 0; k < 4; k++) quarter(out, k, 4 + k, 8 + k, 12 + k);
-        for (int k = 0; k < 4; k++) quarter(out, k, 4 + (k + 1) % 4, 8 + (k + 2) % 4, 12 + (k + 3) % 4);
-    }
-    for (int k = 0; k < 16; k++) out[k] += begin[k];
-}
-
-// In [0, 1), of two words.
-__device__ double unit(const unsigned* words) { return (double)(((u64)words[1] << 32 | words[0]) >> 11) * 0x1p-53; }
-
 // What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions has the i-th
 // number of the noise, which comes in twos (Box and Muller) of four words each. Values are in units of reward.
 extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, u64 stream, double mean,
@@ -65,11 +38,11 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
     values[row] = (double)mu[a] * scale + mean;
 }
 
-// Values of rows that are others' by number: those of the last answer (`which` 0), or of states reached where time ran out.
+// Values of rows to where `which` says, or in order; rows that go nowhere are none (-1).
 extern "C" __global__ void value(const float* said, const unsigned* which, double mean, double scale, double* values, int rows, int a,
                                  int outputs) {
     const u64 row = INDEX;
-    if (row < rows) values[which ? which[row] : row] = (double)said[row * outputs + a] * scale + mean;
+    if (row < rows && (!which || which[row] != 0xffffffffu)) values[which ? which[row] : row] = (double)said[row * outputs + a] * scale + mean;
 }
 
 // Advantages and returns (gae.rs) by environment; 1 ended in a terminal state, 2 where time ran out, and what was reached is worth `cut`.

@@ -8,39 +8,44 @@ use super::super::config::PpoConfig;
 use super::super::policy::{Policy, Shape};
 use super::super::rollout::Rollout;
 use super::CudaEngine;
+use super::roll::Marks;
 
 /// Parts that sums over all steps are made in.
 const PARTS: usize = 1024;
 
 /// What is kept of a rollout beside what passes read.
 pub(super) struct Kept {
-    environments: usize,
-    horizon: usize,
+    pub(super) environments: usize,
+    pub(super) horizon: usize,
     /// Steps taken.
-    step: usize,
+    pub(super) step: usize,
     /// Stacked observations.
-    observations: Buffer<f64>,
+    pub(super) observations: Buffer<f64>,
     /// Values in units of reward, by step, of the last answer too.
     values: Buffer<f64>,
     /// Values of what was reached where time ran out.
-    cut: Buffer<f64>,
+    pub(super) cut: Buffer<f64>,
     /// Advantages and returns, by step.
     both: Buffer<f64>,
     /// What came of each step: rewards, and how it ended (0 not, 1 terminated, 2 truncated). Here until the rollout is over.
     told: (Vec<f64>, Vec<u8>),
-    rewards: Buffer<f64>,
-    ends: Buffer<u8>,
+    pub(super) rewards: Buffer<f64>,
+    pub(super) ends: Buffer<u8>,
     /// Rows that are not of a step, as told and as the network sees them, and whose they are.
-    rows: Buffer<f64>,
-    inputs: Buffer<f32>,
-    which: Buffer<u32>,
+    pub(super) rows: Buffer<f64>,
+    pub(super) inputs: Buffer<f32>,
+    pub(super) which: Buffer<u32>,
     /// Actions within their bounds.
-    actions: Buffer<f32>,
+    pub(super) actions: Buffer<f32>,
     /// Mean and inverse scale of the observations; mean and scale of the returns.
     seen: [Buffer<f64>; 2],
     returns: [f64; 2],
     partial: Buffer<f64>,
     means: [Buffer<f64>; 2],
+    /// Of a rollout on the device: marks, rows where time ran out with their number by environment, and for how many of each there is room.
+    pub(super) marks: Marks,
+    pub(super) over: Option<(Buffer<f64>, Buffer<u32>)>,
+    pub(super) slots: usize,
 }
 
 impl Kept {
@@ -66,6 +71,9 @@ impl Kept {
             returns: [0.0, 1.0],
             partial: numbers(PARTS * columns)?,
             means: [numbers(columns)?, numbers(columns)?],
+            marks: Marks::new(),
+            over: None,
+            slots: 0,
         })
     }
 }
@@ -89,7 +97,7 @@ impl CudaEngine {
     }
 
     /// The network where so many rows on the device are seen.
-    fn ask(&self, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
+    pub(super) fn ask(&self, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
         let (width, [mean, inverse]) = (self.network.sizes[0], &self.kept.seen);
         let args = [Ptr(rows), Ptr(mean.ptr), Ptr(inverse.ptr), Ptr(inputs), Long((count * width) as u64), Int(width)];
         self.over("normalize", count * width, &args)?;
@@ -97,7 +105,7 @@ impl CudaEngine {
     }
 
     /// Values of the rows last asked about, to where `which` says.
-    fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
+    pub(super) fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
         let [mean, scale] = self.kept.returns.map(Double);
         let sizes = [count, self.shape.action, self.outputs()].map(Int);
         self.over("value", count, &[&[Ptr(self.said()), Ptr(which), mean, scale, Ptr(to)][..], &sizes].concat())
@@ -115,8 +123,19 @@ impl CudaEngine {
         let Kept { environments: n, horizon, step, .. } = self.kept;
         let (width, a) = (self.network.sizes[0], self.shape.action);
         self.fits("rows", rows.len() == n * width && step < horizon)?;
-        let first = step * n;
-        self.device.write_at(&self.kept.observations, first * width, rows)?;
+        self.device.write_at(&self.kept.observations, step * n * width, rows)?;
+        self.drawn(step, (key, stream))?;
+        let mut kept = vec![0f32; n * a];
+        self.device.read(&self.kept.actions, &mut kept)?;
+        out.clear();
+        out.extend(kept.into_iter().map(f64::from));
+        Ok(())
+    }
+
+    /// Draws the actions of step t of a rollout, whose observations are there, by the noise of a key and a stream.
+    pub(super) fn drawn(&self, t: usize, (key, stream): ([u8; 32], u64)) -> Result<(), DeviceError> {
+        let (n, width, a) = (self.kept.environments, self.network.sizes[0], self.shape.action);
+        let first = t * n;
         self.ask(self.kept.observations.at(first * width), self.steps[0].at(first * width), n)?;
         let key = key.as_chunks::<8>().0.iter().map(|word| Long(u64::from_le_bytes(*word)));
         let [_, _, _, _, surprise, actions, means, spreads] = &self.steps;
@@ -128,12 +147,7 @@ impl CudaEngine {
         args.extend(written.map(Ptr));
         args.extend([self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
         args.extend([n, a, self.outputs()].map(Int));
-        self.over("act", n, &args)?;
-        let mut kept = vec![0f32; n * a];
-        self.device.read(&self.kept.actions, &mut kept)?;
-        out.clear();
-        out.extend(kept.into_iter().map(f64::from));
-        Ok(())
+        self.over("act", n, &args)
     }
 
     /// What came of the actions.
@@ -160,11 +174,17 @@ impl CudaEngine {
         let Kept { environments: n, horizon, step, .. } = self.kept;
         self.fits("rows", rows.len() == n * self.network.sizes[0] && step == horizon)?;
         self.device.write(&self.kept.rows, rows)?;
+        self.device.write(&self.kept.rewards, &self.kept.told.0)?;
+        self.device.write(&self.kept.ends, &self.kept.told.1)?;
+        self.finished((gamma, lambda))
+    }
+
+    /// Advantages and returns of a rollout that is there, the rows where it ends too.
+    pub(super) fn finished(&self, (gamma, lambda): (f64, f64)) -> Result<(), DeviceError> {
+        let Kept { environments: n, horizon, rewards, ends, values, cut, both, .. } = &self.kept;
+        let (n, horizon) = (*n, *horizon);
         self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, n)?;
         self.value(0, self.kept.values.at(horizon * n), n)?;
-        let Kept { rewards, ends, values, cut, both, told, .. } = &self.kept;
-        self.device.write(rewards, &told.0)?;
-        self.device.write(ends, &told.1)?;
         let all = [rewards.ptr, ends.ptr, values.ptr, cut.ptr, both.ptr].map(Ptr);
         self.over("gae", n, &[&all[..], &[Int(n), Int(horizon), Double(gamma), Double(lambda)]].concat())
     }

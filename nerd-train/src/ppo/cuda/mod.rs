@@ -3,23 +3,29 @@
 
 mod acting;
 mod pass;
+mod roll;
+mod world;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op, Precision};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Graph, Lane, Op, Precision};
+use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::stream;
 use nerd_tasks::StepResult;
 
 use super::activation::Activation;
 use super::config::PpoConfig;
 use super::engine::Engine;
+use super::environments::Environments;
 use super::mlp::Mlp;
 use super::policy::{Policy, Shape};
+use super::rollout::{Running, Taken, rollout};
 use super::trainer::PpoError;
-use super::update::{Adam, Updated};
+use super::update::{self, Adam, Updated};
 use acting::Kept;
 use pass::Scalars;
+pub use world::World;
 
-const SOURCE: &str = concat!(include_str!("kernels.cu"), include_str!("acting.cu"));
+const SOURCE: [&str; 3] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu")];
 const KERNELS: [&str; 14] =
     ["gather", "activate", "chain", "loss", "squares", "finish", "adam", "normalize", "act", "value", "gae", "columns", "mean", "goals"];
 /// Threads of a block, and blocks of the gradient norm's first stage.
@@ -48,6 +54,8 @@ pub struct CudaEngine {
     gradient: Buffer<f32>,
     moments: [Buffer<f32>; 2],
     scalars: Buffer<Scalars>,
+    /// A pass under these settings, once captured.
+    graph: Option<(PpoConfig, Graph)>,
 }
 
 impl CudaEngine {
@@ -56,7 +64,7 @@ impl CudaEngine {
     /// # Errors
     /// If there is no GPU, a library is missing or memory runs out.
     pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
-        let device = Device::open(0, SOURCE, &KERNELS)?.with_products(Precision::F32)?;
+        let device = Device::open(0, &SOURCE.concat(), &KERNELS)?.with_products(Precision::F32)?;
         let (network, n, a) = (shape.network(), config.steps(), shape.action);
         let (sizes, parameters) = (sizes(config), shape.parameters());
         let rows = sizes[1];
@@ -81,6 +89,7 @@ impl CudaEngine {
             gradient: zeros(parameters)?,
             moments: [zeros(parameters)?, zeros(parameters)?],
             scalars: device.zeros(1)?,
+            graph: None,
             shape: shape.clone(),
             network,
             device,
@@ -157,6 +166,20 @@ fn failed(error: DeviceError) -> PpoError {
 }
 
 impl Engine for CudaEngine {
+    fn roll(
+        &mut self,
+        environments: &mut dyn Environments,
+        running: &mut Running,
+        policy: &Policy,
+        law: (usize, f64, f64),
+        noise: (u64, u64),
+    ) -> Result<Taken, PpoError> {
+        match environments.world()? {
+            Some(world) => self.stay(world, running, policy, law, noise),
+            None => rollout(environments, running, self, policy, law, noise),
+        }
+    }
+
     fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
         self.take(policy).map_err(failed)
     }
@@ -179,12 +202,15 @@ impl Engine for CudaEngine {
             let text = format!("made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
             return Err(PpoError::Device(text));
         }
-        let mut learn = |policy: &mut Policy| {
+        // Orders are drawn beside the passes, one ahead.
+        std::thread::scope(|scope| {
+            let (give, orders) = std::sync::mpsc::sync_channel(1);
+            scope.spawn(move || update::orders(config.steps(), config, seeds).try_for_each(|order| give.send(order)));
             self.goals(policy)?;
-            let updated = self.passes(policy, adam, config, seeds)?;
+            let updated = self.passes(policy, adam, config, orders.into_iter())?;
             self.seen(policy)?;
             Ok(updated)
-        };
-        learn(policy).map_err(failed)
+        })
+        .map_err(failed)
     }
 }

@@ -7,7 +7,7 @@ use nerd_cuda::{DeviceError, Op};
 use super::super::config::PpoConfig;
 use super::super::loss::Terms;
 use super::super::policy::Policy;
-use super::super::update::{Adam, Updated, orders};
+use super::super::update::{Adam, Updated};
 use super::{CudaEngine, SQUARES, THREADS};
 
 /// Mirror of the struct in `kernels.cu`.
@@ -66,25 +66,38 @@ impl CudaEngine {
         self.product((Op::Plain, Op::Plain), (width, 1, rows), (from, width), (self.ones.ptr, rows), (to, width))
     }
 
-    /// All passes; the policy's weights are there since the rollout began.
+    /// All minibatches of one pass, as a graph from the second pass of the same settings on.
+    fn pass(&mut self, config: &PpoConfig) -> Result<(), DeviceError> {
+        if let Some((_, graph)) = self.graph.as_ref().filter(|(known, _)| known == config) {
+            return graph.launch("pass");
+        }
+        let all = || {
+            let steps = config.steps();
+            (0..steps).step_by(config.minibatch).try_for_each(|first| self.minibatch(first, config.minibatch.min(steps - first), config))
+        };
+        // Once outside of a capture, so that libraries have loaded what they load at their first call.
+        all()?;
+        self.device.wait()?;
+        self.graph = Some((config.clone(), self.device.capture(all)?));
+        Ok(())
+    }
+
+    /// All passes in these orders; the policy's weights are there since the rollout began.
     pub(super) fn passes(
-        &self,
+        &mut self,
         policy: &mut Policy,
         adam: &mut Adam,
         config: &PpoConfig,
-        seeds: (u64, u64),
+        orders: impl Iterator<Item = Vec<u32>>,
     ) -> Result<Updated, DeviceError> {
-        let d = &self.device;
-        let [m, v] = &self.moments;
-        d.write(m, &adam.m)?;
-        d.write(v, &adam.v)?;
-        d.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
-        for order in orders(config.steps(), config, seeds) {
-            d.write(&self.order, &order)?;
-            for first in (0..order.len()).step_by(config.minibatch) {
-                self.minibatch(first, config.minibatch.min(order.len() - first), config)?;
-            }
+        self.device.write(&self.moments[0], &adam.m)?;
+        self.device.write(&self.moments[1], &adam.v)?;
+        self.device.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
+        for order in orders {
+            self.device.write(&self.order, &order)?;
+            self.pass(config)?;
         }
+        let (d, [m, v]) = (&self.device, &self.moments);
         let mut scalars = [Scalars::default()];
         d.read(&self.weights, &mut policy.flat)?;
         d.read(m, &mut adam.m)?;

@@ -1,0 +1,133 @@
+//! Checks, on the GPU at hand, that rollouts whose tasks are there are those of tasks on the CPU, and that a run goes on from a snapshot.
+//!
+//! ```text
+//! cargo run --release -p nerd-train --features cuda --example tasks_check
+//! ```
+//!
+//! The first check that fails ends the program with an error.
+
+use std::error::Error;
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_model::pick::Setting;
+use nerd_sim::sampling::stream;
+use nerd_sim::system::System;
+use nerd_tasks::{Episodes, names, named};
+use nerd_train::device::Device;
+use nerd_train::ppo::engine::Engine;
+use nerd_train::ppo::rollout::{Rollout, Running, Taken};
+use nerd_train::ppo::{Activation, Arena, CudaEngine, Environments, Policy, PpoConfig, Shape, Shared};
+
+type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+
+/// Environments, and steps of a rollout.
+const N: usize = 512;
+const HORIZON: usize = 16;
+const SEED: u64 = 3;
+/// Numbers that differ by more than this are apart; so many of all may be, since contact now and then falls otherwise.
+const APART: f64 = 1e-4;
+const SHARE: f64 = 0.02;
+
+fn main() -> Outcome {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+    let models = if models.exists() { models } else { "models".into() };
+    for name in names() {
+        let task = named(name)?;
+        if task.kernels(&*System::named(task.robot())?, 1).is_err() {
+            continue;
+        }
+        both(name, &Arena::Model { folder: models.join(task.robot()), device: Device::Cuda })?;
+        both(name, &Arena::Card(Setting::Implicit(4)))?;
+    }
+    Ok(())
+}
+
+/// One side of the comparison.
+struct Side<E> {
+    environments: E,
+    engine: CudaEngine,
+    running: Running,
+}
+
+impl<E: Environments> Side<E> {
+    fn new(environments: E, shape: &Shape, config: &PpoConfig) -> Outcome<Self> {
+        let running = Running::new(&environments, shape.stack);
+        Ok(Self { environments, engine: CudaEngine::new(shape, config)?, running })
+    }
+
+    fn roll(&mut self, policy: &Policy, number: usize) -> Outcome<(Rollout, Taken)> {
+        let (law, noise) = ((HORIZON, 0.99, 0.95), (7, (number * HORIZON) as u64));
+        let taken = self.engine.roll(&mut self.environments, &mut self.running, policy, law, noise)?;
+        Ok((self.engine.rollout()?, taken))
+    }
+}
+
+/// Episodes of which some will soon run out of time.
+fn episodes(task: &str, arena: &Arena) -> Outcome<Episodes> {
+    let mut episodes = arena.episodes(task, N, SEED)?;
+    let length = episodes.task.episode_length() * episodes.task.frames();
+    let mut kept = episodes.snapshot();
+    kept.frames.iter_mut().enumerate().filter(|(env, _)| env % 5 == 0).for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));
+    episodes.restore(&kept)?;
+    Ok(episodes)
+}
+
+fn both(task: &str, arena: &Arena) -> Outcome {
+    let config = PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, ..PpoConfig::default() };
+    let host = episodes(task, arena)?;
+    let stack = if task == "franka-reach-torque" { 3 } else { 1 };
+    let shape = Shape {
+        observation: host.task.observation_dim(),
+        stack,
+        action: host.task.action_dim(),
+        hidden: vec![64, 32],
+        activation: Activation::Elu,
+        spread_by_state: false,
+    };
+    let policy = Policy::new(shape.clone(), &mut stream(8, 0));
+    let on_card = Shared::new(episodes(task, arena)?, N, &Arc::default())?;
+    let (mut cpu, mut gpu) = (Side::new(host, &shape, &config)?, Side::new(on_card, &shape, &config)?);
+    let title = format!("{task} on {}", arena.title()?);
+    for number in 0..2 {
+        let ((one, told), (other, said)) = (cpu.roll(&policy, number)?, gpu.roll(&policy, number)?);
+        if said.solver_seconds.is_none() {
+            return Err(format!("{title}: it was not rolled on the device").into());
+        }
+        let numbers = [
+            ("observations", share(&one.observations, &other.observations)),
+            ("actions", share(&wide(&one.actions), &wide(&other.actions))),
+            ("values", share(&one.values, &other.values)),
+            ("advantages", share(&one.advantages, &other.advantages)),
+            ("rows", share(&cpu.running.stack.rows, &gpu.running.stack.rows)),
+        ];
+        let ends = [told.ended.len(), said.ended.len(), told.failed, said.failed];
+        println!("{title}, rollout {number}: episodes ended, failed on CPU and device {ends:?}");
+        numbers.iter().for_each(|(what, (share, most))| println!("  {what}: {share:.1e} of them apart, {most:.1e} at most"));
+        let near = told.ended.len().abs_diff(said.ended.len()) as f64 <= 1.0 + SHARE * told.ended.len() as f64;
+        if !near || numbers.iter().any(|(_, (share, _))| *share > SHARE) {
+            return Err(format!("{title}: tasks on the device are not those of the CPU").into());
+        }
+    }
+    let kept = gpu.environments.snapshot()?;
+    let mut again = Shared::new(arena.episodes(task, N, SEED)?, N, &Arc::default())?;
+    again.restore(&kept)?;
+    let mut other = Side { environments: again, engine: CudaEngine::new(&shape, &config)?, running: gpu.running.clone() };
+    let (gone_on, begun_again) = (gpu.roll(&policy, 2)?.0, other.roll(&policy, 2)?.0);
+    let (share, most) = share(&gone_on.observations, &begun_again.observations);
+    println!("{title}, gone on from a snapshot: {share:.1e} apart, {most:.1e} at most");
+    let exact = matches!(arena, Arena::Card(_));
+    if share > SHARE || (exact && most > 0.0) { Err(format!("{title}: it goes on otherwise").into()) } else { Ok(()) }
+}
+
+fn wide(numbers: &[f32]) -> Vec<f64> {
+    numbers.iter().copied().map(f64::from).collect()
+}
+
+/// Share of the numbers that are apart, and the largest difference.
+fn share(a: &[f64], b: &[f64]) -> (f64, f64) {
+    assert_eq!(a.len(), b.len());
+    let off = || a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs()));
+    let beyond = off().filter(|x| x.is_nan() || *x > APART).count();
+    (beyond as f64 / a.len().max(1) as f64, off().fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most }))
+}

@@ -1,0 +1,129 @@
+//! A rollout that never leaves the device: the policy answers, the task acts, the solver moves, the task judges, step after step.
+
+use nerd_cuda::{DeviceError, Event, Lane};
+use nerd_sim::articulated::device::Resident;
+use nerd_sim::sampling::stream;
+
+use super::super::policy::Policy;
+use super::super::rollout::{Running, Taken};
+use super::super::trainer::PpoError;
+use super::world::{Steps, World};
+use super::{CudaEngine, failed};
+
+/// Marks of a step: the policy has answered, the solver has moved, the task has judged.
+pub(super) type Marks = Vec<[Event; 3]>;
+
+impl CudaEngine {
+    /// Steps every environment through a horizon, from where `running` is.
+    pub(super) fn stay(
+        &mut self,
+        (world, resident): (&mut World, &mut dyn Resident),
+        running: &mut Running,
+        policy: &Policy,
+        (horizon, gamma, lambda): (usize, f64, f64),
+        (seed, first): (u64, u64),
+    ) -> Result<Taken, PpoError> {
+        self.take(policy).map_err(failed)?;
+        self.ready(running, horizon, world.cuts(horizon)).map_err(failed)?;
+        let key = stream(seed, 0).get_seed();
+        for t in 0..horizon {
+            self.step((world, resident), running.stack.depth(), t, (key, first + t as u64)).map_err(failed)?;
+        }
+        let failures = world.end(resident)?;
+        let taken = Taken { failed: failures, ended: self.told(running).map_err(failed)?, ..Default::default() };
+        self.finished((gamma, lambda)).map_err(failed)?;
+        let [policy_seconds, solver_seconds] = self.spent().map_err(failed)?;
+        Ok(Taken { policy_seconds, solver_seconds: Some(solver_seconds), ..taken })
+    }
+
+    /// Memory for rows and marks of this length; rows as they are.
+    fn ready(&mut self, running: &Running, horizon: usize, slots: usize) -> Result<(), DeviceError> {
+        let d = &self.device;
+        if self.kept.marks.len() != horizon {
+            let timer = || d.timer();
+            self.kept.marks = (0..horizon).map(|_| Ok([timer()?, timer()?, timer()?])).collect::<Result<_, DeviceError>>()?;
+        }
+        let rows = running.stack.rows.len();
+        if self.kept.over.as_ref().is_none_or(|(over, _)| over.len < slots * rows) {
+            self.kept.over = Some((d.zeros(slots * rows)?, d.zeros(self.kept.environments)?));
+            self.kept.slots = slots;
+        }
+        if let Some((_, cuts)) = &self.kept.over {
+            d.write(cuts, &vec![0; self.kept.environments])?;
+        }
+        d.write(&self.kept.observations, &running.stack.rows)
+    }
+
+    fn step(
+        &mut self,
+        (world, resident): (&mut World, &mut dyn Resident),
+        depth: usize,
+        t: usize,
+        noise: ([u8; 32], u64),
+    ) -> Result<(), DeviceError> {
+        let (n, width) = (self.kept.environments, self.network.sizes[0]);
+        self.drawn(t, noise)?;
+        let last = t + 1 == self.kept.horizon;
+        let next = if last { self.kept.rows.ptr } else { self.kept.observations.at((t + 1) * n * width) };
+        let [cut, cuts] = self.kept.over.as_ref().map_or([0; 2], |(rows, counts)| [rows.ptr, counts.ptr]);
+        let to = Steps {
+            rows: self.kept.observations.at(t * n * width),
+            next,
+            cut,
+            cuts,
+            rewards: self.kept.rewards.at(t * n),
+            ends: self.kept.ends.at(t * n),
+        };
+        let [acted, moved, judged] = &self.kept.marks[t];
+        self.device.mark(Lane::Main, acted)?;
+        world.step(resident, self.kept.actions.ptr, depth, to, [acted, moved, judged])?;
+        self.device.after(Lane::Main, judged)?;
+        self.kept.step = t + 1;
+        Ok(())
+    }
+
+    /// What came of the steps; episodes that ended, with their returns and lengths. Values of states where time ran out are where advantages
+    /// look for them.
+    fn told(&mut self, running: &mut Running) -> Result<Vec<(f64, f64)>, DeviceError> {
+        let (n, steps) = (self.kept.environments, self.kept.horizon * self.kept.environments);
+        let (mut rewards, mut ends) = (vec![0.0; steps], vec![0u8; steps]);
+        self.device.read(&self.kept.rewards, &mut rewards)?;
+        self.device.read(&self.kept.ends, &mut ends)?;
+        self.device.read(&self.kept.rows, &mut running.stack.rows)?;
+        let (mut ended, mut cut) = (Vec::new(), vec![vec![u32::MAX; n]; self.kept.slots]);
+        let mut cuts = vec![0; n];
+        for (i, (reward, end)) in rewards.iter().zip(&ends).enumerate() {
+            let env = i % n;
+            running.rewards[env] += reward;
+            running.lengths[env] += 1.0;
+            if *end > 0 {
+                ended.push((running.rewards[env], running.lengths[env]));
+                (running.rewards[env], running.lengths[env]) = (0.0, 0.0);
+            }
+            if *end == 2 {
+                cut[cuts[env]][env] = i as u32;
+                cuts[env] += 1;
+            }
+        }
+        let Some((rows, _)) = &self.kept.over else { return Ok(ended) };
+        for (slot, which) in cut.iter().enumerate().filter(|(_, which)| which.iter().any(|i| *i != u32::MAX)) {
+            self.device.write(&self.kept.which, which)?;
+            self.ask(rows.at(slot * n * self.network.sizes[0]), self.kept.inputs.ptr, n)?;
+            self.value(self.kept.which.ptr, self.kept.cut.ptr, n)?;
+        }
+        Ok(ended)
+    }
+
+    /// Seconds of the rollout in which the policy answered, and in which the solver moved.
+    fn spent(&self) -> Result<[f64; 2], DeviceError> {
+        let (d, marks) = (&self.device, &self.kept.marks);
+        let mut spent = [0.0; 2];
+        for (k, [acted, moved, _]) in marks.iter().enumerate() {
+            if let Some([.., judged]) = k.checked_sub(1).map(|k| &marks[k]) {
+                spent[0] += d.seconds(judged, acted)?;
+            }
+            spent[1] += d.seconds(acted, moved)?;
+        }
+        Ok(spent)
+    }
+}
