@@ -1,21 +1,26 @@
 //! A frame of a replay as a picture: the painter's renderer of `assets/replay.js`, on plotters.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::plot::failed;
-use super::replay::{Replay, Solid};
+use super::replay::{Replay, isometry};
+use super::solids::Solid;
 use crate::error::Result;
 
 type Point = Vector3<f64>;
-/// Something to paint: how far away, in which colour, where on the picture.
-type Piece = (f64, RGBColor, Vec<(i32, i32)>);
+/// Something to paint: how far away, in which colour, where on the picture, and how wide a stroke is (px).
+type Piece = (f64, RGBAColor, Vec<(i32, i32)>, u32);
 
 /// Sides of what is round.
 const SIDES: usize = 14;
 /// Nearest that is drawn (m).
 const NEAR: f64 = 0.05;
+/// Width (px) below which what is round and long is a stroke, of this width at least.
+const THIN: [f64; 2] = [4.0, 2.0];
+/// Width (m) of rods.
+const ROD: f64 = 0.03;
 
 /// Where the eye is, and how it sees.
 struct Camera {
@@ -92,11 +97,6 @@ fn faces(solid: &Solid) -> Vec<[Point; 4]> {
     out
 }
 
-fn isometry(pose: &[f32; 7]) -> Isometry3<f64> {
-    let [x, y, z, i, j, k, w] = pose.map(f64::from);
-    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)))
-}
-
 fn origin(pose: &[f32; 7]) -> Point {
     Vector3::new(f64::from(pose[0]), f64::from(pose[1]), f64::from(pose[2]))
 }
@@ -108,47 +108,69 @@ fn middle(poses: &[[f32; 7]]) -> Point {
 /// How far away a robot is seen whole (m).
 fn distance(replay: &Replay, poses: &[[f32; 7]]) -> f64 {
     let target = middle(poses);
-    let size = |link: usize| replay.shapes.iter().filter(|s| s.link == link).flat_map(|s| s.size.iter().copied()).fold(0.0, f64::max);
+    let size = |link: usize| replay.shapes.iter().filter(|s| s.link == Some(link)).flat_map(|s| s.size.iter().copied()).fold(0.0, f64::max);
     let reach = poses.iter().enumerate().map(|(link, p)| (origin(p) - target).norm() + size(link));
     3.6 * reach.fold(0.14, f64::max) + 0.1
 }
 
-/// Draws a frame of one track of a replay; a track that is over stays at its end.
+/// Draws a frame of tracks of a replay, all but the first as ghosts; a track that is over stays at its end.
 ///
 /// # Errors
 /// [`crate::Error::Draw`].
-pub fn draw<B: DrawingBackend>(replay: &Replay, track: usize, frame: usize, area: &DrawingArea<B, Shift>) -> Result<()> {
-    let all = &replay.tracks[track].poses;
-    let (Some(first), Some(poses)) = (replay.tracks[0].poses.first(), all.get(frame).or(all.last())) else { return Ok(()) };
+pub fn draw<B: DrawingBackend>(replay: &Replay, tracks: &[usize], frame: usize, area: &DrawingArea<B, Shift>) -> Result<()> {
+    let poses = |track: &usize| replay.tracks[*track].poses.get(frame).or(replay.tracks[*track].poses.last());
+    let all: Vec<_> = tracks.iter().filter_map(poses).collect();
+    let (Some(start), Some(first)) = (replay.tracks[0].poses.first(), all.first()) else { return Ok(()) };
     let up = Vector3::from(replay.up);
-    let camera = Camera::new(up, middle(poses), distance(replay, first), area.dim_in_pixel());
-    floor(replay, &camera, middle(poses), area)?;
+    let camera = Camera::new(up, middle(first), distance(replay, start), area.dim_in_pixel());
+    floor(replay, &camera, middle(first), area)?;
     let (east, north) = ground(&up);
     let light = (up + east * 0.4 - north * 0.5).normalize();
-    let mut polygons: Vec<Piece> = Vec::new();
-    for solid in &replay.shapes {
-        let at = isometry(&poses[solid.link]) * isometry(&solid.pose);
-        for face in faces(solid) {
-            let world = face.map(|x| at * nalgebra::Point3::from(x)).map(|p| p.coords);
-            let across = (world[2] - world[0]).cross(&(world[3] - world[1]));
-            let centre = (world[0] + world[1] + world[2] + world[3]) / 4.0;
-            if across.norm() < 1e-12 || across.dot(&(camera.eye - centre)) < 0.0 {
+    let mut pieces: Vec<Piece> = Vec::new();
+    for (k, poses) in all.into_iter().enumerate() {
+        // What stands in the scene is drawn once.
+        for solid in replay.shapes.iter().filter(|s| k == 0 || s.link.is_some()) {
+            let at = solid.link.map_or_else(nalgebra::Isometry3::identity, |link| isometry(&poses[link])) * isometry(&solid.pose);
+            let seen_at = |x: Point| (at * nalgebra::Point3::from(x)).coords;
+            let colour = |shade: f64| match (solid.link, k) {
+                (None, _) => HSLColor(solid.hue / 360.0, 0.08, shade + 0.15).mix(1.0),
+                (_, 0) => HSLColor(solid.hue / 360.0, 0.45, shade).mix(1.0),
+                _ => HSLColor(solid.hue / 360.0, 0.1, shade).mix(0.4),
+            };
+            let far = |x: &Point| (camera.eye - x).norm();
+            let wide = 2.0 * solid.size[0] * camera.focus / far(&at.translation.vector);
+            if solid.kind == "capsule" && wide < THIN[0] {
+                let ends = [-1.0, 1.0].map(|s| seen_at(Vector3::z() * (s * solid.size[1])));
+                let width = wide.max(THIN[1]).round() as u32;
+                pieces.extend(camera.seen(&ends).map(|seen| (far(&at.translation.vector), colour(0.5), seen, width)));
                 continue;
             }
-            let shade = 0.34 + 0.40 * across.normalize().dot(&light).max(0.0);
-            let (r, g, b) = HSLColor((210.0 + 137.5 * solid.link as f64) % 360.0 / 360.0, 0.45, shade).to_backend_color().rgb;
-            polygons.extend(camera.seen(&world).map(|seen| ((camera.eye - centre).norm(), RGBColor(r, g, b), seen)));
+            for face in faces(solid) {
+                let world = face.map(seen_at);
+                let across = (world[2] - world[0]).cross(&(world[3] - world[1]));
+                let centre = (world[0] + world[1] + world[2] + world[3]) / 4.0;
+                if across.norm() < 1e-12 || across.dot(&(camera.eye - centre)) < 0.0 {
+                    continue;
+                }
+                let shade = 0.34 + 0.40 * across.normalize().dot(&light).max(0.0);
+                // What lies on a face of the scene is painted after it.
+                let depth = if solid.link.is_none() { world.iter().map(far).fold(0.0, f64::max) } else { far(&centre) };
+                pieces.extend(camera.seen(&world).map(|seen| (depth, colour(shade), seen, 0)));
+            }
+        }
+        let rods = replay.rods.iter().map(|[a, b]| (origin(&poses[*a]), origin(&poses[*b])));
+        let shapes = replay.shapes.iter().filter(|_| !replay.rods.is_empty());
+        let stems = shapes.filter_map(|s| Some(&poses[s.link?]).map(|p| (origin(p), (isometry(p) * isometry(&s.pose)).translation.vector)));
+        for (a, b) in rods.chain(stems) {
+            let far = (camera.eye - (a + b) / 2.0).norm();
+            let width = ((ROD * camera.focus / far) as u32).max(1);
+            pieces.extend(camera.seen(&[a, b]).map(|seen| (far, RGBColor(125, 133, 144).mix(if k == 0 { 1.0 } else { 0.4 }), seen, width)));
         }
     }
-    let shape_rods =
-        replay.shapes.iter().map(|s| (origin(&poses[s.link]), (isometry(&poses[s.link]) * isometry(&s.pose)).translation.vector));
-    for (a, b) in replay.rods.iter().map(|[a, b]| (origin(&poses[*a]), origin(&poses[*b]))).chain(shape_rods) {
-        polygons.extend(camera.seen(&[a, b]).map(|seen| ((camera.eye - (a + b) / 2.0).norm(), RGBColor(125, 133, 144), seen)));
-    }
-    polygons.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (far, colour, seen) in polygons {
+    pieces.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (_, colour, seen, width) in pieces {
         match seen[..] {
-            [a, b] => area.draw(&PathElement::new([a, b], colour.stroke_width(((0.03 * camera.focus / far) as u32).max(1)))),
+            [a, b] => area.draw(&PathElement::new([a, b], colour.stroke_width(width))),
             _ => area.draw(&Polygon::new(seen, colour.filled())),
         }
         .map_err(failed::<B>)?;
