@@ -53,10 +53,11 @@ const replay = (() => {
     const canvas = root.querySelector("canvas"), context = canvas.getContext("2d");
     const [button, time, speed, said] = ["button", "input", "select", "output"].map(name => root.querySelector(name));
     const frames = data.tracks[0].poses.length;
+    const most = data.apart.reduce((a, b) => Math.max(a, b), 1e-6);
     time.max = frames - 1;
     root.querySelector(".legend").textContent =
       data.tracks.map((track, k) => (k ? "translucent: " : "solid: ") + track.name).join("; ") + ". Drag to turn, wheel to zoom, space to pause." +
-      (data.apart.length ? " Curve: mean distance of contact points." : "");
+      (data.apart.length ? ` Curve: mean distance of contact points, ${(1e3 * most).toFixed(1)} mm at most.` : "");
     const solids = data.shapes.map(shape => ({
       ...shape,
       // Of what is round and long, and seen too thin for faces.
@@ -70,8 +71,7 @@ const replay = (() => {
     const size = link => Math.max(0, ...data.shapes.filter(s => s.link === link).flatMap(s => s.size));
     const reach = Math.max(0.05, ...first.map((p, link) => Math.hypot(...sub(p, middle(first))) + size(link)));
     const light = unit(add(add(up, times(east, 0.4)), times(north, -0.5)));
-    const most = data.apart.reduce((a, b) => Math.max(a, b), 1e-6);
-    let turn = -0.6, lift = 0.35, distance = 4 * reach + 0.2, frame = 0, playing = true, last = 0;
+    let turn = -0.6, lift = 0.35, distance = 3 * reach + 0.2, frame = 0, playing = true, last = 0;
 
     function draw() {
       const scale = window.devicePixelRatio || 1;

@@ -23,7 +23,7 @@ pub mod provenance;
 pub mod replay;
 #[cfg(feature = "report")]
 pub mod scene;
-pub mod solids;
+mod solids;
 pub mod table;
 
 use std::path::Path;

@@ -61,7 +61,8 @@ pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64)
     let system = System::named(robot)?;
     let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
     batch.reset(0, &start(&system, Start::Reset, &mut stream(seed, 0)));
-    beside(&batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
+    let title = format!("{} in {}", system.name, batch.scenes[0].name);
+    beside(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
 }
 
 /// The first motion that [`begin`] and [`record`] make of this seed: start, scene and torques as in a model's data.
@@ -72,13 +73,13 @@ pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Rep
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
     let recording = record(&system, &mut *ModelConfig::truth_of(model)?.solver(&system), &config, 0, 1)?;
-    beside(&begin(&system, &config, 0, 1)?, model, &recording.torques, frames)
+    beside(&format!("{}, moved at random", system.name), &begin(&system, &config, 0, 1)?, model, &recording.torques, frames)
 }
 
 /// Motions of a start in both under torques `[frame][joint]`.
-fn beside(start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
+fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
     let system = &start.system;
-    let mut replay = Replay::new(&format!("{} in {}", system.name, start.scenes[0].name), start, system.frame_time);
+    let mut replay = Replay::new(title, start, system.frame_time);
     let joints = system.robot.joint_count();
     for (name, solver) in both(system, model)? {
         let mut simulation = Simulation { batch: start.clone(), solver };

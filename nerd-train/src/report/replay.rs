@@ -11,7 +11,8 @@ use nerd_sim::scene::Scene;
 use nerd_sim::source::Source;
 use serde::Serialize;
 
-use super::solids::{Solid, solids, standing};
+pub use super::solids::Solid;
+use super::solids::{solids, standing};
 
 /// The renderer: a function `replay(element, data)`.
 pub const SCRIPT: &str = include_str!("../../assets/replay.js");

@@ -34,7 +34,7 @@ pub fn cards(config: &PageConfig, results: &Path, bar: &Bar) -> Result<Section> 
     let mut section = Section::new(
         "Robots",
         "Each robot from a start that its model never saw: NeRD solid, the truth it learned as a ghost behind it. Where only one is seen, \
-         they agree. The curve below tells how far apart they are.",
+         they agree. The cable is moved at random, as in its data, by torques that are not in them.",
     );
     for (k, (robot, cause)) in CARDS.into_iter().enumerate() {
         let replay = motions::shipped(robot, cause, config.frames)?;
