@@ -83,5 +83,5 @@ fn a_learned_cable_from_its_file_is_replayed_beside_its_truth() {
     let [page, picture] = [page, picture].map(|file| std::fs::read_to_string(file).expect("written"));
     shows_a_cable(&replays(&page).next().expect("a replay"), 40, 4, 20);
     assert_eq!(picture.matches("mm apart").count(), 4, "moments in the picture");
-    assert!(picture.contains("--replay lead.svg, seed 500, commit"), "where the picture comes from stands on it");
+    assert!(picture.contains("--model models/lead-pegs, seed 500, commit"), "where the picture comes from stands on it");
 }
