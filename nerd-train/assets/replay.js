@@ -117,7 +117,8 @@ const replay = (() => {
           // What stands in the scene is drawn once.
           const still = solid.link === null, at = x => still ? x : place(poses[solid.link], x);
           if (still && k) continue;
-          const far = x => Math.hypot(...sub(x, eye)), centre = at(solid.pose.slice(0, 3)), wide = 2 * solid.size[0] * focus / far(centre);
+          // A ghost stands back a little, so that where both agree the first is seen.
+          const far = x => Math.hypot(...sub(x, eye)) + 0.02 * k, centre = at(solid.pose.slice(0, 3)), wide = 2 * solid.size[0] * focus / far(centre);
           if (solid.ends && wide < 4 * scale) {
             const world = solid.ends.map(at), seen = world.map(see), colour = k ? `hsla(${solid.hue} 10% 40% / 0.5)` : `hsl(${solid.hue} 75% 45%)`;
             if (k === 0) for (const fall of falls) shadows.push(world.map(fall).map(see));

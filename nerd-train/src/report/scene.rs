@@ -20,8 +20,9 @@ const NEAR: f64 = 0.05;
 const THIN: [f64; 2] = [4.0, 2.0];
 /// Width (m) of rods.
 const ROD: f64 = 0.03;
-/// How much is seen of a ghost.
+/// How much is seen of a ghost, and how far (m) it stands back, so that where both agree the first is seen.
 const GHOST: f64 = 0.5;
+const BEHIND: f64 = 0.02;
 
 /// Where the eye is, and how it sees.
 struct Camera {
@@ -132,7 +133,8 @@ pub fn draw<B: DrawingBackend>(replay: &Replay, tracks: &[usize], frame: usize, 
     for (k, poses) in all.into_iter().enumerate() {
         // What stands in the scene is drawn once.
         let shapes = replay.shapes.iter().filter(|s| k == 0 || s.link.is_some());
-        pieces.extend(shapes.flat_map(|solid| painted(solid, poses, k > 0, replay, &camera)));
+        let solids = shapes.flat_map(|solid| painted(solid, poses, k > 0, replay, &camera));
+        pieces.extend(solids.map(|(far, colour, seen, width)| (far + BEHIND * k as f64, colour, seen, width)));
         let rods = replay.rods.iter().map(|[a, b]| (origin(&poses[*a]), origin(&poses[*b])));
         let stems = replay.shapes.iter().filter(|_| !replay.rods.is_empty()).filter_map(|s| Some((&poses[s.link?], s)));
         let stems = stems.map(|(p, s)| (origin(p), (isometry(p) * isometry(&s.pose)).translation.vector));
