@@ -118,9 +118,11 @@ const replay = (() => {
           const still = solid.link === null, at = x => still ? x : place(poses[solid.link], x);
           if (still && k) continue;
           // A ghost stands back a little, so that where both agree the first is seen.
-          const far = x => Math.hypot(...sub(x, eye)) + 0.02 * k, centre = at(solid.pose.slice(0, 3)), wide = 2 * solid.size[0] * focus / far(centre);
+          const far = x => Math.hypot(...sub(x, eye)) + 0.02 * k, centre = at(solid.pose.slice(0, 3));
+          const wide = 2 * solid.size[0] * focus / far(centre);
           if (solid.ends && wide < 4 * scale) {
-            const world = solid.ends.map(at), seen = world.map(see), colour = k ? `hsla(${solid.hue} 10% 40% / 0.5)` : `hsl(${solid.hue} 75% 45%)`;
+            const world = solid.ends.map(at), seen = world.map(see);
+            const colour = k ? `hsla(${solid.hue} 10% 40% / 0.5)` : `hsl(${solid.hue} 75% 45%)`;
             if (k === 0) for (const fall of falls) shadows.push(world.map(fall).map(see));
             if (seen.every(p => p[2] > near)) polygons.push([far(centre), colour, seen, Math.max(wide, 2 * scale)]);
             continue;
@@ -147,7 +149,8 @@ const replay = (() => {
           if (seen.every(p => p[2] > near)) polygons.push([depth, colour, seen, 0.03 * focus / seen[0][2]]);
         };
         for (const [a, b] of data.rods) rod(poses[a].slice(0, 3), poses[b].slice(0, 3));
-        for (const shape of data.shapes) if (data.rods.length && shape.link !== null) rod(poses[shape.link].slice(0, 3), place(poses[shape.link], shape.pose.slice(0, 3)));
+        for (const { link, pose } of data.rods.length ? data.shapes.filter(s => s.link !== null) : [])
+          rod(poses[link].slice(0, 3), place(poses[link], pose.slice(0, 3)));
       });
       context.fillStyle = context.strokeStyle = "#dfe2e7";
       context.lineCap = "round";

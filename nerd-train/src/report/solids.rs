@@ -62,8 +62,8 @@ pub(super) fn standing(body: &Collider) -> Option<Solid> {
     Some(Solid { link: None, hue: hue(0), pose: numbers(&pose), kind, size })
 }
 
-/// Of links whose shapes are meshes or that have none: from their joint to the next ones, and to what they touch with. Where there is neither, a
-/// cube of the link's inertia.
+/// Of links whose shapes are meshes or that have none: from their joint to the next ones, and to what they touch with. Where there is
+/// neither, a cube of the link's inertia.
 fn bones(system: &System) -> Vec<Solid> {
     let (robot, cable) = (&system.robot, system.source == Source::Cable);
     let bare = robot.links.iter().enumerate().filter(|(_, body)| body.shapes.is_empty());
