@@ -53,12 +53,15 @@ const replay = (() => {
     const canvas = root.querySelector("canvas"), context = canvas.getContext("2d");
     const [button, time, speed, said] = ["button", "input", "select", "output"].map(name => root.querySelector(name));
     const frames = data.tracks[0].poses.length;
+    const most = data.apart.reduce((a, b) => Math.max(a, b), 1e-6);
     time.max = frames - 1;
     root.querySelector(".legend").textContent =
-      data.tracks.map((track, k) => (k ? "translucent: " : "solid: ") + track.name).join("; ") + ". Drag to turn, wheel to zoom, space to pause.";
+      data.tracks.map((track, k) => (k ? "translucent: " : "solid: ") + track.name).join("; ") + ". Drag to turn, wheel to zoom, space to pause." +
+      (data.apart.length ? ` Curve: mean distance of contact points, ${(1e3 * most).toFixed(1)} mm at most.` : "");
     const solids = data.shapes.map(shape => ({
-      link: shape.link,
-      hue: (210 + 137.5 * shape.link) % 360,
+      ...shape,
+      // Of what is round and long, and seen too thin for faces.
+      ends: shape.kind === "capsule" && [-1, 1].map(s => place(shape.pose, [0, 0, s * shape.size[1]])),
       faces: faces(shape).map(face => face.map(x => place(shape.pose, x))),
     }));
 
@@ -68,7 +71,7 @@ const replay = (() => {
     const size = link => Math.max(0, ...data.shapes.filter(s => s.link === link).flatMap(s => s.size));
     const reach = Math.max(0.05, ...first.map((p, link) => Math.hypot(...sub(p, middle(first))) + size(link)));
     const light = unit(add(add(up, times(east, 0.4)), times(north, -0.5)));
-    let turn = -0.6, lift = 0.35, distance = 4 * reach + 0.2, frame = 0, playing = true, last = 0;
+    let turn = -0.6, lift = 0.35, distance = 3 * reach + 0.2, frame = 0, playing = true, last = 0;
 
     function draw() {
       const scale = window.devicePixelRatio || 1;
@@ -107,47 +110,58 @@ const replay = (() => {
           }
       }
       const polygons = [], shadows = [];
+      const falls = data.planes.slice(0, 1).map(([n, offset]) => x => sub(x, times(up, (dot(x, n) - offset) / dot(up, n))));
       data.tracks.forEach((track, k) => {
         const poses = track.poses[Math.min(frame, track.poses.length - 1)];
-        for (const solid of solids)
+        for (const solid of solids) {
+          // What stands in the scene is drawn once.
+          const still = solid.link === null, at = x => still ? x : place(poses[solid.link], x);
+          if (still && k) continue;
+          // A ghost stands back a little, so that where both agree the first is seen.
+          const far = x => Math.hypot(...sub(x, eye)) + 0.02 * k, centre = at(solid.pose.slice(0, 3));
+          const wide = 2 * solid.size[0] * focus / far(centre);
+          if (solid.ends && wide < 4 * scale) {
+            const world = solid.ends.map(at), seen = world.map(see);
+            const colour = k ? `hsla(${solid.hue} 10% 40% / 0.5)` : `hsl(${solid.hue} 75% 45%)`;
+            if (k === 0) for (const fall of falls) shadows.push(world.map(fall).map(see));
+            if (seen.every(p => p[2] > near)) polygons.push([far(centre), colour, seen, Math.max(wide, 2 * scale)]);
+            continue;
+          }
           for (const face of solid.faces) {
-            const world = face.map(x => place(poses[solid.link], x));
+            const world = face.map(at);
             const across = cross(sub(world[2], world[0]), sub(world[3], world[1])), length = Math.hypot(...across);
             if (length < 1e-12) continue;
             const normal = times(across, 1 / length), centre = times(add(add(world[0], world[1]), add(world[2], world[3])), 0.25);
             if (k === 0 && dot(normal, up) > 0)
-              for (const [n, offset] of data.planes.slice(0, 1)) {
-                const fall = x => sub(x, times(up, (dot(x, n) - offset) / dot(up, n)));
-                if (dot(centre, n) > offset) shadows.push(world.map(fall).map(see));
-              }
+              for (const fall of falls) if (dot(sub(centre, fall(centre)), up) > 0) shadows.push(world.map(fall).map(see));
             if (dot(normal, sub(eye, centre)) < 0) continue;
             const seen = world.map(see);
             if (seen.some(p => p[2] < near)) continue;
             const shade = 34 + 40 * Math.max(0, dot(normal, light));
-            const colour = k ? `hsla(${solid.hue} 10% ${shade}% / 0.35)` : `hsl(${solid.hue} 45% ${shade}%)`;
-            polygons.push([Math.hypot(...sub(centre, eye)), colour, seen]);
+            const colour = k ? `hsla(${solid.hue} 10% ${shade}% / 0.35)` : `hsl(${solid.hue} ${still ? 8 : 45}% ${shade + 15 * still}%)`;
+            // What lies on a face of the scene is painted after it.
+            polygons.push([still ? Math.max(...world.map(far)) : far(centre), colour, seen, 0.7]);
           }
+        }
         const rod = (from, to) => {
           const seen = [from, to].map(see), colour = k ? "rgba(125,133,144,0.35)" : "#7d8590";
-          if (seen.every(p => p[2] > near)) polygons.push([Math.hypot(...sub(times(add(from, to), 0.5), eye)), colour, seen]);
+          const depth = Math.hypot(...sub(times(add(from, to), 0.5), eye));
+          if (seen.every(p => p[2] > near)) polygons.push([depth, colour, seen, 0.03 * focus / seen[0][2]]);
         };
         for (const [a, b] of data.rods) rod(poses[a].slice(0, 3), poses[b].slice(0, 3));
-        for (const shape of data.shapes) rod(poses[shape.link].slice(0, 3), place(poses[shape.link], shape.pose.slice(0, 3)));
+        for (const { link, pose } of data.rods.length ? data.shapes.filter(s => s.link !== null) : [])
+          rod(poses[link].slice(0, 3), place(poses[link], pose.slice(0, 3)));
       });
-      context.fillStyle = "#dfe2e7";
-      for (const seen of shadows) if (seen.every(p => p[2] > near)) { trace(seen); context.fill(); }
+      context.fillStyle = context.strokeStyle = "#dfe2e7";
+      context.lineCap = "round";
+      context.lineWidth = 2 * scale;
+      for (const seen of shadows) if (seen.every(p => p[2] > near)) { trace(seen); seen.length === 2 ? context.stroke() : context.fill(); }
       polygons.sort((a, b) => b[0] - a[0]);
-      for (const [, colour, seen] of polygons) {
+      for (const [, colour, seen, width] of polygons) {
         context.fillStyle = context.strokeStyle = colour;
+        context.lineWidth = width;
         trace(seen);
-        if (seen.length === 2) {
-          context.lineCap = "round";
-          context.lineWidth = 0.03 * focus / seen[0][2];
-        } else {
-          context.lineWidth = 0.7;
-          context.closePath();
-          context.fill();
-        }
+        if (seen.length > 2) { context.closePath(); context.fill(); }
         context.stroke();
       }
       const goal = data.goals[frame] || [];
@@ -156,11 +170,20 @@ const replay = (() => {
         context.fillStyle = "#d0021b";
         context.beginPath(); context.arc(p[0], p[1], Math.max(3, 0.02 * focus / p[2]), 0, 7); context.fill();
       }
+      // How far apart the motions are, over time, up to now in full.
+      const reached = data.apart.map((x, k) => [canvas.width * k / frames, canvas.height * (0.98 - 0.13 * x / most)]);
+      for (const [colour, upto] of [["#e3b59c", frames], ["#b8450f", frame + 1]]) {
+        context.strokeStyle = colour;
+        context.lineWidth = 1.5 * scale;
+        trace(reached.slice(0, upto));
+        context.stroke();
+      }
       time.value = frame;
       // How often it was painted, for whoever tests that it moves.
       canvas.dataset.painted = +(canvas.dataset.painted || 0) + 1;
-      const reward = data.rewards[frame];
-      said.textContent = `${(frame * data.dt).toFixed(2)} s` + (reward === undefined ? "" : `, reward ${reward.toFixed(1)}`);
+      const reward = data.rewards[frame], apart = data.apart[frame];
+      said.textContent = `${(frame * data.dt).toFixed(2)} s` + (reward === undefined ? "" : `, reward ${reward.toFixed(1)}`) +
+        (apart === undefined ? "" : `, ${(1e3 * apart).toFixed(1)} mm apart`);
     }
 
     function tick(now) {

@@ -50,7 +50,7 @@ pub struct EvaluateArgs {
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
     pub control: bool,
-    /// Page to write that replays the first start, let go, in the model and in its truth (needs --solver neural)
+    /// File that replays the first start, let go, in the model and in its truth: a page, or of FILE.svg a picture (needs --solver neural)
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
     /// Name of the result to write [default: passive]
@@ -91,9 +91,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         None => tables(&[passive.measure()?.table()]),
     }
     let Some((file, page)) = replay else { return Ok(()) };
-    crate::files::write(&file, page.html().as_bytes())?;
-    eprintln!("replay written to {}", file.display());
-    Ok(())
+    crate::files::replay(&file, &page, args.seed)
 }
 
 /// The page that was asked for, and its motion.

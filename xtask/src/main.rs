@@ -32,6 +32,7 @@ mod inspect;
 mod keys;
 mod light;
 mod list;
+mod motions;
 mod numbers;
 mod out;
 mod outside;
@@ -75,7 +76,7 @@ enum Verb {
     /// Time a frame of arms of more and more links, analytic and learned
     Grow(grow::GrowArgs),
     /// Measure how far solvers and models err along motions that none has seen
-    Motions(conduct::ConductArgs<nerd_train::experiments::motions::Motions>),
+    Motions(motions::MotionsArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
@@ -146,7 +147,7 @@ fn main() -> ExitCode {
         Verb::Chart(args) => chart::run(args),
         Verb::Device(args) => device::run(args),
         Verb::Grow(args) => grow::run(args),
-        Verb::Motions(args) => args.run(),
+        Verb::Motions(args) => motions::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
         Verb::Report(args) => report::run(args),

@@ -5,11 +5,11 @@ mod common;
 use std::path::Path;
 use std::process::Command;
 
-use common::{refused, xtask};
+use common::{refused, replays, shows_a_cable, xtask};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 /// Robots and tasks, a replay each, and of every calibration to measurements the best, a middling and the worst prediction.
-const REPLAYS: usize = 14 + 6 * 3;
+const REPLAYS: usize = 15 + 6 * 3;
 
 fn browser() -> Option<&'static str> {
     BROWSERS.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))
@@ -39,6 +39,8 @@ fn the_page_opens_without_an_error_and_its_replays_move() {
         assert!(!text.contains(loads), "the page has `{loads}`: it would load something");
     }
     assert_eq!(text.matches("class=motion").count(), REPLAYS, "replays in the page");
+    let lead = replays(&text).find(|replay| replay["title"] == "lead-pegs, moved at random").expect("a replay of the learned cable");
+    shows_a_cable(&lead, 40, 4, 30);
     let Some(browser) = browser() else { return println!("skipped: no browser") };
     let seen = opened(browser, &page, folder.path());
     assert!(seen.contains("</html>"), "{browser} shows no page");

@@ -24,8 +24,9 @@ use crate::choice::{Choice, describe};
 use crate::error::{Result, refuse};
 use crate::progress;
 use crate::report::plot::{Figure, Series};
+use crate::report::replay::Replay;
 use crate::report::table::digits;
-use crate::report::{Input, Inputs, Table};
+use crate::report::{Input, Inputs, Table, motions};
 use crate::settings::settings;
 use crate::stats::{mean, percentile};
 
@@ -91,6 +92,16 @@ enum Entry {
 impl Motions {
     fn config(&self) -> GenerateConfig {
         GenerateConfig { transitions: self.starts * self.frames, frames: self.frames, seed: self.seed, ..GenerateConfig::default() }
+    }
+
+    /// The first motion in the first model, and in the truth that this learned.
+    ///
+    /// # Errors
+    /// If there is no model, it cannot be loaded, or a solver cannot step.
+    pub fn replay(&self) -> Result<Replay> {
+        let Some(model) = self.model.first() else { refuse!("--replay shows a model beside its truth: name one with --model") };
+        bounds::memory(&[("--frames", self.frames)], 256 * System::named(&self.robot)?.robot.links.len())?;
+        motions::driven(&self.robot, model, self.frames, self.seed)
     }
 
     fn entries(&self) -> Vec<Entry> {

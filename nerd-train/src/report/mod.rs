@@ -23,6 +23,7 @@ pub mod provenance;
 pub mod replay;
 #[cfg(feature = "report")]
 pub mod scene;
+mod solids;
 pub mod table;
 
 use std::path::Path;

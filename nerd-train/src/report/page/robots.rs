@@ -8,19 +8,21 @@ use super::PageConfig;
 use super::html::{Section, from, motion, table};
 use crate::error::Result;
 use crate::progress::Bar;
+use crate::report::Table;
 use crate::report::artifact::Head;
+use crate::report::motions::{self, Cause};
 use crate::report::replay::escape;
-use crate::report::{Table, motions};
 use crate::shipped::{model, root};
 
-/// Robots that are shown, each in a scene, let go or under a policy where nothing would move.
-pub const CARDS: [(&str, &str, Option<&str>); 6] = [
-    ("cartpole", "free", None),
-    ("pendulum", "ground1", None),
-    ("cube", "ground", None),
-    ("franka", "free", Some("franka-reach-neural-0")),
-    ("ant", "ground", None),
-    ("anymal", "ground", None),
+/// Robots that are shown, each with what moves it.
+pub const CARDS: [(&str, Cause); 7] = [
+    ("cartpole", Cause::Release("free")),
+    ("pendulum", Cause::Release("ground1")),
+    ("cube", Cause::Release("ground")),
+    ("franka", Cause::Policy("franka-reach-neural-0")),
+    ("ant", Cause::Release("ground")),
+    ("anymal", Cause::Release("ground")),
+    ("lead-pegs", Cause::Data),
 ];
 
 /// Tasks whose first shipped policy is shown.
@@ -32,21 +34,19 @@ pub fn cards(config: &PageConfig, results: &Path, bar: &Bar) -> Result<Section> 
     let mut section = Section::new(
         "Robots",
         "Each robot from a start that its model never saw: NeRD solid, the truth it learned as a ghost behind it. Where only one is seen, \
-         they agree.",
+         they agree. The cable is moved at random, as in its data, by torques that are not in them.",
     );
-    let passive = Head::read(results, "passive").ok();
-    for (k, (robot, scene, policy)) in CARDS.into_iter().enumerate() {
-        let folder = model(Truth::default(), robot);
-        let replay = match policy {
-            Some(policy) => motions::policy(&root().join("models/policies").join(policy), &folder, config.steps, 1)?,
-            None => motions::passive(robot, scene, &folder, config.frames, 3)?,
-        };
+    for (k, (robot, cause)) in CARDS.into_iter().enumerate() {
+        let replay = motions::shipped(robot, cause, config.frames)?;
         bar.set(k as u64 + 1);
         section.body += &format!("<div class=card><h3>{robot}</h3>{}", motion(&replay));
-        if let Some(head) = &passive {
-            let of = head.tables.iter().find(|t| t.name == "passive").map(|t| only(t, robot));
-            section.body += &of.filter(|t| !t.rows.is_empty()).map(|t| table(&t) + &from("passive", &head.provenance)).unwrap_or_default();
+        let driven = cause == Cause::Data;
+        let result = if driven { format!("motions-{robot}") } else { "passive".into() };
+        if let Ok(head) = Head::read(results, &result) {
+            let of = head.tables.iter().find(|t| t.name == result).map(|t| if driven { t.clone() } else { only(t, robot) });
+            section.body += &of.filter(|t| !t.rows.is_empty()).map(|t| table(&t) + &from(&result, &head.provenance)).unwrap_or_default();
         }
+        section.body += &picture(results, &result, "Speed and accuracy");
         section.body += &picture(results, &format!("horizon-{robot}"), "How the error grows");
         section.body += "</div>";
     }
