@@ -64,6 +64,17 @@ impl Device {
         CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
     }
 
+    /// Bytes of the first GPU's memory that nobody has taken.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn free() -> Result<usize, DeviceError> {
+        present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
+        let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
+        context.bind_to_thread().map_err(failed("context"))?;
+        driver::result::mem_get_info().map(|(free, _)| free).map_err(failed("memory"))
+    }
+
     /// Opens a GPU, counted from 0, and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
     ///
     /// # Errors

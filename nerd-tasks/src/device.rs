@@ -14,7 +14,8 @@ use crate::formula::{Formulas, written};
 /// What of the robot's starts has no kernel.
 pub fn program(task: &impl Formulas, system: &System, colliders: usize) -> Result<String, String> {
     let (about, mut text) = (task.about(), episode(system, colliders)?);
-    let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("GOALS", task.goal().len()), ("STEP_FRAMES", about.frames as usize)];
+    let sizes =
+        [("SEEN", about.observation), ("ACTIONS", about.action), ("GOALS", task.goal().len()), ("STEP_FRAMES", about.frames as usize)];
     for (name, n) in sizes {
         let _ = writeln!(text, "#define {name} {n}");
     }

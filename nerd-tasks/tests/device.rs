@@ -135,7 +135,8 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
             now.iter().copied().chain(difference).collect::<Vec<_>>()
         });
         let expected = expected.collect::<Vec<_>>();
-        let cut: Vec<f64> = single.numbers[3].chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
+        let cut: Vec<f64> =
+            single.numbers[3].chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
         let seen: Vec<f64> = reached.chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
         let off = [
             ("rewards", apart(&said.numbers[1], &rewards)),

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use nerd_model::pick::Setting;
 use nerd_sim::sampling::stream;
 use nerd_sim::system::System;
-use nerd_tasks::{Episodes, names, named};
+use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
 use nerd_train::ppo::engine::Engine;
 use nerd_train::ppo::rollout::{Rollout, Running, Taken};

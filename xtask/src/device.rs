@@ -14,6 +14,7 @@ pub struct DeviceArgs {
     #[arg(
         long,
         value_delimiter = ',',
+        num_args = 0..,
         default_value = "pendulum:ground1,cube:ground,ant:ground,anymal:ground,franka:free",
         value_name = "ROBOT:SCENE"
     )]
@@ -42,6 +43,15 @@ pub struct DeviceArgs {
     /// Substeps of implicit steps in which tasks are learned and timed, too, comma-separated; without one, none is
     #[arg(long, value_delimiter = ',', num_args = 0.., default_values_t = [4], value_parser = count::<usize>(SUBSTEPS))]
     pub beside: Vec<usize>,
+    /// Tasks that are learned for so many seconds and then played in the truth, TASK:SECONDS, comma-separated; without one, none is
+    #[arg(long, value_delimiter = ',', num_args = 0.., default_value = "ant-run:60,anymal-forward:90", value_name = "TASK:SECONDS")]
+    pub races: Vec<String>,
+    /// Seeds of these, comma-separated
+    #[arg(long, value_delimiter = ',', default_values_t = [310, 311, 312], value_parser = count::<u64>(SEEDS))]
+    pub seeds: Vec<u64>,
+    /// Folder of their runs
+    #[arg(long, default_value = "out/races", value_name = "FOLDER")]
+    pub runs: PathBuf,
     /// Python that has MuJoCo Warp, to ask that engine in
     #[arg(long, value_name = "PYTHON")]
     pub warp: Option<PathBuf>,
@@ -59,13 +69,36 @@ pub struct DeviceArgs {
 /// Runs the verb.
 #[cfg(feature = "cuda")]
 pub fn run(args: DeviceArgs) -> Result<()> {
-    let DeviceArgs { robots, states, rollouts, environments, substeps, explicit, models, tasks, beside, warp, seed, name, out } = args;
+    let DeviceArgs {
+        robots,
+        states,
+        rollouts,
+        environments,
+        substeps,
+        explicit,
+        models,
+        tasks,
+        beside,
+        races,
+        seeds,
+        runs,
+        warp,
+        seed,
+        name,
+        out,
+    } = args;
     let pair = |text: &String| {
         let (robot, scene) =
             text.split_once(':').ok_or_else(|| anyhow::anyhow!("--robots {text}: write ROBOT:SCENE, for example ant:ground"))?;
         Ok((robot.to_string(), scene.to_string()))
     };
     let robots = robots.iter().map(pair).collect::<Result<Vec<_>>>()?;
+    let race = |text: &String| {
+        let found = text.split_once(':').and_then(|(task, seconds)| Some((task.to_string(), seconds.parse::<f64>().ok()?)));
+        let fits = found.filter(|(_, seconds)| *seconds > 0.0 && *seconds < 1e6);
+        fits.ok_or_else(|| anyhow::anyhow!("--races {text}: write TASK:SECONDS, for example ant-run:60"))
+    };
+    let races = races.iter().map(race).collect::<Result<Vec<_>>>()?;
     let experiment = nerd_train::experiments::device::OnDevice {
         name,
         robots,
@@ -76,6 +109,9 @@ pub fn run(args: DeviceArgs) -> Result<()> {
         substeps: [substeps, explicit],
         tasks,
         beside: beside.into_iter().map(nerd_model::pick::Setting::Implicit).collect(),
+        races,
+        seeds,
+        runs,
         warp,
         seed,
     };

@@ -13,10 +13,10 @@ use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
 use super::clock::{Clock, Timed};
-#[cfg(feature = "cuda")]
-use crate::learner::cuda::Precision;
 use crate::device::Device;
 use crate::error::{Result, refuse};
+#[cfg(feature = "cuda")]
+use crate::learner::cuda::Precision;
 
 /// What episodes run on.
 #[derive(Clone, Debug, PartialEq)]

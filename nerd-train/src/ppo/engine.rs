@@ -6,10 +6,10 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::config::PpoConfig;
+use super::environments::Environments;
 use super::gae::{Steps, advantages};
 use super::loss::surprise;
 use super::policy::{Answer, Policy};
-use super::environments::Environments;
 use super::rollout::{Rollout, Running, Taken, rollout};
 use super::trainer::PpoError;
 use super::update::{Adam, Updated, update};

@@ -42,7 +42,14 @@ impl Shared {
     /// # Errors
     /// If a rank is lost.
     pub fn new(own: Episodes, count: usize, ranks: &Arc<Ranks>) -> Result<Self, RankError> {
-        let mut shared = Self { own, ranks: ranks.clone(), count, observations: Vec::new(), #[cfg(feature = "cuda")] world: None };
+        let mut shared = Self {
+            own,
+            ranks: ranks.clone(),
+            count,
+            observations: Vec::new(),
+            #[cfg(feature = "cuda")]
+            world: None,
+        };
         if ranks.world() > 1 {
             let all = shared.answers(vec![bits(shared.own.observations())])?;
             shared.observations = all.iter().flat_map(|parts| reals(part(parts, 0))).collect();

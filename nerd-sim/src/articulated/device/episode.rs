@@ -58,7 +58,8 @@ pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     numbers("KD", system.joint_specs().map(|j| j.kd).collect());
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("REST", system.joint_specs().map(|j| j.default).collect());
-    let other = |s: &crate::spec::JointSpec, i: usize| s.reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
+    let other =
+        |s: &crate::spec::JointSpec, i: usize| s.reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     whole(&mut text, "MINUS", specs.iter().enumerate().map(|(i, s)| other(s, i).map_or(-1, |k| k as i64)).collect());
     text.push_str(RANDOM);
     text.push_str(include_str!("episode.cuh"));

@@ -28,12 +28,15 @@ pub struct Learning {
     pub steps: f64,
     /// Shares of the time: solver, task, policy, update.
     pub shares: [f64; 4],
+    /// Memory of the device that it took (GiB).
+    #[serde(default)]
+    pub memory: f64,
 }
 
 /// Trains for a few iterations in an arena on the device, at the paper's settings but for the number of environments.
 pub(super) fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<Learning> {
     let config = PpoConfig { environments, ..PpoConfig::of(task)? };
-    let clock = Clock::default();
+    let (clock, had) = (Clock::default(), free()?);
     let episodes = Shared::new(arena.timed(task, environments, seed, &clock)?, environments, &Arc::default())?;
     let mut trainer = Trainer::new(episodes, config.clone(), seed)?;
     let engine = CudaEngine::new(&trainer.state.policy.shape, &config).map_err(|e| Error::Refused(e.to_string()))?;
@@ -51,8 +54,21 @@ pub(super) fn measure(task: &str, arena: &Arena, environments: usize, seed: u64)
     }
     let all = began.elapsed().as_secs_f64();
     solver += (clock.solver.load(Ordering::Relaxed) - before) as f64 * 1e-9;
+    let memory = (had as f64 - free()? as f64) / f64::from(1 << 30);
     let shares = [solver, rollout - solver - policy, policy, update].map(|seconds| seconds / all);
-    Ok(Learning { task: task.into(), solver: arena.title()?, sizes: [environments, config.steps()], steps: (ITERATIONS * config.steps()) as f64 / all, shares })
+    Ok(Learning {
+        task: task.into(),
+        solver: arena.title()?,
+        sizes: [environments, config.steps()],
+        steps: (ITERATIONS * config.steps()) as f64 / all,
+        shares,
+        memory,
+    })
+}
+
+/// Bytes of the device that nobody has taken.
+fn free() -> Result<usize> {
+    nerd_cuda::Device::free().map_err(|e| Error::Refused(e.to_string()))
 }
 
 impl Learning {
@@ -60,6 +76,7 @@ impl Learning {
     pub(super) fn cells(&self) -> Vec<String> {
         let [environments, steps] = self.sizes.map(|n| n.to_string());
         let shares = self.shares.map(|share| format!("{:.0}", 100.0 * share));
-        [self.task.clone(), self.solver.clone(), environments, steps, digits(self.steps)].into_iter().chain(shares).collect()
+        let head = [self.task.clone(), self.solver.clone(), environments, steps, digits(self.steps)];
+        head.into_iter().chain(shares).chain([format!("{:.1}", self.memory)]).collect()
     }
 }

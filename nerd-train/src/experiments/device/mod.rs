@@ -5,6 +5,7 @@ mod figure;
 mod learning;
 mod pace;
 mod parity;
+mod race;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,6 +20,7 @@ use serde::{Deserialize, Serialize};
 pub use learning::Learning;
 pub use pace::Pace;
 pub use parity::Parity;
+pub use race::Race;
 
 use super::Experiment;
 use crate::choice::Choice;
@@ -54,6 +56,12 @@ pub struct OnDevice {
     pub tasks: Vec<String>,
     /// Analytic settings that their training is timed in, too.
     pub beside: Vec<Setting>,
+    /// Tasks that are learned for so many seconds, then played in the truth; with which seeds, and in which folder.
+    pub races: Vec<(String, f64)>,
+    /// See `races`.
+    pub seeds: Vec<u64>,
+    /// See `races`.
+    pub runs: PathBuf,
     /// Python that has MuJoCo Warp, to ask that engine in.
     pub warp: Option<PathBuf>,
     /// Seed of the starts.
@@ -69,6 +77,9 @@ pub struct Data {
     pub paces: Vec<Pace>,
     /// One a task.
     pub learning: Vec<Learning>,
+    /// One a policy.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub races: Vec<Race>,
     /// MuJoCo Warp's version, if it was asked in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warp: Option<String>,
@@ -149,7 +160,7 @@ impl Experiment for OnDevice {
                 Choice::Setting(setting).inputs(robot, scene, &mut inputs)?;
             }
         }
-        for task in &self.tasks {
+        for task in self.tasks.iter().chain(self.races.iter().map(|(task, _)| task)) {
             let robot = nerd_tasks::named(task)?.robot();
             inputs.add(Input::robot(&*System::named(robot)?));
             inputs.add(Input::model(&shipped::models().join(robot))?);
@@ -158,7 +169,7 @@ impl Experiment for OnDevice {
     }
 
     fn measure(&self) -> Result<Data> {
-        let mut data = Data { parities: Vec::new(), paces: Vec::new(), learning: Vec::new(), warp: None };
+        let mut data = Data { parities: Vec::new(), paces: Vec::new(), learning: Vec::new(), races: Vec::new(), warp: None };
         let bar = bar("robots", self.robots.len() as u64);
         for (k, (robot, scene)) in self.robots.iter().enumerate() {
             let (system, of) = (System::named(robot)?, format!("{robot}, {scene}"));
@@ -181,6 +192,11 @@ impl Experiment for OnDevice {
             arenas.extend(self.beside.iter().map(|setting| Arena::Card(setting.clone())));
             for arena in &arenas {
                 data.learning.push(learning::measure(task, arena, self.environments, self.seed)?);
+            }
+        }
+        for (task, seconds) in &self.races {
+            for seed in &self.seeds {
+                data.races.push(race::run(task, *seconds, *seed, &self.runs)?);
             }
         }
         bar.finish();
@@ -232,9 +248,24 @@ impl Experiment for OnDevice {
         let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
         let note = "PPO in the shipped model of the task's robot, and in the analytic solver, updates included: frames, tasks, the policy's answers \
                     and its updates are all on the device. The paper's settings but for the number of environments.";
-        let header = ["task", "solver", "environments", "steps an iteration", "steps/s", "solver (%)", "task (%)", "policy (%)", "update (%)"];
+        let header = [
+            "task",
+            "solver",
+            "environments",
+            "steps an iteration",
+            "steps/s",
+            "solver (%)",
+            "task (%)",
+            "policy (%)",
+            "update (%)",
+            "memory (GiB)",
+        ];
         let learning = Table::new("learning", &header).with(data.learning.iter().map(Learning::cells)).noted(note);
-        Ok(if data.learning.is_empty() { vec![parities, paces] } else { vec![parities, paces, learning] })
+        let note = "PPO in the shipped model of the task's robot, at the paper's settings, all of it on the device, stopped after so long; then 100 \
+                    games under mean actions in the truth, on the CPU, and in the model. +-: standard errors.";
+        let header = ["task", "seed", "seconds of training", "environments", "steps", "reward in the truth", "reward in NeRD", "gap (%)"];
+        let races = Table::new("races", &header).with(data.races.iter().map(Race::cells)).noted(note);
+        Ok([parities, paces, learning, races].into_iter().filter(|table| !table.rows.is_empty()).collect())
     }
 
     fn pictures(&self, data: &Data, stem: &Path) -> Result<()> {
