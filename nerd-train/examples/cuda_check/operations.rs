@@ -13,7 +13,10 @@ pub fn operations() -> Outcome {
     for specimen in each().into_iter().chain(networks()) {
         match errors(&specimen) {
             Ok(errors) => {
-                println!("{}: output {:.1e}, gradients by weights {:.1e}, by tokens {:.1e} from burn", specimen.name, errors[0], errors[1], errors[2]);
+                println!(
+                    "{}: output {:.1e}, gradients by weights {:.1e}, by tokens {:.1e} from burn",
+                    specimen.name, errors[0], errors[1], errors[2]
+                );
                 if errors.iter().any(|e| e.is_nan() || *e > ROUNDING) {
                     wrong.push(specimen.name);
                 }

@@ -141,7 +141,10 @@ pub fn updates() -> Outcome {
             let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
             let apart = |a: &[f32], b: &[f32]| norm(a, b) / norm(b, &first);
             let off = [apart(&a.weights.flat, &b.weights.flat), apart(&a.average, &b.average)];
-            println!("{:?}, {optimizer:?}: weights {:.1e} of their way from the CPU's, averages {:.1e}", config.architecture, off[0], off[1]);
+            println!(
+                "{:?}, {optimizer:?}: weights {:.1e} of their way from the CPU's, averages {:.1e}",
+                config.architecture, off[0], off[1]
+            );
             if off.iter().any(|off| off.is_nan() || *off > 0.02) {
                 return Err("other updates than the CPU's".into());
             }
@@ -156,7 +159,9 @@ pub fn updates() -> Outcome {
 
 pub fn resume() -> Outcome {
     let [_, gru, ..] = rivals();
-    for (config, precision) in [TransformerConfig::paper(37, 4, 192), gru].into_iter().flat_map(|c| [(c, Precision::F32), (c, Precision::Tf32)]) {
+    for (config, precision) in
+        [TransformerConfig::paper(37, 4, 192), gru].into_iter().flat_map(|c| [(c, Precision::F32), (c, Precision::Tf32)])
+    {
         let (train, validation) = (windows(2, config, 200, 100), windows(3, config, 20, 100));
         let start = |state| CudaLearner::new(configuration(512), precision, state, &train, &validation);
         let mut whole = start(LearnerState::new(weights(config, 0.0)))?;
@@ -192,4 +197,3 @@ pub fn learning() -> Outcome {
     }
     Ok(())
 }
-

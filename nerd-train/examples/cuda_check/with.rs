@@ -53,4 +53,3 @@ pub fn learner_of(config: TransformerConfig, batch: usize, precision: Precision,
     let state = LearnerState::new(weights(config, 0.05 * scale));
     Ok(CudaLearner::new(configuration(batch), precision, state, &windows(2, config, 200, 100), &windows(3, config, 20, 100))?)
 }
-

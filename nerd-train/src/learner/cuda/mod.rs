@@ -14,6 +14,7 @@ mod network;
 mod neural;
 mod plan;
 mod program;
+mod source;
 mod step;
 mod stream;
 mod trainer;

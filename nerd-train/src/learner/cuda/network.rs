@@ -11,6 +11,7 @@ use nerd_model::program::{Activation, Slot, Weight};
 use super::Precision;
 use super::backward::Back;
 use super::plan::{Part, Plan};
+use super::source::Source;
 use crate::learner::LearnError;
 
 /// Rows of partial sums of losses.
@@ -57,8 +58,8 @@ impl Network {
         if !(1..=most).contains(&rows) {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
-        let (source, kernels) = plan.source();
-        let device = Device::open(ordinal, &source, &kernels)?.with_products(precision)?;
+        let source = Source::of(&plan);
+        let device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
         let n = rows * plan.tokens;
         let zeros = |len: usize| device.zeros::<f32>(len.next_multiple_of(4));
         let aside = |part: &Part| -> Result<Vec<_>, DeviceError> {

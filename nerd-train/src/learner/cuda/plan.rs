@@ -17,16 +17,51 @@ const HEAD: usize = 12 << 10;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
     /// `y = x W'`, or `y += x W'`; without an offset in the folded vector, W' is W.
-    Linear { from: Slot, to: Slot, weight: Weight, folded: Option<usize>, add: bool },
+    Linear {
+        from: Slot,
+        to: Slot,
+        weight: Weight,
+        folded: Option<usize>,
+        add: bool,
+    },
     /// `x += bias + P[k]` in place, or while the next part reads it, if it is joined to that.
-    Shift { at: Slot, bias: Option<Weight>, table: Option<Weight>, joined: bool },
-    Norm { from: Slot, to: Slot },
-    Attend { from: Slot, to: Slot },
-    Neighbours { from: Slot, to: Slot, apart: usize },
-    Activate { from: Slot, to: Slot, f: Activation },
-    Cell { from: Slot, to: Slot, weight: Weight, bias: Weight, lstm: bool },
+    Shift {
+        at: Slot,
+        bias: Option<Weight>,
+        table: Option<Weight>,
+        joined: bool,
+    },
+    Norm {
+        from: Slot,
+        to: Slot,
+    },
+    Attend {
+        from: Slot,
+        to: Slot,
+    },
+    Neighbours {
+        from: Slot,
+        to: Slot,
+        apart: usize,
+    },
+    Activate {
+        from: Slot,
+        to: Slot,
+        f: Activation,
+    },
+    Cell {
+        from: Slot,
+        to: Slot,
+        weight: Weight,
+        bias: Weight,
+        lstm: bool,
+    },
     /// Predictions `relu(z + bias) W + c`, W and c being the last tensors, behind the bias.
-    Head { from: Slot, to: Slot, bias: Weight },
+    Head {
+        from: Slot,
+        to: Slot,
+        bias: Weight,
+    },
 }
 
 /// A program for windows of so many tokens.
@@ -43,7 +78,8 @@ pub(super) struct Plan {
     /// Columns of a token on the device: cuBLAS likes rows aligned.
     pub padded: usize,
     pub attention: Option<Attention>,
-    norm: usize,
+    /// Columns of rows that are normed, if any are.
+    pub norm: usize,
 }
 
 impl Plan {
@@ -72,8 +108,7 @@ impl Plan {
     /// Refuses what the kernels do not cover; `head` says whether a hidden layer at the end may be one kernel.
     pub fn new(program: Program, tokens: usize, head: bool) -> Result<Self, LearnError> {
         let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
-        let mut plan =
-            Self { tokens, parts: Vec::new(), starts, table: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
+        let mut plan = Self { tokens, parts: Vec::new(), starts, table: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
         // Kernels count entries of the flat vector in 31 bits.
         if plan.parameters() > i32::MAX as usize / 4 {
             return Err(LearnError::Mismatch(format!("{} parameters are too many for the CUDA engine", plan.parameters())));
@@ -168,8 +203,14 @@ impl Plan {
     /// A hidden layer with relu before the last product is one kernel, if that has room.
     fn join_head(&mut self) {
         let count = self.program.tensors.len();
-        let [.., Part::Linear { .. }, Part::Shift { at, bias: Some(bias), .. }, relu, last, Part::Shift { at: to, bias: Some(end), table: None, .. }] =
-            self.parts[..]
+        let [
+            ..,
+            Part::Linear { .. },
+            Part::Shift { at, bias: Some(bias), .. },
+            relu,
+            last,
+            Part::Shift { at: to, bias: Some(end), table: None, .. },
+        ] = self.parts[..]
         else {
             return;
         };
@@ -245,40 +286,6 @@ impl Plan {
         }
         (homes, widths)
     }
-
-    /// Text of the kernels, with shapes in front of each operation's, and their names.
-    pub fn source(&self) -> (String, Vec<&'static str>) {
-        let (inputs, outputs) = (self.inputs(), self.outputs());
-        let mut text = format!("constexpr int T = {}, IN = {inputs}, LDX = {}, OUT = {outputs};\n", self.tokens, self.padded);
-        let mut names = Vec::new();
-        let mut add = |shape: String, source: &'static str| {
-            text.extend([&shape, "\n", source]);
-            let kernels = source.split("extern \"C\" __global__ void ").skip(1);
-            names.extend(kernels.filter_map(|rest| rest.split('(').next()));
-        };
-        let has = |find: fn(&Part) -> bool| self.parts.iter().any(find);
-        add(String::new(), include_str!("kernels/common.cu"));
-        add(String::new(), include_str!("kernels/optimiser.cu"));
-        if self.norm > 0 {
-            add(format!("constexpr int NORM = {};", self.norm), include_str!("kernels/norm.cu"));
-        }
-        if let Some(attention) = &self.attention {
-            add(attention.constants(), include_str!("kernels/attention.cu"));
-        }
-        if let Some(hidden) = self.head() {
-            add(format!("constexpr int HID = {hidden};"), include_str!("kernels/head.cu"));
-        }
-        if has(|part| matches!(part, Part::Activate { .. })) {
-            add(String::new(), include_str!("kernels/activate.cu"));
-        }
-        if has(|part| matches!(part, Part::Cell { .. })) {
-            add(String::new(), include_str!("kernels/cell.cu"));
-        }
-        if has(|part| matches!(part, Part::Neighbours { .. })) {
-            add(String::new(), include_str!("kernels/neighbours.cu"));
-        }
-        (text, names)
-    }
 }
 
 impl Part {
@@ -306,6 +313,67 @@ impl Part {
             | Self::Activate { from, .. }
             | Self::Cell { from, .. }
             | Self::Head { from, .. } => from == slot,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nerd_model::program::specimens::{TOKENS, networks, operations};
+    use nerd_model::transformer::Positions;
+
+    use super::*;
+
+    /// A letter a part; small where it is done by the one behind it.
+    fn letters(plan: &Plan) -> String {
+        let letter = |part: &Part| match part {
+            Part::Linear { folded: Some(_), .. } => 'F',
+            Part::Linear { add: true, .. } => 'A',
+            Part::Linear { .. } => 'L',
+            Part::Shift { joined, .. } => {
+                if *joined {
+                    's'
+                } else {
+                    'S'
+                }
+            }
+            Part::Norm { .. } => 'N',
+            Part::Attend { .. } => 'M',
+            Part::Neighbours { .. } => 'B',
+            Part::Activate { .. } => 'G',
+            Part::Cell { .. } => 'C',
+            Part::Head { .. } => 'H',
+        };
+        plan.parts.iter().map(letter).collect()
+    }
+
+    #[test]
+    fn what_stands_side_by_side_is_done_together() {
+        let paper = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
+        for positions in [Positions::Table, Positions::Rotary] {
+            let plan = Plan::of(&TransformerConfig { positions, ..paper }, 10).expect("a plan");
+            assert_eq!(letters(&plan), "LsNFMANFGANFMANFGANFLH");
+            // Behind the last attention, where only newest tokens go on: what it mixed, and what that is added to.
+            assert_eq!((plan.mixing(), plan.open(plan.mixing()).len()), (13, 2));
+        }
+        let plans = networks().into_iter().map(|s| Plan::new(s.program, TOKENS, true).expect("a plan"));
+        let all: Vec<String> = plans.map(|plan| letters(&plan)).collect();
+        assert_eq!(all, ["LsNFMANFGANFMANFGANFLH", "LsGLsGLsGLH", "LsCLsCLH", "LsCLsCLH", "LsNBLsGANBLsGANLS", "LsNFMANFGANFMANFGANFLH"]);
+    }
+
+    #[test]
+    fn slots_that_share_a_buffer_are_never_open_together() {
+        for specimen in operations().into_iter().chain(networks()) {
+            let plan = Plan::new(specimen.program, TOKENS, true).expect("a plan");
+            let (homes, widths) = plan.homes(false);
+            for i in 0..plan.parts.len() {
+                // What is read now may not be written over by the same part.
+                let open = plan.open(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0);
+                let slots: std::collections::BTreeSet<usize> = open.filter(|slot| homes[*slot] != usize::MAX).collect();
+                let buffers: std::collections::BTreeSet<usize> = slots.iter().map(|slot| homes[*slot]).collect();
+                assert_eq!(buffers.len(), slots.len(), "{}, part {i}", specimen.name);
+                assert!(slots.iter().all(|slot| widths[homes[*slot]] == plan.width(Slot(*slot))), "{}, part {i}", specimen.name);
+            }
         }
     }
 }
