@@ -7,9 +7,10 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op};
-use nerd_model::program::{Activation, Slot};
+use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op as Side};
+use nerd_model::program::{Activation, Op, Slot, Step};
 
+use super::attention::Attention;
 use super::network::{Network, Size};
 use super::plan::Part;
 
@@ -76,7 +77,7 @@ impl Network {
 
 impl Walk<'_> {
     fn part(&mut self, i: usize, w: u64, g: u64) -> Result<(), DeviceError> {
-        let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
+        let (net, plan) = (self.net, &self.net.plan);
         let n = net.rows * plan.tokens;
         match plan.parts[i] {
             Part::Linear { from, to, weight, folded, add } => {
@@ -103,74 +104,56 @@ impl Walk<'_> {
                 let place = |weight| net.tensor(g, weight);
                 net.sum_rows(self.slope(at)?.at, plan.width(at), bias.map(place), table.map(place))
             }
-            Part::Norm { from, to } => {
-                let (dy, before) = (self.slope(to)?, self.slopes[from.0]);
-                let dx = self.take(from)?;
-                let known = before.map_or(0, |slope| slope.at);
-                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.asides[i][0].ptr), Ptr(known), Ptr(dx.at), Int(n)];
-                d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
-                self.free.extend(before.and_then(|slope| slope.buffer));
-                self.done(to);
-                Ok(())
-            }
-            Part::Attend { from, to } => {
-                let (dy, dx) = (self.slope(to)?, self.take(from)?);
-                if let Some(attention) = plan.attention {
-                    attention.backward(d, net.rows, net.at(from), dy.at, dx.at, net.turns.ptr)?;
-                }
-                self.done(to);
-                Ok(())
-            }
-            Part::Neighbours { from, to, apart } => {
-                let (dy, dx, count) = (self.slope(to)?, self.take(from)?, n * plan.width(from));
-                let args = [Ptr(dy.at), Ptr(dx.at), Int(plan.width(from)), Int(apart), Long(count as u64)];
-                net.each("neighbours_backward", count, &args)?;
-                self.done(to);
-                Ok(())
-            }
-            Part::Activate { from, to, f } => {
-                let (dy, quads) = (self.slope(to)?, (n * plan.width(to)).div_ceil(4));
-                let bias = match i.checked_sub(1).map(|before| plan.parts[before]) {
-                    Some(Part::Shift { bias: Some(bias), joined: true, .. }) => net.tensor(w, bias),
-                    _ => 0,
-                };
-                self.settle(dy)?;
-                let kernel = if f == Activation::Gelu { "gelu_backward" } else { "relu_backward" };
-                net.each(kernel, quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(plan.width(to)), Long(quads as u64)])?;
-                self.slopes[to.0] = None;
-                self.slopes[from.0] = Some(dy);
-                Ok(())
-            }
-            Part::Cell { .. } => self.cell(i, w, g),
+            Part::Step(step) => self.step(i, step, w, g),
             // Its slopes come with the loss.
             Part::Head { .. } => Ok(()),
         }
     }
 
-    /// All tokens, the newest first; then the gradient of W and b over all of them.
-    fn cell(&mut self, i: usize, w: u64, g: u64) -> Result<(), DeviceError> {
-        let (net, plan) = (self.net, &self.net.plan);
-        let Part::Cell { from, to, weight, bias, lstm } = plan.parts[i] else { return Ok(()) };
-        let (rows, t, e, wide) = (net.rows, plan.tokens, plan.width(to), plan.width(from));
-        let [before, kept, _] = &net.asides[i][..] else { return Ok(()) };
-        let (dy, du) = (self.slope(to)?, self.take(from)?);
-        let dv = if lstm { du } else { self.fresh(rows * t * wide)? };
-        let [dh, dc] = [self.fresh(rows * e)?, self.fresh(rows * e)?];
-        for k in (0..t).rev() {
-            let at = [dy.at, before.ptr, kept.ptr, du.at, dv.at, dh.at, dc.at].map(Ptr);
-            let rest = [Int(k), Int(e), Int(usize::from(lstm)), Int(rows)];
-            net.each("cell_backward", rows * e, &[&at[..], &rest].concat())?;
-            if k > 0 {
-                let (matrix, dv) = (net.tensor(w, weight), dv.at + 4 * (k * wide) as u64);
-                let ops = (Op::Transposed, Op::Plain);
-                net.device.product(Lane::Main, ops, (e, rows, wide), (matrix, wide), (dv, t * wide), 1.0, (dh.at, e))?;
-            }
+    fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64, g: u64) -> Result<(), DeviceError> {
+        let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
+        let (n, width) = (net.rows * plan.tokens, plan.width(from));
+        let dy = self.slope(to)?;
+        if let Op::Activate(f) = op {
+            let quads = (n * width).div_ceil(4);
+            let bias = match i.checked_sub(1).map(|before| plan.parts[before]) {
+                Some(Part::Shift { bias: Some(bias), joined: true, .. }) => net.tensor(w, bias),
+                _ => 0,
+            };
+            // Nobody reads the slope behind it.
+            self.settle(dy)?;
+            (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
+            let kernel = if f == Activation::Gelu { "gelu_backward" } else { "relu_backward" };
+            return net.each(kernel, quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)]);
         }
-        self.gradient((before.ptr, e), dv, net.tensor(g, weight), (rows * t, e, wide))?;
-        net.sum_rows(dv.at, wide, Some(net.tensor(g, bias)), None)?;
-        self.free.extend([dh, dc].iter().filter_map(|slope| slope.buffer));
-        if !lstm {
-            self.free.extend(dv.buffer);
+        let before = self.slopes[from.0];
+        let dx = self.take(from)?;
+        match op {
+            Op::Norm => {
+                let known = before.map_or(0, |slope| slope.at);
+                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.asides[i][0].ptr), Ptr(known), Ptr(dx.at), Int(n)];
+                d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
+                self.free.extend(before.and_then(|slope| slope.buffer));
+            }
+            Op::Attend { .. } => {
+                let back = |a: Attention| a.backward(d, net.rows, net.at(from), dy.at, dx.at, net.turns.ptr);
+                plan.attention.map_or(Ok(()), back)?;
+            }
+            Op::Neighbours(apart) => {
+                let args = [Ptr(dy.at), Ptr(dx.at), Int(width), Int(apart), Long((n * width) as u64)];
+                net.each("neighbours_backward", n * width, &args)?;
+            }
+            Op::Cell { weight, bias, lstm } => {
+                let e = plan.width(to);
+                let dv = if lstm { dx } else { self.fresh(n * width)? };
+                let [dh, dc] = [self.fresh(net.rows * e)?, self.fresh(net.rows * e)?];
+                let slopes = [dy, dx, dv, dh, dc].map(|slope| slope.at);
+                net.cell_back(&net.asides[i], (net.rows, e, lstm), net.tensor(w, weight), slopes)?;
+                self.gradient((net.asides[i][0].ptr, e), dv, net.tensor(g, weight), (n, e, width))?;
+                net.sum_rows(dv.at, width, Some(net.tensor(g, bias)), None)?;
+                self.free.extend([dh, dc].iter().chain((!lstm).then_some(&dv)).filter_map(|slope| slope.buffer));
+            }
+            Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
         }
         self.done(to);
         Ok(())
@@ -181,7 +164,7 @@ impl Walk<'_> {
         let d = &self.net.device;
         d.mark(Lane::Main, &self.back.fork)?;
         d.after(Lane::Side, &self.back.fork)?;
-        d.product(Lane::Side, (Op::Plain, Op::Transposed), (o, i, n), (dy.at, o), (x, ld), 0.0, (dw, o))?;
+        d.product(Lane::Side, (Side::Plain, Side::Transposed), (o, i, n), (dy.at, o), (x, ld), 0.0, (dw, o))?;
         let Some(buffer) = dy.buffer else { return Ok(()) };
         self.read[buffer] = true;
         d.mark(Lane::Side, &self.back.buffers.borrow()[buffer].1)
@@ -189,7 +172,7 @@ impl Walk<'_> {
 
     /// `dx = dy W^T + beta dx`.
     fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
-        self.net.device.product(Lane::Main, (Op::Transposed, Op::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
+        self.net.device.product(Lane::Main, (Side::Transposed, Side::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
     }
 
     /// The slope of a slot behind which all has been walked.

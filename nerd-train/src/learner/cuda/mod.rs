@@ -8,6 +8,7 @@
 
 mod attention;
 mod backward;
+mod cell;
 mod forward;
 mod muon;
 mod network;

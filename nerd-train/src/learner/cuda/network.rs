@@ -5,8 +5,9 @@
 use std::ops::Range;
 
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op};
-use nerd_model::program::{Activation, Slot, Weight};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Side};
+use nerd_model::program::Op::{self, Attend};
+use nerd_model::program::{Activation, Slot, Step, Weight};
 
 use super::Precision;
 use super::backward::Back;
@@ -21,7 +22,7 @@ const SUMS: usize = 1 << 17;
 const CHUNKS: usize = 256;
 
 /// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
-pub(super) type Attend<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
+pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
 
 /// A matrix product's rows, inner size and columns.
 pub(super) type Size = (usize, usize, usize);
@@ -64,8 +65,8 @@ impl Network {
         let zeros = |len: usize| device.zeros::<f32>(len.next_multiple_of(4));
         let aside = |part: &Part| -> Result<Vec<_>, DeviceError> {
             match *part {
-                Part::Norm { .. } => Ok(vec![zeros(n)?]),
-                Part::Cell { from, to, .. } => {
+                Part::Step(Step { op: Op::Norm, .. }) => Ok(vec![zeros(n)?]),
+                Part::Step(Step { from, to, op: Op::Cell { .. } }) => {
                     let (wide, e) = (plan.width(from), plan.width(to));
                     Ok(vec![zeros(n * e)?, zeros(n * (wide + e))?, zeros(rows * wide)?])
                 }
@@ -164,7 +165,7 @@ impl Network {
     }
 
     /// Some parts over `n` rows of slots that stand at `at`.
-    pub fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> Result<(), DeviceError> {
+    pub fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Mix) -> Result<(), DeviceError> {
         let (plan, d) = (&self.plan, &self.device);
         let (mut attentions, mut shift) = (0, [Ptr(0); 2]);
         for i in parts {
@@ -185,37 +186,11 @@ impl Network {
                     let args = [x(at), optional(bias), optional(table), Int(width), Long(count as u64)];
                     self.each("shift", count, &args)?;
                 }
-                Part::Norm { from, to } => {
-                    let args = [x(from), shift[0], shift[1], x(to), Ptr(self.asides[i][0].ptr), Int(n)];
-                    d.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
-                }
-                Part::Attend { from, to } => {
+                Part::Step(Step { from, to, op: Attend { .. } }) => {
                     attend(attentions, at[from.0], at[to.0])?;
                     attentions += 1;
                 }
-                Part::Neighbours { from, to, apart } => {
-                    let count = n * plan.width(to);
-                    let args = [x(from), x(to), Int(plan.width(from)), Int(apart), Long(count as u64)];
-                    self.each("neighbours_forward", count, &args)?;
-                }
-                Part::Activate { from, to, f } => {
-                    let quads = (n * plan.width(to)).div_ceil(4);
-                    let kernel = if f == Activation::Gelu { "gelu_forward" } else { "relu_forward" };
-                    self.each(kernel, quads, &[x(from), shift[0], x(to), Int(plan.width(to)), Long(quads as u64)])?;
-                }
-                Part::Cell { from, to, weight, bias, lstm } => {
-                    let (windows, e, wide, t) = (n / plan.tokens, plan.width(to), plan.width(from), plan.tokens);
-                    let [before, kept, v] = &self.asides[i][..] else { continue };
-                    for k in 0..t {
-                        if k > 0 {
-                            let size = (windows, e, wide);
-                            self.linear((before.at(k * e), t * e), self.tensor(w, weight), v.ptr, size, 0.0)?;
-                        }
-                        let from = [x(from), shift[0], Ptr(v.ptr), Ptr(self.tensor(w, bias)), x(to), Ptr(before.ptr), Ptr(kept.ptr)];
-                        let rest = [Int(k), Int(e), Int(usize::from(lstm)), Int(windows)];
-                        self.each("cell_forward", windows * e, &[&from[..], &rest].concat())?;
-                    }
-                }
+                Part::Step(step) => self.step(w, i, step, [at[step.from.0], at[step.to.0]], n, shift)?,
                 Part::Head { from, to, bias } => {
                     let [b1, w2, b2] = self.head(w, bias).map(Ptr);
                     d.launch("head_predict", (n.div_ceil(8), 1), (256, 1), 0, &[x(from), b1, w2, b2, x(to), Int(n)])?;
@@ -224,6 +199,30 @@ impl Network {
             shift = [Ptr(0); 2];
         }
         Ok(())
+    }
+
+    /// The step that is part `i`, of rows at `x` to those at `y`; `shift` is added to what it reads.
+    fn step(&self, w: u64, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [Arg; 2]) -> Result<(), DeviceError> {
+        let (from, to) = (self.plan.width(step.from), self.plan.width(step.to));
+        match step.op {
+            Op::Norm => {
+                let args = [Ptr(x), shift[0], shift[1], Ptr(y), Ptr(self.asides[i][0].ptr), Int(n)];
+                self.device.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &args)
+            }
+            Op::Neighbours(apart) => {
+                self.each("neighbours_forward", n * to, &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)])
+            }
+            Op::Activate(f) => {
+                let (quads, kernel) = ((n * to).div_ceil(4), if f == Activation::Gelu { "gelu_forward" } else { "relu_forward" });
+                self.each(kernel, quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
+            }
+            Op::Cell { weight, bias, lstm } => {
+                let matrices = [weight, bias].map(|weight| self.tensor(w, weight));
+                self.cell(&self.asides[i], (n / self.plan.tokens, to, lstm), matrices, (x, shift[0]), y)
+            }
+            // Parts of their own.
+            Op::Linear { .. } | Op::Place(_) | Op::Attend { .. } => Ok(()),
+        }
     }
 
     /// Squared error of the first `n` tokens against the targets, which are among `all` of a mean, behind the gradient at `g`. Its
@@ -273,8 +272,8 @@ impl Network {
     }
 
     /// `y = x W + beta y`, `x [n, i]` with rows `ld` apart, `W [i, o]`.
-    fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
-        self.device.product(Lane::Main, (Op::Plain, Op::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
+    pub fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
+        self.device.product(Lane::Main, (Side::Plain, Side::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
     }
 
     fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {

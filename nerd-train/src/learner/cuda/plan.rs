@@ -4,7 +4,7 @@
 //! follow from that of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`. Biases and places are added by the kernel behind them
 //! where there is one, and a hidden layer at the end is one kernel with its loss.
 
-use nerd_model::program::{Activation, Op, Program, Slot, Weight};
+use nerd_model::program::{Activation, Op, Program, Slot, Step, Weight};
 use nerd_model::transformer::TransformerConfig;
 
 use super::attention::Attention;
@@ -17,51 +17,13 @@ const HEAD: usize = 12 << 10;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
     /// `y = x W'`, or `y += x W'`; without an offset in the folded vector, W' is W.
-    Linear {
-        from: Slot,
-        to: Slot,
-        weight: Weight,
-        folded: Option<usize>,
-        add: bool,
-    },
+    Linear { from: Slot, to: Slot, weight: Weight, folded: Option<usize>, add: bool },
     /// `x += bias + P[k]` in place, or while the next part reads it, if it is joined to that.
-    Shift {
-        at: Slot,
-        bias: Option<Weight>,
-        table: Option<Weight>,
-        joined: bool,
-    },
-    Norm {
-        from: Slot,
-        to: Slot,
-    },
-    Attend {
-        from: Slot,
-        to: Slot,
-    },
-    Neighbours {
-        from: Slot,
-        to: Slot,
-        apart: usize,
-    },
-    Activate {
-        from: Slot,
-        to: Slot,
-        f: Activation,
-    },
-    Cell {
-        from: Slot,
-        to: Slot,
-        weight: Weight,
-        bias: Weight,
-        lstm: bool,
-    },
+    Shift { at: Slot, bias: Option<Weight>, table: Option<Weight>, joined: bool },
+    /// Any other step.
+    Step(Step),
     /// Predictions `relu(z + bias) W + c`, W and c being the last tensors, behind the bias.
-    Head {
-        from: Slot,
-        to: Slot,
-        bias: Weight,
-    },
+    Head { from: Slot, to: Slot, bias: Weight },
 }
 
 /// A program for windows of so many tokens.
@@ -121,8 +83,8 @@ impl Plan {
             if let Part::Shift { at, table, .. } = plan.parts[i - 1] {
                 let alone = table.is_none() && plan.program.steps.iter().filter(|step| step.from == at).count() == 1;
                 let takes = match next {
-                    Part::Norm { from, .. } => from == at,
-                    Part::Activate { from, .. } | Part::Cell { from, .. } => from == at && alone,
+                    Part::Step(Step { from, op: Op::Norm, .. }) => from == at,
+                    Part::Step(Step { from, op: Op::Activate(_) | Op::Cell { .. }, .. }) => from == at && alone,
                     _ => false,
                 };
                 let Part::Shift { joined, .. } = &mut plan.parts[i - 1] else { continue };
@@ -145,26 +107,22 @@ impl Plan {
         if from == Slot(0) && !matches!(step.op, Op::Linear { .. }) || to == Slot(0) {
             return refuse("tokens go through a product first");
         }
-        let part = match step.op {
+        match step.op {
             Op::Linear { weight, scale, bias, add } => {
                 let folded = match scale {
                     Some(scale) => Some(self.fold(weight, scale)),
                     None => None,
                 };
                 self.parts.push(Part::Linear { from, to, weight, folded, add });
-                if bias.is_none() {
-                    return Ok(());
-                }
-                Part::Shift { at: to, bias, table: None, joined: false }
+                self.parts.extend(bias.map(|bias| Part::Shift { at: to, bias: Some(bias), table: None, joined: false }));
+                return Ok(());
             }
-            Op::Place(table) => {
-                if let Some(Part::Shift { at, table: none @ None, .. }) = self.parts.last_mut()
-                    && *at == to
-                {
-                    *none = Some(table);
-                    return Ok(());
+            Op::Place(place) => {
+                match self.parts.last_mut() {
+                    Some(Part::Shift { at, table: table @ None, .. }) if *at == to => *table = Some(place),
+                    _ => self.parts.push(Part::Shift { at: to, bias: None, table: Some(place), joined: false }),
                 }
-                Part::Shift { at: to, bias: None, table: Some(table), joined: false }
+                return Ok(());
             }
             Op::Norm => {
                 let width = self.program.width(to);
@@ -172,21 +130,17 @@ impl Plan {
                     return refuse("norms have one width, an even one,");
                 }
                 self.norm = width;
-                Part::Norm { from, to }
             }
             Op::Attend { heads, band } => {
                 let attention = Attention::new(self.program.width(to), heads, band, self.tokens)?;
-                if self.attention.as_ref().is_some_and(|one| *one != attention) {
+                if self.attention.is_some_and(|one| one != attention) {
                     return refuse("attentions have one shape");
                 }
                 self.attention = Some(attention);
-                Part::Attend { from, to }
             }
-            Op::Neighbours(apart) => Part::Neighbours { from, to, apart },
-            Op::Activate(f) => Part::Activate { from, to, f },
-            Op::Cell { weight, bias, lstm } => Part::Cell { from, to, weight, bias, lstm },
-        };
-        self.parts.push(part);
+            Op::Neighbours(_) | Op::Activate(_) | Op::Cell { .. } => {}
+        }
+        self.parts.push(Part::Step(step));
         Ok(())
     }
 
@@ -216,7 +170,8 @@ impl Plan {
         };
         let Part::Linear { weight, folded: None, add: false, .. } = last else { return };
         let (hidden, outputs) = (self.program.width(at), self.program.width(to));
-        let (relu, tail) = (matches!(relu, Part::Activate { from, f: Activation::Relu, .. } if from == at), [bias, weight, end]);
+        let (relu, tail) =
+            (matches!(relu, Part::Step(Step { from, op: Op::Activate(Activation::Relu), .. }) if from == at), [bias, weight, end]);
         if relu && tail.map(|w| w.0 + 3) == [count, count + 1, count + 2] && hidden * (outputs + 1) + outputs < HEAD {
             self.parts.truncate(self.parts.len() - 4);
             self.parts.push(Part::Head { from: at, to, bias });
@@ -252,8 +207,10 @@ impl Plan {
 
     /// The number of parts in which tokens look at each other or at their places, and of those before them.
     pub fn mixing(&self) -> usize {
-        let mixes = |part: &Part| {
-            matches!(part, Part::Attend { .. } | Part::Neighbours { .. } | Part::Cell { .. } | Part::Shift { table: Some(_), .. })
+        let mixes = |part: &Part| match part {
+            Part::Shift { table, .. } => table.is_some(),
+            Part::Step(step) => matches!(step.op, Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }),
+            _ => false,
         };
         // What is joined to the part behind it is done with that.
         self.parts.iter().rposition(mixes).map_or(0, |i| i + 1 + usize::from(matches!(self.parts[i], Part::Shift { joined: true, .. })))
@@ -292,27 +249,14 @@ impl Part {
     /// The slot that it writes.
     pub fn to(&self) -> Slot {
         match *self {
-            Self::Shift { at, .. } => at,
-            Self::Linear { to, .. }
-            | Self::Norm { to, .. }
-            | Self::Attend { to, .. }
-            | Self::Neighbours { to, .. }
-            | Self::Activate { to, .. }
-            | Self::Cell { to, .. }
-            | Self::Head { to, .. } => to,
+            Self::Linear { to, .. } | Self::Step(Step { to, .. }) | Self::Head { to, .. } | Self::Shift { at: to, .. } => to,
         }
     }
 
     fn reads(&self, slot: Slot) -> bool {
         match *self {
-            Self::Shift { at, .. } => at == slot,
             Self::Linear { from, to, add, .. } => from == slot || add && to == slot,
-            Self::Norm { from, .. }
-            | Self::Attend { from, .. }
-            | Self::Neighbours { from, .. }
-            | Self::Activate { from, .. }
-            | Self::Cell { from, .. }
-            | Self::Head { from, .. } => from == slot,
+            Self::Step(Step { from, .. }) | Self::Head { from, .. } | Self::Shift { at: from, .. } => from == slot,
         }
     }
 }
@@ -330,19 +274,17 @@ mod tests {
             Part::Linear { folded: Some(_), .. } => 'F',
             Part::Linear { add: true, .. } => 'A',
             Part::Linear { .. } => 'L',
-            Part::Shift { joined, .. } => {
-                if *joined {
-                    's'
-                } else {
-                    'S'
-                }
-            }
-            Part::Norm { .. } => 'N',
-            Part::Attend { .. } => 'M',
-            Part::Neighbours { .. } => 'B',
-            Part::Activate { .. } => 'G',
-            Part::Cell { .. } => 'C',
+            Part::Shift { joined: true, .. } => 's',
+            Part::Shift { .. } => 'S',
             Part::Head { .. } => 'H',
+            Part::Step(step) => match step.op {
+                Op::Norm => 'N',
+                Op::Attend { .. } => 'M',
+                Op::Neighbours(_) => 'B',
+                Op::Activate(_) => 'G',
+                Op::Cell { .. } => 'C',
+                Op::Linear { .. } | Op::Place(_) => '?',
+            },
         };
         plan.parts.iter().map(letter).collect()
     }

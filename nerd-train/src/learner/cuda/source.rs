@@ -1,6 +1,15 @@
 //! The text of a program's kernels, and their names.
 
-use super::plan::{Part, Plan};
+use nerd_model::program::Op;
+
+use super::plan::Plan;
+
+/// Operations whose kernels are the same for all shapes.
+const OPERATIONS: [(fn(&Op) -> bool, &str); 3] = [
+    (|op| matches!(op, Op::Activate(_)), include_str!("kernels/activate.cu")),
+    (|op| matches!(op, Op::Cell { .. }), include_str!("kernels/cell.cu")),
+    (|op| matches!(op, Op::Neighbours(_)), include_str!("kernels/neighbours.cu")),
+];
 
 /// Text so far, and kernels in it.
 #[derive(Default)]
@@ -13,7 +22,6 @@ impl Source {
     /// Operations that a program has, each with its shape in front.
     pub fn of(plan: &Plan) -> Self {
         let (inputs, outputs) = (plan.inputs(), plan.outputs());
-        let any = |is: fn(&Part) -> bool| plan.parts.iter().any(is);
         let mut source = Self::default();
         let tokens = format!("constexpr int T = {}, IN = {inputs}, LDX = {}, OUT = {outputs};", plan.tokens, plan.padded);
         source.add(&tokens, include_str!("kernels/common.cu"));
@@ -27,14 +35,10 @@ impl Source {
         if let Some(hidden) = plan.head() {
             source.add(&format!("constexpr int HID = {hidden};"), include_str!("kernels/head.cu"));
         }
-        if any(|part| matches!(part, Part::Activate { .. })) {
-            source.add("", include_str!("kernels/activate.cu"));
-        }
-        if any(|part| matches!(part, Part::Cell { .. })) {
-            source.add("", include_str!("kernels/cell.cu"));
-        }
-        if any(|part| matches!(part, Part::Neighbours { .. })) {
-            source.add("", include_str!("kernels/neighbours.cu"));
+        for (is, text) in OPERATIONS {
+            if plan.program.steps.iter().any(|step| is(&step.op)) {
+                source.add("", text);
+            }
         }
         source
     }

@@ -1,12 +1,12 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
 use nerd_cuda::{Buffer, Device, DeviceError, Graph};
-use nerd_model::program::Slot;
+use nerd_model::program::{Op, Slot};
 use nerd_model::transformer::{ForwardError, Stream, Weights};
 
 use super::Precision;
 use super::network::Network;
-use super::plan::{Part, Plan};
+use super::plan::Plan;
 use crate::learner::LearnError;
 
 /// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
@@ -35,7 +35,7 @@ impl CudaStream {
             let found = weights.flat.len();
             return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", plan.parameters())));
         }
-        let attentions = plan.parts.iter().filter(|part| matches!(part, Part::Attend { .. })).count();
+        let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
         let network = Network::new(0, plan, envs, precision, false)?;
         let d = &network.device;
         let weights = d.upload(&weights.flat)?;
