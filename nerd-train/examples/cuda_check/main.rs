@@ -27,8 +27,11 @@ use nerd_train::learner::cuda::Precision;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
+/// One by its name.
+type Check = (&'static str, fn() -> Outcome);
+
 /// In order.
-const CHECKS: [(&str, fn() -> Outcome); 11] = [
+const CHECKS: [Check; 11] = [
     ("operations", operations::operations),
     ("gradient", training::gradient),
     ("validation", training::validation),

@@ -109,10 +109,7 @@ impl Plan {
         }
         match step.op {
             Op::Linear { weight, scale, bias, add } => {
-                let folded = match scale {
-                    Some(scale) => Some(self.fold(weight, scale)),
-                    None => None,
-                };
+                let folded = scale.map(|scale| self.fold(weight, scale));
                 self.parts.push(Part::Linear { from, to, weight, folded, add });
                 self.parts.extend(bias.map(|bias| Part::Shift { at: to, bias: Some(bias), table: None, joined: false }));
                 return Ok(());

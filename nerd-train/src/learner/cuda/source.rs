@@ -4,8 +4,11 @@ use nerd_model::program::Op;
 
 use super::plan::Plan;
 
+/// Whether an operation needs them, and their text.
+type Kernels = (fn(&Op) -> bool, &'static str);
+
 /// Operations whose kernels are the same for all shapes.
-const OPERATIONS: [(fn(&Op) -> bool, &str); 3] = [
+const OPERATIONS: [Kernels; 3] = [
     (|op| matches!(op, Op::Activate(_)), include_str!("kernels/activate.cu")),
     (|op| matches!(op, Op::Cell { .. }), include_str!("kernels/cell.cu")),
     (|op| matches!(op, Op::Neighbours(_)), include_str!("kernels/neighbours.cu")),
