@@ -173,7 +173,7 @@ pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: 
 
 #[cfg(feature = "cuda")]
 fn on_cuda(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
-    transformer_only(&weights.config)?;
+    no_chain(&weights.config)?;
     Ok(cuda::stream(weights, Precision::F32, envs)?)
 }
 
@@ -182,11 +182,11 @@ fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
     crate::error::refuse!("--device cuda needs a build with `--features cuda`")
 }
 
-/// The fused engine is one network's.
+/// A chain's frames are the CPU's, and its network is asked there.
 #[cfg(feature = "cuda")]
-pub(crate) fn transformer_only(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
+pub(crate) fn no_chain(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
     match network.architecture {
-        nerd_model::transformer::Architecture::Transformer => Ok(()),
-        other => crate::error::refuse!("--device cuda computes Transformers, no {other:?}; leave it out"),
+        Architecture::Chain => crate::error::refuse!("--device cuda trains and moves no chain, whose frames are the CPU's; leave it out"),
+        _ => Ok(()),
     }
 }

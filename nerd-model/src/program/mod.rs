@@ -3,11 +3,13 @@
 //! A slot holds a row for each token. Each step reads one slot and sets another, adds to it, or changes it in place; so a residual
 //! connection is a slot that is added to, and what is behind it flows back through the same slot. The module `networks` writes the lists beside
 //! their equations, [`Network`] says in burn what each operation means, and engines are held against it: outputs, gradients by weights
-//! and by inputs (`tests/program.rs`).
+//! and by inputs (module `specimens`, feature `autodiff`).
 
 mod burn;
 pub mod cpu;
 mod networks;
+#[cfg(feature = "autodiff")]
+pub mod specimens;
 
 pub use self::burn::Network;
 pub use networks::{chain, mlp, recurrent, transformer};

@@ -6,10 +6,9 @@ use std::time::Instant;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_sim::prelude::*;
 
-use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::evaluate::{Action, PassiveConfig, PassiveReport, passive};
-use crate::run::{Run, RunConfig, Variant};
+use crate::run::{Run, RunConfig};
 
 /// One change.
 #[derive(Clone, Copy, Debug)]
@@ -27,14 +26,11 @@ impl Change {
         lower.split_whitespace().collect::<Vec<_>>().join("-")
     }
 
-    /// The changed run, in a folder of its own inside the base's. Networks that are no Transformers are computed on the CPU.
+    /// The changed run, in a folder of its own inside the base's.
     pub fn run(&self, base: &RunConfig) -> RunConfig {
         let mut run = base.clone();
         (self.change)(&mut run);
         run.out = base.out.join(self.slug());
-        if matches!(run.variant, Variant::Mlp | Variant::Gru | Variant::Lstm) {
-            run.device = Device::Cpu;
-        }
         run
     }
 }

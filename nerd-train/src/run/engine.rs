@@ -18,7 +18,7 @@ pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<Str
         Device::Cpu => Ok("f32 on the CPU".into()),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
-            crate::device::transformer_only(network)?;
+            crate::device::no_chain(network)?;
             Ok(if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into())
         }
         #[cfg(not(feature = "cuda"))]
@@ -41,7 +41,7 @@ pub fn engine(
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use crate::learner::cuda::{CudaLearner, Precision};
-            crate::device::transformer_only(&state.weights.config)?;
+            crate::device::no_chain(&state.weights.config)?;
             let precision = if exact { Precision::F32 } else { Precision::Tf32 };
             Ok(Box::new(CudaLearner::among(ranks, learner, precision, state, &training, &validation)?))
         }

@@ -58,7 +58,7 @@ settings! {
         games: usize = 128, Whole(STARTS);
         /// Seeds of data, weights and windows, comma-separated; bars are means over them [default: 0]
         seed: Vec<u64> = vec![0], Wholes(SEEDS);
-        /// Where Transformers are computed (cpu or cuda); the other networks are always computed on the CPU
+        /// Where to compute: cpu or cuda
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
 }

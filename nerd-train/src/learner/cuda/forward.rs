@@ -1,25 +1,28 @@
-//! [`CudaForward`]: predictions of given weights, for rollouts of many trajectories at once.
+//! [`CudaForward`]: predictions of given weights for many windows at once.
 
-use nerd_model::transformer::{Forward, ForwardError, Positions, Weights};
+use nerd_cuda::{Buffer, Graph};
+use nerd_model::program::Op;
+use nerd_model::transformer::{Architecture, Forward, ForwardError, Weights};
 
 use super::Precision;
-use super::layout::Layout;
 use super::network::Network;
+use super::plan::Plan;
 use crate::learner::LearnError;
-use nerd_cuda::Arg::Ptr;
-use nerd_cuda::Buffer;
-use nerd_cuda::Graph;
 
 /// Inference on GPU 0.
 pub struct CudaForward {
-    /// Passes by their number of windows: a few sizes, since the number asked for may change every frame.
-    graphs: Vec<(usize, Graph)>,
+    /// A few sizes, since the number asked for may change every frame.
+    passes: Vec<Pass>,
     network: Network,
     weights: Buffer<f32>,
     last: Buffer<u32>,
-    selected: Buffer<f32>,
-    predictions: Buffer<f32>,
-    staging: Vec<f32>,
+}
+
+/// A captured pass over so many windows, for their newest tokens or for all of them.
+struct Pass {
+    windows: usize,
+    newest: bool,
+    graph: Graph,
 }
 
 impl CudaForward {
@@ -30,19 +33,18 @@ impl CudaForward {
     /// no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> Result<Self, LearnError> {
         let c = weights.config;
-        if c.positions != Positions::Table {
+        let plan = Plan::of(&c, if c.architecture == Architecture::Chain { c.block } else { c.history })?;
+        if plan.program.steps.iter().any(|step| matches!(step.op, Op::Attend { band: Some(_), .. })) {
             return Err(LearnError::Mismatch("rotary positions are evaluated token by token, by CudaStream".into()));
         }
-        let layout = Layout::new(c)?;
-        if weights.flat.len() != layout.parameters {
-            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), layout.parameters)));
+        if weights.flat.len() != plan.parameters() {
+            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), plan.parameters())));
         }
-        let network = Network::new(0, layout, max_windows, precision, false)?;
+        let network = Network::new(0, plan, max_windows, precision, false)?;
         let d = &network.device;
         let (flat, last) = (d.upload(&weights.flat)?, d.zeros(max_windows)?);
-        let (selected, predictions) = (d.zeros(max_windows * c.embedding)?, d.zeros(max_windows * c.outputs)?);
         network.fold(flat.ptr)?;
-        Ok(Self { graphs: Vec::new(), network, weights: flat, last, selected, predictions, staging: Vec::new() })
+        Ok(Self { passes: Vec::new(), network, weights: flat, last })
     }
 
     /// Prediction for the newest token of each window.
@@ -53,53 +55,57 @@ impl CudaForward {
     /// # Errors
     /// [`LearnError::Mismatch`] if the sizes do not fit together, [`LearnError::Device`] if the device fails.
     pub fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<Vec<f32>, LearnError> {
-        let (c, padded, windows) = (self.network.layout.config, self.network.layout.padded, last.len());
+        let (net, windows) = (&self.network, last.len());
+        let (width, history) = (net.plan.inputs(), net.plan.tokens);
+        let fits = tokens <= history && windows <= net.rows && inputs.len() == windows * tokens * width;
+        if !fits || last.iter().any(|&l| l as usize >= tokens) {
+            let have = inputs.len();
+            return Err(LearnError::Mismatch(format!(
+                "{have} inputs for {windows} windows of {tokens} tokens of {width} (at most {} windows of {history})",
+                net.rows
+            )));
+        }
         if windows == 0 {
             return Ok(Vec::new());
         }
-        if tokens > c.history
-            || windows > self.network.rows
-            || inputs.len() != windows * tokens * c.inputs
-            || last.iter().any(|&l| l as usize >= tokens)
-        {
-            let have = inputs.len();
-            return Err(LearnError::Mismatch(format!(
-                "{have} inputs for {windows} windows of {tokens} tokens of {} (at most {} windows of {})",
-                c.inputs, self.network.rows, c.history
-            )));
-        }
-        let size = windows.next_multiple_of(self.network.rows.div_ceil(8)).min(self.network.rows);
-        self.staging.clear();
-        self.staging.resize(size * c.history * padded, 0.0);
-        for (token, row) in inputs.chunks_exact(c.inputs).enumerate() {
-            let at = (token / tokens * c.history + token % tokens) * padded;
-            self.staging[at..at + c.inputs].copy_from_slice(row);
-        }
-        let d = &self.network.device;
-        d.write(&self.network.inputs, &self.staging)?;
         let mut rows = last.to_vec();
-        rows.resize(size, 0);
-        d.write(&self.last, &rows)?;
-        if self.graphs.iter().all(|(n, _)| *n != size) {
-            self.pass(size)?;
-            d.wait()?;
-            let graph = d.capture(|| self.pass(size))?;
-            self.graphs.push((size, graph));
-        }
-        if let Some((_, graph)) = self.graphs.iter().find(|(n, _)| *n == size) {
-            graph.launch("forward pass")?;
-        }
-        let mut out = vec![0.0; windows * c.outputs];
-        d.read(&self.predictions, &mut out)?;
-        Ok(out)
+        rows.resize(net.rows, 0);
+        net.device.write(&self.last, &rows)?;
+        self.evaluate(inputs, tokens, (windows, true))
     }
 
-    fn pass(&self, windows: usize) -> Result<(), LearnError> {
-        let (net, w) = (&self.network, self.weights.ptr);
-        net.windows(w, windows)?;
-        net.device.launch("select_rows", (windows, 1), (128, 1), 0, &[Ptr(net.x.ptr), Ptr(self.last.ptr), Ptr(self.selected.ptr)])?;
-        net.top(w, self.selected.ptr, windows)?;
-        Ok(net.predict(w, windows, self.predictions.ptr)?)
+    /// Predictions `[windows][tokens][outputs]` for all tokens of whole windows `[windows][tokens][inputs]`: those of chains are their rods.
+    ///
+    /// # Errors
+    /// As [`CudaForward::forward`].
+    pub fn all(&mut self, inputs: &[f32]) -> Result<Vec<f32>, LearnError> {
+        let (plan, most) = (&self.network.plan, self.network.rows);
+        let (window, tokens) = (plan.tokens * plan.inputs(), plan.tokens);
+        if !inputs.len().is_multiple_of(window) || inputs.len() > most * window {
+            return Err(LearnError::Mismatch(format!("{} inputs are no windows of {window}, or more than {most} of them", inputs.len())));
+        }
+        if inputs.is_empty() { Ok(Vec::new()) } else { self.evaluate(inputs, tokens, (inputs.len() / window, false)) }
+    }
+
+    /// Predictions for windows of so many tokens: of the newest ones, or of all.
+    fn evaluate(&mut self, inputs: &[f32], tokens: usize, (windows, newest): (usize, bool)) -> Result<Vec<f32>, LearnError> {
+        self.network.load(inputs, tokens)?;
+        let (net, w, last) = (&self.network, self.weights.ptr, self.last.ptr);
+        let windows_of = |rows: usize| net.predict(w, rows, newest.then_some(last));
+        let size = windows.next_multiple_of(net.rows.div_ceil(8)).min(net.rows);
+        let known = |pass: &Pass| pass.windows == size && pass.newest == newest;
+        if !self.passes.iter().any(known) {
+            // Once outside of a capture, so that libraries have loaded what they load at their first call.
+            windows_of(size)?;
+            net.device.wait()?;
+            let graph = net.device.capture(|| windows_of(size))?;
+            self.passes.push(Pass { windows: size, newest, graph });
+        }
+        self.passes.iter().find(|pass| known(pass)).map_or(Ok(()), |pass| pass.graph.launch("forward pass"))?;
+        let rows = if newest { windows } else { windows * net.plan.tokens };
+        let mut out = vec![0.0; rows * net.plan.outputs()];
+        net.device.read(net.predictions(), &mut out)?;
+        Ok(out)
     }
 }
 

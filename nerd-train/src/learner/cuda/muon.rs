@@ -1,13 +1,16 @@
 //! Muon on the device (see [`crate::learner::muon`]): all matrices of one shape as one batch of products.
 //!
 //! `muon_pack` moves momentum on and packs its look-ahead, `muon_unit` divides by the norm, five times `A = X X^T`,
-//! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. The two shapes run
-//! side by side on the two streams.
+//! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. Shapes run side by side, turn about on the
+//! two streams.
+
+use std::collections::BTreeSet;
 
 use nerd_cuda::Event;
+use nerd_model::transformer::TransformerConfig;
 
 use crate::learner::LearnError;
-use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM};
+use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM, hidden, others};
 use nerd_cuda::Arg::{Float, Int, Ptr};
 use nerd_cuda::{Batch, Buffer, Device, DeviceError, Lane, Op};
 
@@ -24,9 +27,11 @@ struct Group {
     polynomial: Buffer<f32>,
 }
 
-/// Memory of both groups.
+/// Memory of all groups.
 pub(super) struct Muon {
     groups: Vec<Group>,
+    /// Whether an entry of the flat vector is one of theirs (1).
+    pub entries: Buffer<u8>,
     fork: Event,
     join: Event,
 }
@@ -42,12 +47,12 @@ pub(super) struct Vectors {
 
 impl Muon {
     /// Memory for the hidden matrices of a network.
-    pub fn new(device: &Device, hidden: &[Vec<Hidden>; 2]) -> Result<Self, LearnError> {
-        let lanes = [Lane::Main, Lane::Side];
-        let group = |(matrices, lane): (&Vec<Hidden>, Lane)| -> Result<Group, LearnError> {
-            let Some(&Hidden { rows, columns, .. }) = matrices.first() else {
-                return Err(LearnError::Mismatch("a network without hidden matrices".into()));
-            };
+    pub fn new(device: &Device, network: &TransformerConfig) -> Result<Self, LearnError> {
+        let (hidden, mut entries) = (hidden(network).concat(), vec![1u8; network.parameters()]);
+        others(network).into_iter().for_each(|run| entries[run].fill(0));
+        let shapes = hidden.iter().map(|h| (h.rows, h.columns)).collect::<BTreeSet<_>>();
+        let group = |((rows, columns), lane): ((usize, usize), Lane)| -> Result<Group, LearnError> {
+            let matrices: Vec<&Hidden> = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect();
             let count = matrices.len();
             let table: Vec<[i32; 4]> = matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();
             let zeros = |len: usize| device.zeros::<f32>(count * len);
@@ -63,8 +68,12 @@ impl Muon {
                 polynomial: zeros(rows * rows)?,
             })
         };
-        let groups = hidden.iter().zip(lanes).map(group).collect::<Result<_, _>>()?;
-        Ok(Self { groups, fork: device.event()?, join: device.event()? })
+        if shapes.is_empty() {
+            return Err(LearnError::Mismatch("a network without hidden matrices".into()));
+        }
+        let lanes = [Lane::Main, Lane::Side].into_iter().cycle();
+        let groups = shapes.into_iter().zip(lanes).map(group).collect::<Result<_, _>>()?;
+        Ok(Self { groups, entries: device.upload(&entries)?, fork: device.event()?, join: device.event()? })
     }
 
     /// The update of all hidden matrices, after the work before it on the main stream.

@@ -1,335 +1,287 @@
-//! Forward and backward pass over `rows` windows, as kernels and matrix products on preallocated memory.
+//! Forward passes over a program's parts, as kernels and matrix products on preallocated memory.
 //!
-//! Row-major `y = x W` with `x [n, i]`, `W [i, o]` is column-major `y^T = W^T x^T`, so cuBLAS sees every matrix
-//! transposed. Forward per block, with LN the plain normalisation (weights folded, see `layout`):
-//! `x += Attn(LN(x) W_qkv') W_proj`, `x += gelu(LN(x) W_up') W_down`. Backward keeps the residual gradient in two
-//! buffers turn about, so that weight gradients run on the side stream while the main stream goes on.
+//! Row-major `y = x W` with `x [n, i]`, `W [i, o]` is column-major `y^T = W^T x^T`, so cuBLAS sees every matrix transposed.
 
-use nerd_cuda::Event;
+use std::ops::Range;
+
+use nerd_cuda::Arg::{Float, Int, Long, Ptr};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Side};
+use nerd_model::program::Op::{self, Attend};
+use nerd_model::program::{Activation, Slot, Step, Weight};
 
 use super::Precision;
-use super::layout::Layout;
+use super::backward::Back;
+use super::plan::{Part, Plan};
+use super::source::Source;
 use crate::learner::LearnError;
-use nerd_cuda::Arg::{Float, Int, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Lane, Op};
 
-/// Every kernel of `kernels.cu`.
-const KERNELS: [&str; 23] = [
-    "gather",
-    "select_rows",
-    "fold",
-    "unfold",
-    "norm_forward",
-    "norm_backward",
-    "attention_forward",
-    "attention_backward",
-    "attention_stream",
-    "gelu_forward",
-    "gelu_backward",
-    "head_predict",
-    "head_loss",
-    "column_sum",
-    "position_partial",
-    "add_loss",
-    "square_partial",
-    "finish",
-    "adam",
-    "muon_pack",
-    "muon_unit",
-    "muon_polynomial",
-    "muon_apply",
-];
+/// Rows of partial sums of losses.
+const LOSSES: usize = 264;
+/// Floats of partial sums of rows, and most rows of them.
+const SUMS: usize = 1 << 17;
+const CHUNKS: usize = 256;
 
-/// Rows of partial sums of the head and of the position table.
-const HEAD_ROWS: usize = 264;
-const POSITION_ROWS: usize = 64;
+/// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
+pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
 
-/// What the backward pass needs of one block, `[tokens][..]`.
-struct Kept {
-    norm_attn: Buffer<f32>,
-    qkv: Buffer<f32>,
-    attended: Buffer<f32>,
-    norm_mlp: Buffer<f32>,
-    up: Buffer<f32>,
-    active: Buffer<f32>,
-    rstd: [Buffer<f32>; 2],
-}
+/// A matrix product's rows, inner size and columns.
+pub(super) type Size = (usize, usize, usize);
 
-/// Memory of the backward pass.
-struct Backward {
-    /// Residual gradient, turn about.
-    dx: [Buffer<f32>; 2],
-    narrow: Buffer<f32>,
-    wide: Buffer<f32>,
-    dqkv: Buffer<f32>,
-    positions: Buffer<f32>,
-    /// Main stream's progress, and the side stream's per half block.
-    fork: Event,
-    mlp: Event,
-    attention: Event,
-}
-
-/// A network shape on a device, with memory for `rows` windows.
+/// A program on a device, with memory for `rows` windows.
 pub(super) struct Network {
     pub device: Device,
-    pub layout: Layout,
+    pub plan: Plan,
     pub rows: usize,
-    /// Gathered inputs `[rows][T][padded]` and targets `[rows][T][outputs]`.
-    pub inputs: Buffer<f32>,
+    /// Targets `[rows][T][outputs]`; after a loss without a head, its slope.
     pub targets: Buffer<f32>,
+    /// Rows of slots: of tokens first, `[rows][T][padded]`.
+    values: Vec<Buffer<f32>>,
+    homes: Vec<usize>,
+    /// Newest rows of the slots that parts behind the last mixing one read.
+    newest: Vec<(Slot, Buffer<f32>)>,
     folded: Buffer<f32>,
     table: Buffer<[i32; 4]>,
-    /// Of rotary positions.
-    turns: Buffer<[f32; 2]>,
-    pub x: Buffer<f32>,
-    kept: Vec<Kept>,
-    norm: Buffer<f32>,
-    rstd: Buffer<f32>,
-    mapped: Buffer<f32>,
-    z: Buffer<f32>,
-    head: Buffer<f32>,
-    backward: Option<Backward>,
+    pub turns: Buffer<[f32; 2]>,
+    /// By part: of a norm reciprocal deviations; of a cell states found, what is kept, and what states say to the gates.
+    pub asides: Vec<Vec<Buffer<f32>>>,
+    partial: Buffer<f32>,
+    staging: Vec<f32>,
+    pub back: Option<Back>,
 }
 
 impl Network {
-    /// Memory for `rows` windows on a GPU; `train` adds what the backward pass needs.
-    pub fn new(ordinal: usize, layout: Layout, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
-        let c = layout.config;
-        // Kernels and products count rows, and launches their blocks, in 31 bits.
-        let most = i32::MAX as usize / (layout.tokens * c.heads * 32);
+    /// Memory for `rows` windows on a GPU; `train` adds what the way back needs.
+    pub fn new(ordinal: usize, plan: Plan, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
+        let (homes, widths) = plan.homes(train);
+        // Kernels and products count entries, and launches their blocks, in 31 bits.
+        let warps = plan.attention.map_or(32, |a| 32 * a.heads);
+        let most = i32::MAX as usize / (plan.tokens * widths.iter().fold(warps, |most, width| most.max(*width)));
         if !(1..=most).contains(&rows) {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
-        let device = Device::open(ordinal, &layout.source(), &KERNELS)?.with_products(precision)?;
-        let (n, e) = (rows * layout.tokens, c.embedding);
-        let zeros = |len| device.zeros::<f32>(len);
-        let kept = |_| -> Result<Kept, LearnError> {
-            Ok(Kept {
-                norm_attn: zeros(n * e)?,
-                qkv: zeros(3 * n * e)?,
-                attended: zeros(n * e)?,
-                norm_mlp: zeros(n * e)?,
-                up: zeros(4 * n * e)?,
-                active: zeros(4 * n * e)?,
-                rstd: [zeros(n)?, zeros(n)?],
-            })
+        let source = Source::of(&plan);
+        let device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
+        let n = rows * plan.tokens;
+        let zeros = |len: usize| device.zeros::<f32>(len.next_multiple_of(4));
+        let aside = |part: &Part| -> Result<Vec<_>, DeviceError> {
+            match *part {
+                Part::Step(Step { op: Op::Norm, .. }) => Ok(vec![zeros(n)?]),
+                Part::Step(Step { from, to, op: Op::Cell { .. } }) => {
+                    let (wide, e) = (plan.width(from), plan.width(to));
+                    Ok(vec![zeros(n * e)?, zeros(n * (wide + e))?, zeros(rows * wide)?])
+                }
+                _ => Ok(Vec::new()),
+            }
         };
-        // Without a backward pass all blocks use the same memory.
-        let kept = (0..if train { c.layers } else { 1 }).map(kept).collect::<Result<_, _>>()?;
-        let backward = || -> Result<Backward, LearnError> {
-            Ok(Backward {
-                dx: [zeros(n * e)?, zeros(n * e)?],
-                narrow: zeros(n * e)?,
-                wide: zeros(4 * n * e)?,
-                dqkv: zeros(3 * n * e)?,
-                positions: zeros(POSITION_ROWS * layout.tokens * e)?,
-                fork: device.event()?,
-                mlp: device.event()?,
-                attention: device.event()?,
-            })
-        };
-        let backward = if train { Some(backward()?) } else { None };
+        let (mixing, windows) = (plan.mixing(), plan.tokens > 1 && !train);
+        let newest = if windows { plan.open(mixing) } else { Vec::new() };
+        let widest = plan.program.widths.iter().max().copied().unwrap_or(0);
+        let partial = (LOSSES * plan.head_columns()).max(SUMS).max(plan.tokens * widest);
         Ok(Self {
-            inputs: zeros(n * layout.padded)?,
-            targets: zeros(n * c.outputs)?,
-            folded: zeros(layout.folded)?,
-            table: device.upload(&layout.table)?,
-            turns: device.upload(&layout.turns(layout.tokens))?,
-            x: zeros(n * e)?,
-            kept,
-            norm: zeros(n * e)?,
-            rstd: zeros(n)?,
-            mapped: zeros(n * e)?,
-            z: zeros(n * c.head)?,
-            head: zeros(HEAD_ROWS * layout.head_columns())?,
-            backward,
+            targets: zeros(n * plan.outputs())?,
+            values: widths.iter().map(|width| zeros(n * width)).collect::<Result<_, _>>()?,
+            homes,
+            newest: newest.into_iter().map(|slot| Ok((slot, zeros(rows * plan.width(slot))?))).collect::<Result<_, DeviceError>>()?,
+            folded: zeros(plan.folded)?,
+            table: device.upload(&plan.table)?,
+            turns: device.upload(&plan.attention.map_or(Vec::new(), |a| a.turns(&plan.program.frequencies)))?,
+            asides: plan.parts.iter().map(aside).collect::<Result<_, _>>()?,
+            partial: zeros(partial)?,
+            staging: Vec::new(),
+            back: if train { Some(Back::new(&device)?) } else { None },
             rows,
-            layout,
+            plan,
             device,
         })
     }
 
-    /// Folds the LayerNorm weights of the parameters at `w` into the matrices behind them.
-    pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
-        let args = [Ptr(w), Ptr(self.folded.ptr), Ptr(self.table.ptr)];
-        self.device.launch("fold", (self.layout.config.embedding, self.layout.table.len()), (256, 1), 0, &args)
+    /// Copies windows of so many tokens `[window][token][inputs]` to the device, where windows have all their tokens and rows are padded.
+    /// What is missing is left from before.
+    pub fn load(&mut self, inputs: &[f32], tokens: usize) -> Result<(), DeviceError> {
+        let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
+        self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
+        for (token, row) in inputs.chunks_exact(width).enumerate() {
+            self.staging[(token / tokens * all + token % tokens) * padded..][..width].copy_from_slice(row);
+        }
+        self.device.write(&self.values[0], &self.staging)
     }
 
-    /// Inputs of `n` tokens to the residual stream behind the last block. `attend` is told the block, `qkv` and where
-    /// the mixed values go.
-    pub fn trunk(&self, w: u64, n: usize, attend: impl Fn(usize, u64, u64) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
-        let l = &self.layout;
-        let e = l.config.embedding;
-        self.linear((self.inputs.ptr, l.padded), l.at(w, l.embed), self.x.ptr, (n, l.config.inputs, e), 0.0)?;
-        for (i, b) in l.blocks.iter().enumerate() {
-            let k = &self.kept[i.min(self.kept.len() - 1)];
-            let (bias, position) = if i == 0 { (l.at(w, l.embed_bias), l.position.map_or(0, |p| l.at(w, p))) } else { (0, 0) };
-            self.normalise(self.x.ptr, bias, position, &k.norm_attn, &k.rstd[0], n)?;
-            self.linear((k.norm_attn.ptr, e), self.folded.at(b.qkv.folded), k.qkv.ptr, (n, e, 3 * e), 0.0)?;
-            attend(i, k.qkv.ptr, k.attended.ptr)?;
-            self.linear((k.attended.ptr, e), l.at(w, b.proj), self.x.ptr, (n, e, e), 1.0)?;
-            self.normalise(self.x.ptr, 0, 0, &k.norm_mlp, &k.rstd[1], n)?;
-            self.linear((k.norm_mlp.ptr, e), self.folded.at(b.up.folded), k.up.ptr, (n, e, 4 * e), 0.0)?;
-            self.device.launch("gelu_forward", ((n * e).div_ceil(256), 1), (256, 1), 0, &[Ptr(k.up.ptr), Ptr(k.active.ptr), Int(n * e)])?;
-            self.linear((k.active.ptr, 4 * e), l.at(w, b.down), self.x.ptr, (n, 4 * e, e), 1.0)?;
+    /// Where the rows of a slot stand.
+    pub fn at(&self, slot: Slot) -> u64 {
+        // What stands between parts that are one kernel has no rows.
+        self.values.get(self.homes[slot.0]).map_or(0, |rows| rows.ptr)
+    }
+
+    /// Predictions after a pass, of as many rows as it had.
+    pub fn predictions(&self) -> &Buffer<f32> {
+        &self.values[self.homes[self.plan.program.predictions().0]]
+    }
+
+    /// A tensor of the flat vector at `base`.
+    pub fn tensor(&self, base: u64, weight: Weight) -> u64 {
+        base + 4 * self.plan.starts[weight.0] as u64
+    }
+
+    /// A matrix with its scale, of the parameters at `w`.
+    pub fn matrix(&self, w: u64, weight: Weight, folded: Option<usize>) -> u64 {
+        folded.map_or_else(|| self.tensor(w, weight), |at| self.folded.at(at))
+    }
+
+    /// Folds the scales of the parameters at `w` into the matrices behind them.
+    pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
+        self.each_row("fold", &[Ptr(w), Ptr(self.folded.ptr), Ptr(self.table.ptr)])
+    }
+
+    /// The same for gradients at `g`, back.
+    pub fn unfold(&self, w: u64, g: u64) -> Result<(), DeviceError> {
+        self.each_row("unfold", &[Ptr(w), Ptr(g), Ptr(self.table.ptr)])
+    }
+
+    fn each_row(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+        if self.table.len == 0 { Ok(()) } else { self.device.launch(kernel, (self.table.len, 1), (128, 1), 0, args) }
+    }
+
+    /// All parts over whole windows, but for a head.
+    pub fn windows(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
+        let parts = self.plan.parts.len() - usize::from(self.plan.head().is_some());
+        self.run(w, 0..parts, &self.addresses(), rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
+    }
+
+    /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`.
+    pub fn predict(&self, w: u64, rows: usize, last: Option<u64>) -> Result<(), DeviceError> {
+        let (mut at, mut n, mut first, all) = (self.addresses(), rows * self.plan.tokens, 0, self.plan.parts.len());
+        let attend = |_, qkv, out| self.attention(rows, qkv, out);
+        if let Some(last) = last {
+            first = self.plan.mixing();
+            self.run(w, 0..first, &at, n, &attend)?;
+            n = rows;
+            for (slot, newest) in &self.newest {
+                let args = [Ptr(at[slot.0]), Ptr(last), Ptr(newest.ptr), Int(self.plan.width(*slot))];
+                self.device.launch("select_rows", (rows, 1), (128, 1), 0, &args)?;
+                at[slot.0] = newest.ptr;
+            }
+        }
+        self.run(w, first..all, &at, n, &attend)
+    }
+
+    /// Some parts over `n` rows of slots that stand at `at`.
+    pub fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Mix) -> Result<(), DeviceError> {
+        let (plan, d) = (&self.plan, &self.device);
+        let (mut attentions, mut shift) = (0, [Ptr(0); 2]);
+        for i in parts {
+            let x = |slot: Slot| Ptr(at[slot.0]);
+            let optional = |weight: Option<Weight>| Ptr(weight.map_or(0, |weight| self.tensor(w, weight)));
+            match plan.parts[i] {
+                Part::Linear { from, to, weight, folded, add } => {
+                    let size = (n, plan.program.width(from), plan.width(to));
+                    let x = (at[from.0], plan.width(from));
+                    self.linear(x, self.matrix(w, weight, folded), at[to.0], size, f32::from(u8::from(add)))?;
+                }
+                Part::Shift { bias, table, joined: true, .. } => {
+                    shift = [optional(bias), optional(table)];
+                    continue;
+                }
+                Part::Shift { at, bias, table, .. } => {
+                    let (width, count) = (plan.width(at), n * plan.width(at));
+                    let args = [x(at), optional(bias), optional(table), Int(width), Long(count as u64)];
+                    self.each("shift", count, &args)?;
+                }
+                Part::Step(Step { from, to, op: Attend { .. } }) => {
+                    attend(attentions, at[from.0], at[to.0])?;
+                    attentions += 1;
+                }
+                Part::Step(step) => self.step(w, i, step, [at[step.from.0], at[step.to.0]], n, shift)?,
+                Part::Head { from, to, bias } => {
+                    let [b1, w2, b2] = self.head(w, bias).map(Ptr);
+                    d.launch("head_predict", (n.div_ceil(8), 1), (256, 1), 0, &[x(from), b1, w2, b2, x(to), Int(n)])?;
+                }
+            }
+            shift = [Ptr(0); 2];
         }
         Ok(())
     }
 
-    /// [`Network::trunk`] of whole windows.
-    pub fn windows(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
-        let l = &self.layout;
-        let (threads, shared, _) = l.attention();
-        let grid = (rows, l.config.heads / l.group);
-        self.trunk(w, rows * l.tokens, |_, qkv, out| {
-            self.device.launch("attention_forward", grid, (threads, 1), shared, &[Ptr(qkv), Ptr(out), Ptr(self.turns.ptr)])
-        })
-    }
-
-    /// Final norm, map and first layer of the head of the `n` tokens at `x`; leaves `z` before its bias.
-    pub fn top(&self, w: u64, x: u64, n: usize) -> Result<(), DeviceError> {
-        let (l, e) = (&self.layout, self.layout.config.embedding);
-        self.normalise(x, 0, 0, &self.norm, &self.rstd, n)?;
-        self.linear((self.norm.ptr, e), self.folded.at(l.out.folded), self.mapped.ptr, (n, e, e), 0.0)?;
-        self.linear((self.mapped.ptr, e), l.at(w, l.hidden), self.z.ptr, (n, e, l.config.head), 0.0)
-    }
-
-    /// Predictions of the `n` tokens last through [`Network::top`], to `out [n][outputs]`.
-    pub fn predict(&self, w: u64, n: usize, out: u64) -> Result<(), DeviceError> {
-        let l = &self.layout;
-        let args = [Ptr(self.z.ptr), Ptr(l.at(w, l.hidden_bias)), Ptr(l.at(w, l.head_out)), Ptr(l.at(w, l.head_bias)), Ptr(out), Int(n)];
-        self.device.launch("head_predict", (n.div_ceil(8), 1), (256, 1), 0, &args)
-    }
-
-    /// Squared error of the first `n` tokens against the targets, which are among `all` of a mean. `sums` gets the gradients of the head's biases
-    /// and output matrix, then the squared error; `z` becomes its own gradient ([`crate::learner::LearnerConfig::huber`]).
-    pub fn loss(&self, w: u64, n: usize, all: usize, huber: Option<f32>, sums: u64) -> Result<(), DeviceError> {
-        let l = &self.layout;
-        let blocks = n.div_ceil(8).min(HEAD_ROWS);
-        let gain = 2.0 / (all * l.config.outputs) as f32;
-        let weights = [Ptr(self.z.ptr), Ptr(l.at(w, l.hidden_bias)), Ptr(l.at(w, l.head_out)), Ptr(l.at(w, l.head_bias))];
-        let rest = [Ptr(self.targets.ptr), Ptr(self.head.ptr), Int(n), Float(gain), Float(huber.map_or(0.0, |d| (d * d).recip()))];
-        self.device.launch("head_loss", (blocks, 1), (256, 1), 0, &[&weights[..], &rest[..]].concat())?;
-        self.column_sum(self.head.ptr, blocks, l.head_columns(), sums)
-    }
-
-    /// What all windows add to the gradient of the mean loss of `batch` of them, with respect to the parameters at `w`, to `g`; behind
-    /// its end the squared error. Needs [`Network::trunk`] and [`Network::top`] before it.
-    pub fn backward(&self, w: u64, batch: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
-        let Some(m) = &self.backward else { return Err(DeviceError("the network was built without a backward pass".into())) };
-        let (l, d) = (&self.layout, &self.device);
-        let (e, n, hidden) = (l.config.embedding, self.rows * l.tokens, l.config.head);
-        let (threads, _, shared) = l.attention();
-        self.loss(w, n, batch * l.tokens, huber, l.at(g, l.hidden_bias))?;
-
-        // Head and final norm. `dqkv` serves as scratch for the gradient of `mapped`.
-        self.linear_dx(self.z.ptr, l.at(w, l.hidden), m.dqkv.ptr, (n, e, hidden))?;
-        self.fork(m)?;
-        self.linear_dw((self.mapped.ptr, e), self.z.ptr, l.at(g, l.hidden), (n, e, hidden))?;
-        self.linear_dw((self.norm.ptr, e), m.dqkv.ptr, l.at(g, l.out.plain), (n, e, e))?;
-        d.mark(Lane::Side, &m.mlp)?;
-        d.mark(Lane::Side, &m.attention)?;
-        self.linear_dx(m.dqkv.ptr, self.folded.at(l.out.folded), m.narrow.ptr, (n, e, e))?;
-        self.normalise_back(m, &self.norm, &self.rstd, None, &m.dx[0], n)?;
-
-        for (b, k) in l.blocks.iter().zip(&self.kept).rev() {
-            // MLP: dx[0] in, dx[1] out.
-            d.after(Lane::Main, &m.mlp)?;
-            self.linear_dx(m.dx[0].ptr, l.at(w, b.down), m.wide.ptr, (n, 4 * e, e))?;
-            d.launch("gelu_backward", ((n * e).div_ceil(256), 1), (256, 1), 0, &[Ptr(k.up.ptr), Ptr(m.wide.ptr), Int(n * e)])?;
-            self.fork(m)?;
-            self.linear_dw((k.active.ptr, 4 * e), m.dx[0].ptr, l.at(g, b.down), (n, 4 * e, e))?;
-            self.linear_dw((k.norm_mlp.ptr, e), m.wide.ptr, l.at(g, b.up.plain), (n, e, 4 * e))?;
-            d.mark(Lane::Side, &m.mlp)?;
-            self.linear_dx(m.wide.ptr, self.folded.at(b.up.folded), m.narrow.ptr, (n, e, 4 * e))?;
-            d.after(Lane::Main, &m.attention)?;
-            self.normalise_back(m, &k.norm_mlp, &k.rstd[1], Some(&m.dx[0]), &m.dx[1], n)?;
-
-            // Attention: dx[1] in, dx[0] out.
-            self.linear_dx(m.dx[1].ptr, l.at(w, b.proj), m.narrow.ptr, (n, e, e))?;
-            let args = [Ptr(k.qkv.ptr), Ptr(m.narrow.ptr), Ptr(m.dqkv.ptr), Ptr(self.turns.ptr)];
-            d.launch("attention_backward", (self.rows, l.config.heads / l.group), (threads, 1), shared, &args)?;
-            self.fork(m)?;
-            self.linear_dw((k.attended.ptr, e), m.dx[1].ptr, l.at(g, b.proj), (n, e, e))?;
-            self.linear_dw((k.norm_attn.ptr, e), m.dqkv.ptr, l.at(g, b.qkv.plain), (n, e, 3 * e))?;
-            d.mark(Lane::Side, &m.attention)?;
-            self.linear_dx(m.dqkv.ptr, self.folded.at(b.qkv.folded), m.narrow.ptr, (n, e, 3 * e))?;
-            d.after(Lane::Main, &m.mlp)?;
-            self.normalise_back(m, &k.norm_attn, &k.rstd[0], Some(&m.dx[1]), &m.dx[0], n)?;
+    /// The step that is part `i`, of rows at `x` to those at `y`; `shift` is added to what it reads.
+    fn step(&self, w: u64, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [Arg; 2]) -> Result<(), DeviceError> {
+        let (from, to) = (self.plan.width(step.from), self.plan.width(step.to));
+        match step.op {
+            Op::Norm => {
+                let args = [Ptr(x), shift[0], shift[1], Ptr(y), Ptr(self.asides[i][0].ptr), Int(n)];
+                self.device.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &args)
+            }
+            Op::Neighbours(apart) => {
+                self.each("neighbours_forward", n * to, &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)])
+            }
+            Op::Activate(f) => {
+                let (quads, kernel) = ((n * to).div_ceil(4), if f == Activation::Gelu { "gelu_forward" } else { "relu_forward" });
+                self.each(kernel, quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
+            }
+            Op::Cell { weight, bias, lstm } => {
+                let matrices = [weight, bias].map(|weight| self.tensor(w, weight));
+                self.cell(&self.asides[i], (n / self.plan.tokens, to, lstm), matrices, (x, shift[0]), y)
+            }
+            // Parts of their own.
+            Op::Linear { .. } | Op::Place(_) | Op::Attend { .. } => Ok(()),
         }
-
-        // Embedding: the bias gradient is the sum of the gradients by place, which are those of a position table.
-        self.fork(m)?;
-        self.linear_dw((self.inputs.ptr, l.padded), m.dx[0].ptr, l.at(g, l.embed), (n, l.config.inputs, e))?;
-        d.mark(Lane::Side, &m.attention)?;
-        let (chunks, width) = (self.rows.min(POSITION_ROWS), l.tokens * e);
-        d.launch(
-            "position_partial",
-            (width.div_ceil(128), chunks),
-            (128, 1),
-            0,
-            &[Ptr(m.dx[0].ptr), Int(self.rows), Ptr(m.positions.ptr)],
-        )?;
-        let places = l.position.map_or(m.narrow.ptr, |p| l.at(g, p));
-        self.column_sum(m.positions.ptr, chunks, width, places)?;
-        self.column_sum(places, l.tokens, e, l.at(g, l.embed_bias))?;
-        d.after(Lane::Main, &m.attention)?;
-        d.launch("unfold", (e, l.table.len()), (128, 1), 0, &[Ptr(w), Ptr(g), Ptr(self.table.ptr)])
     }
 
-    /// The side stream goes on after what the main stream has been given.
-    fn fork(&self, m: &Backward) -> Result<(), DeviceError> {
-        self.device.mark(Lane::Main, &m.fork)?;
-        self.device.after(Lane::Side, &m.fork)
+    /// Squared error of the first `n` tokens against the targets, which are among `all` of a mean, behind the gradient at `g`. Its
+    /// slope ([`crate::learner::LearnerConfig::huber`]) takes the place of targets, or of the hidden layer, and then the last three
+    /// tensors have their gradients.
+    pub fn loss(&self, w: u64, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
+        let (outputs, partial) = (self.plan.outputs(), Ptr(self.partial.ptr));
+        let bent = [Float(2.0 / (all * outputs) as f32), Float(huber.map_or(0.0, |d| (d * d).recip()))];
+        if let Some(Part::Head { from, bias, .. }) = self.plan.parts.last().copied() {
+            let (blocks, [b1, w2, b2]) = (n.div_ceil(8).min(LOSSES), self.head(w, bias).map(Ptr));
+            let args = [Ptr(self.at(from)), b1, w2, b2, Ptr(self.targets.ptr), partial, Int(n), bent[0], bent[1]];
+            self.device.launch("head_loss", (blocks, 1), (256, 1), 0, &args)?;
+            return self.column_sum(self.partial.ptr, blocks, self.plan.head_columns(), self.tensor(g, bias));
+        }
+        let blocks = (n * outputs).div_ceil(256).min(LOSSES);
+        let args = [Ptr(self.predictions().ptr), Ptr(self.targets.ptr), partial, Long((n * outputs) as u64), bent[0], bent[1]];
+        self.device.launch("loss", (blocks, 1), (256, 1), 0, &args)?;
+        self.column_sum(self.partial.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }
 
-    fn normalise(&self, x: u64, bias: u64, position: u64, out: &Buffer<f32>, rstd: &Buffer<f32>, n: usize) -> Result<(), DeviceError> {
-        self.device.launch(
-            "norm_forward",
-            (n.div_ceil(8), 1),
-            (256, 1),
-            0,
-            &[Ptr(x), Ptr(bias), Ptr(position), Ptr(out.ptr), Ptr(rstd.ptr), Int(n)],
-        )
+    /// The last three tensors of the parameters at `w`.
+    fn head(&self, w: u64, bias: Weight) -> [u64; 3] {
+        [0, 1, 2].map(|k| self.tensor(w, Weight(bias.0 + k)))
     }
 
-    /// `to = from + dLN(narrow)`.
-    fn normalise_back(
-        &self,
-        m: &Backward,
-        norm: &Buffer<f32>,
-        rstd: &Buffer<f32>,
-        from: Option<&Buffer<f32>>,
-        to: &Buffer<f32>,
-        n: usize,
-    ) -> Result<(), DeviceError> {
-        let args = [Ptr(m.narrow.ptr), Ptr(norm.ptr), Ptr(rstd.ptr), Ptr(from.map_or(0, |b| b.ptr)), Ptr(to.ptr), Int(n)];
-        self.device.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)
+    /// Gradients of what is added to all rows, from the slope at `dy`: of the places in a window, and of a bias.
+    pub fn sum_rows(&self, dy: u64, width: usize, bias: Option<u64>, table: Option<u64>) -> Result<(), DeviceError> {
+        let tokens = self.plan.tokens;
+        let (rows, wide) = if table.is_some() { (self.rows, tokens * width) } else { (self.rows * tokens, width) };
+        let chunks = rows.min(SUMS / wide).clamp(1, CHUNKS);
+        let args = [Ptr(dy), Int(rows), Int(wide), Ptr(self.partial.ptr)];
+        self.device.launch("row_partial", (wide.div_ceil(128), chunks), (128, 1), 0, &args)?;
+        if let Some(sums) = table.or(bias) {
+            self.column_sum(self.partial.ptr, chunks, wide, sums)?;
+        }
+        // A bias is added at every place.
+        if let (Some(table), Some(bias)) = (table, bias) { self.column_sum(table, tokens, width, bias) } else { Ok(()) }
     }
 
     fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> Result<(), DeviceError> {
         self.device.launch("column_sum", (width.div_ceil(32), 1), (32, 8), 0, &[Ptr(src), Int(rows), Int(width), Ptr(out)])
     }
 
+    /// A kernel of a thread for each of `count` things.
+    pub fn each(&self, kernel: &str, count: usize, args: &[Arg]) -> Result<(), DeviceError> {
+        self.device.launch(kernel, (count.div_ceil(256), 1), (256, 1), 0, args)
+    }
+
     /// `y = x W + beta y`, `x [n, i]` with rows `ld` apart, `W [i, o]`.
-    fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): (usize, usize, usize), beta: f32) -> Result<(), DeviceError> {
-        self.device.product(Lane::Main, (Op::Plain, Op::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
+    pub fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
+        self.device.product(Lane::Main, (Side::Plain, Side::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
     }
 
-    /// `dx = dy W^T`.
-    fn linear_dx(&self, dy: u64, w: u64, dx: u64, (n, i, o): (usize, usize, usize)) -> Result<(), DeviceError> {
-        self.device.product(Lane::Main, (Op::Transposed, Op::Plain), (i, n, o), (w, o), (dy, o), 0.0, (dx, i))
+    fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {
+        self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.turns.ptr))
     }
 
-    /// `dW = x^T dy`, on the side stream.
-    fn linear_dw(&self, (x, ld): (u64, usize), dy: u64, dw: u64, (n, i, o): (usize, usize, usize)) -> Result<(), DeviceError> {
-        self.device.product(Lane::Side, (Op::Plain, Op::Transposed), (o, i, n), (dy, o), (x, ld), 0.0, (dw, o))
-    }
-}
-
-impl Layout {
-    /// Address of entry `offset` of the flat vector at `base`.
-    fn at(&self, base: u64, offset: usize) -> u64 {
-        base + 4 * offset as u64
+    /// Where the rows of slots stand.
+    pub fn addresses(&self) -> Vec<u64> {
+        (0..self.homes.len()).map(|slot| self.at(Slot(slot))).collect()
     }
 }

@@ -13,7 +13,7 @@ use nerd_sim::solver::{StepError, plain};
 use nerd_sim::system::System;
 
 use super::Precision;
-use super::layout::Layout;
+use super::plan::Plan;
 use super::stream::CudaStream;
 
 /// [`nerd_model::neural::Neural`] on a GPU: contacts, draft, token, network and the state that follows are one captured graph a frame.
@@ -45,7 +45,7 @@ struct Made {
 /// # Errors
 /// What of the model has no kernel.
 pub fn neural(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<CudaNeural, String> {
-    Layout::stream(model.config.network).map_err(|e| e.to_string())?;
+    Plan::stream(&model.config.network).map_err(|e| e.to_string())?;
     let (config, _) = settings(&model, system)?;
     Ok(OnDevice::by(Network { model, config, real, precision, made: None }))
 }

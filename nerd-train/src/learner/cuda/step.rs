@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use nerd_model::program::Slot;
+
 use super::muon::{Muon, Vectors};
 use super::network::Network;
 use crate::learner::{LearnError, LearnerConfig};
@@ -11,7 +13,7 @@ use nerd_cuda::{Buffer, Graph, Sums};
 /// Blocks of the gradient norm's first stage.
 pub(super) const NORM_BLOCKS: usize = 528;
 
-/// Mirror of the struct in `kernels.cu`.
+/// Mirror of the struct in `kernels/common.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
 pub(super) struct Scalars {
@@ -38,48 +40,52 @@ pub(super) struct Data {
 }
 
 /// What one update reads and writes.
-pub(super) struct Step<'a> {
-    pub network: &'a Network,
+pub(super) struct Step {
+    pub network: Network,
     pub config: LearnerConfig,
+    /// Of the batch.
     pub rows: Range<usize>,
-    pub sums: Option<&'a Sums>,
-    pub train: &'a Data,
-    pub weights: &'a Buffer<f32>,
-    pub average: &'a Buffer<f32>,
-    pub m: &'a Buffer<f32>,
-    pub v: &'a Buffer<f32>,
-    pub gradients: &'a Buffer<f32>,
-    pub norms: &'a Buffer<f32>,
-    pub scalars: &'a Buffer<Scalars>,
-    pub muon: Option<&'a Muon>,
+    /// Over ranks.
+    pub sums: Option<Sums>,
+    pub train: Data,
+    pub weights: Buffer<f32>,
+    pub average: Buffer<f32>,
+    pub m: Buffer<f32>,
+    pub v: Buffer<f32>,
+    /// Gradients, and behind them the squared error.
+    pub gradients: Buffer<f32>,
+    pub norms: Buffer<f32>,
+    pub scalars: Buffer<Scalars>,
+    pub muon: Option<Muon>,
 }
 
-impl Step<'_> {
+impl Step {
     /// From the sum of squared errors to the loss.
     pub fn mean(&self) -> f32 {
-        let c = self.network.layout.config;
-        1.0 / (self.config.batch * self.network.layout.tokens * c.outputs) as f32
+        let plan = &self.network.plan;
+        1.0 / (self.config.batch * plan.tokens * plan.outputs()) as f32
     }
 
     pub fn gradient(&self) -> Result<(), LearnError> {
-        let (net, w, rows, LearnerConfig { batch, seed, huber, .. }) = (self.network, self.weights.ptr, self.rows.len(), self.config);
-        gather(net, self.train, rows, Choice::Drawn { scalars: self.scalars.ptr, seed, first: self.rows.start })?;
+        let (net, w, g, rows) = (&self.network, self.weights.ptr, self.gradients.ptr, self.rows.len());
+        let LearnerConfig { batch, seed, huber, .. } = self.config;
+        gather(net, &self.train, rows, Choice::Drawn { scalars: self.scalars.ptr, seed, first: self.rows.start })?;
         net.fold(w)?;
         net.windows(w, rows)?;
-        net.top(w, net.x.ptr, rows * net.layout.tokens)?;
-        Ok(net.backward(w, batch, huber, self.gradients.ptr)?)
+        net.loss(w, rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
+        Ok(net.backward(w, g, None)?)
     }
 
     /// Adds up the gradients and squared errors of all ranks.
     fn sum(&self) -> Result<(), LearnError> {
-        self.sums.map_or(Ok(()), |sums| Ok(sums.sum(&self.network.device, self.gradients)?))
+        self.sums.as_ref().map_or(Ok(()), |sums| Ok(sums.sum(&self.network.device, &self.gradients)?))
     }
 
     pub fn all(&self) -> Result<(), LearnError> {
         self.gradient()?;
         self.sum()?;
-        let (d, p, s) = (&self.network.device, self.network.layout.parameters, Ptr(self.scalars.ptr));
-        let [w, g, m, v, a] = [self.weights, self.gradients, self.m, self.v, self.average].map(|b| Ptr(b.ptr));
+        let (d, p, s) = (&self.network.device, self.network.plan.parameters(), Ptr(self.scalars.ptr));
+        let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));
         d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
         let args = [
             Ptr(self.norms.ptr),
@@ -91,18 +97,11 @@ impl Step<'_> {
             s,
         ];
         d.launch("finish", (1, 1), (256, 1), 0, &args)?;
-        let blocks = if self.muon.is_some() { self.network.layout.config.layers } else { 0 };
-        let first = self.network.layout.first_block() as u64;
-        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), Long(first), Int(blocks)])?;
-        let address = |b: &Buffer<f32>| b.ptr;
-        let vectors = Vectors {
-            weights: address(self.weights),
-            gradients: address(self.gradients),
-            m: address(self.m),
-            average: address(self.average),
-            scalars: self.scalars.ptr,
-        };
-        self.muon.map_or(Ok(()), |muon| Ok(muon.update(d, &vectors)?))
+        let hidden = Ptr(self.muon.as_ref().map_or(0, |muon| muon.entries.ptr));
+        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), hidden])?;
+        let Some(muon) = &self.muon else { return Ok(()) };
+        let [weights, gradients, m, average] = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
+        Ok(muon.update(d, &Vectors { weights, gradients, m, average, scalars: self.scalars.ptr })?)
     }
 
     /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs, and NCCL is connected.
@@ -129,6 +128,6 @@ pub(super) fn gather(net: &Network, data: &Data, rows: usize, choice: Choice) ->
         Choice::Drawn { scalars, seed, first } => (scalars, seed, first as u64, 0),
         Choice::These(numbers) => (0, 0, 0, numbers),
     };
-    let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.inputs.ptr), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
+    let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
     Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &[&from[..], &[windows, per, frames, Ptr(numbers), Long(first)]].concat())?)
 }

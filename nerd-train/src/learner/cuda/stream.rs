@@ -1,13 +1,13 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
+use nerd_cuda::{Buffer, Device, DeviceError, Graph};
+use nerd_model::program::{Op, Slot};
 use nerd_model::transformer::{ForwardError, Stream, Weights};
 
 use super::Precision;
-use super::layout::Layout;
 use super::network::Network;
+use super::plan::Plan;
 use crate::learner::LearnError;
-use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Graph};
 
 /// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
 pub struct CudaStream {
@@ -15,68 +15,56 @@ pub struct CudaStream {
     graph: Option<Graph>,
     network: Network,
     weights: Buffer<f32>,
-    /// Keys and values `[layer][env][history][2 E]`.
+    /// Keys and values `[attention][env][history][2 E]`.
     rings: Buffer<f32>,
-    turns: Buffer<[f32; 2]>,
     /// Tokens taken of each environment since it was cleared, there and here.
     taken: (Buffer<u32>, Vec<u32>),
-    /// Predictions of every environment, there and here.
-    predictions: (Buffer<f32>, Vec<f32>),
-    staging: Vec<f32>,
+    /// Of every environment.
+    predictions: Vec<f32>,
 }
 
 impl CudaStream {
     /// Copies `weights` to the device, with memory for `envs` environments.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if positions are not rotary or the kernels do not cover the network's shape,
+    /// [`LearnError::Mismatch`] if the network sees windows (positions are a table, cells begin anew) or the kernels do not cover its shape,
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
-        let c = weights.config;
-        let layout = Layout::stream(c)?;
-        if weights.flat.len() != layout.parameters || envs == 0 {
+        let plan = Plan::stream(&weights.config)?;
+        if weights.flat.len() != plan.parameters() || envs == 0 {
             let found = weights.flat.len();
-            return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", layout.parameters)));
+            return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", plan.parameters())));
         }
-        let turns = layout.turns(c.history);
-        let network = Network::new(0, layout, envs, precision, false)?;
+        let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
+        let network = Network::new(0, plan, envs, precision, false)?;
         let d = &network.device;
         let weights = d.upload(&weights.flat)?;
         network.fold(weights.ptr)?;
         Ok(Self {
             graph: None,
             weights,
-            rings: d.zeros(c.layers * envs * c.history * 2 * c.embedding)?,
-            turns: d.upload(&turns)?,
+            rings: d.zeros(attentions * envs * network.plan.attention.map_or(0, |a| a.ring()))?,
             taken: (d.zeros(envs)?, vec![0; envs]),
-            predictions: (d.zeros(envs * c.outputs)?, vec![0.0; envs * c.outputs]),
-            staging: vec![0.0; envs * network.layout.padded],
+            predictions: vec![0.0; envs * network.plan.outputs()],
             network,
         })
     }
 
     /// Copies one token `[env][inputs]` of each environment to the device.
     fn load(&mut self, tokens: &[f32]) -> Result<(), LearnError> {
-        let (inputs, padded) = (self.network.layout.config.inputs, self.network.layout.padded);
-        for (row, token) in self.staging.chunks_exact_mut(padded).zip(tokens.chunks_exact(inputs)) {
-            row[..inputs].copy_from_slice(token);
-        }
-        let d = &self.network.device;
-        d.write(&self.network.inputs, &self.staging)?;
-        Ok(d.write(&self.taken.0, &self.taken.1)?)
+        self.network.load(tokens, 1)?;
+        Ok(self.network.device.write(&self.taken.0, &self.taken.1)?)
     }
 
     /// What of a frame the device does: the tokens last loaded to `predictions`.
     pub(super) fn pass(&self) -> Result<(), DeviceError> {
-        let (net, w, rows) = (&self.network, self.weights.ptr, self.network.rows);
-        let c = net.layout.config;
-        let ring = rows * c.history * 2 * c.embedding;
-        net.trunk(w, rows, |layer, qkv, out| {
-            let args = [Ptr(qkv), Ptr(self.rings.at(layer * ring)), Ptr(self.taken.0.ptr), Ptr(out), Ptr(self.turns.ptr), Int(rows)];
-            net.device.launch("attention_stream", ((rows * c.heads).div_ceil(8), 1), (256, 1), 0, &args)
-        })?;
-        net.top(w, net.x.ptr, rows)?;
-        net.predict(w, rows, self.predictions.0.ptr)
+        let net = &self.network;
+        let attend = |i: usize, qkv: u64, out: u64| {
+            let Some(attention) = net.plan.attention else { return Ok(()) };
+            let ring = self.rings.at(i * net.rows * attention.ring());
+            attention.stream(&net.device, net.rows, [qkv, ring, self.taken.0.ptr, out, net.turns.ptr])
+        };
+        net.run(self.weights.ptr, 0..net.plan.parts.len(), &net.addresses(), net.rows, &attend)
     }
 
     /// The device it is on.
@@ -92,12 +80,12 @@ impl CudaStream {
     /// Where tokens `[env][padded]` stand before a pass, predictions after it, and how many tokens were taken, which whoever makes the pass
     /// without [`Stream::push`] counts.
     pub(super) fn tokens(&self) -> u64 {
-        self.network.inputs.ptr
+        self.network.at(Slot(0))
     }
 
     /// See [`CudaStream::tokens`].
     pub(super) fn predictions(&self) -> u64 {
-        self.predictions.0.ptr
+        self.network.predictions().ptr
     }
 
     /// See [`CudaStream::tokens`].
@@ -139,10 +127,10 @@ impl CudaStream {
     }
 
     fn frame(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), LearnError> {
-        let c = self.network.layout.config;
-        let envs = tokens.len() / c.inputs;
-        if envs * c.inputs != tokens.len() || envs > self.network.rows {
-            return Err(LearnError::Mismatch(format!("{} values for at most {} rows of {}", tokens.len(), self.network.rows, c.inputs)));
+        let (inputs, outputs, rows) = (self.network.plan.inputs(), self.network.plan.outputs(), self.network.rows);
+        let envs = tokens.len() / inputs;
+        if envs * inputs != tokens.len() || envs > rows {
+            return Err(LearnError::Mismatch(format!("{} values for at most {rows} rows of {inputs}", tokens.len())));
         }
         if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
             return Err(LearnError::Mismatch(format!("the environments asked for are not increasing numbers below {envs}")));
@@ -152,9 +140,8 @@ impl CudaStream {
         self.taken.1[..envs].iter_mut().for_each(|taken| *taken += 1);
         out.clear();
         if !asked.is_empty() {
-            let (there, here) = &mut self.predictions;
-            self.network.device.read(there, here)?;
-            asked.iter().for_each(|env| out.extend_from_slice(&here[env * c.outputs..][..c.outputs]));
+            self.network.device.read(self.network.predictions(), &mut self.predictions)?;
+            asked.iter().for_each(|env| out.extend_from_slice(&self.predictions[env * outputs..][..outputs]));
         }
         Ok(())
     }

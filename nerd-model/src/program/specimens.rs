@@ -1,0 +1,128 @@
+//! Small programs around every operation, and of every network, with what burn says of them: what an engine is held against.
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::{Activation, Network, Op, Program, Slot, Step};
+use crate::transformer::{Architecture, Init, Positions, TransformerConfig};
+
+/// A program with numbers for all that it reads.
+pub struct Specimen {
+    /// What it shows.
+    pub name: String,
+    /// For tokens of a few numbers.
+    pub program: Program,
+    /// Parameters, none at a special value.
+    pub flat: Vec<f32>,
+    /// Tokens `[WINDOWS][TOKENS][inputs]`.
+    pub tokens: Vec<f32>,
+    /// Gradient by the predictions, `[WINDOWS][TOKENS][outputs]`.
+    pub behind: Vec<f32>,
+}
+
+/// Windows of a specimen.
+pub const WINDOWS: usize = 5;
+/// Tokens of each.
+pub const TOKENS: usize = 6;
+
+impl Specimen {
+    fn new(name: &str, program: Program) -> Self {
+        let numbers = |n: usize, f: fn(f32) -> f32| (0..n).map(|i| f(i as f32)).collect();
+        Self {
+            name: name.into(),
+            flat: numbers(program.tensors.iter().map(|t| t.len()).sum(), |i| (i * 0.73).sin() * 0.8 + 0.1),
+            tokens: numbers(WINDOWS * TOKENS * program.width(program.tokens()), |i| (i * 1.37).sin() * 1.5),
+            behind: numbers(WINDOWS * TOKENS * program.width(program.predictions()), |i| (i * 0.41).cos()),
+            program,
+        }
+    }
+
+    /// Predictions, and gradients by parameters and by tokens, of the definition.
+    pub fn by_burn(&self) -> [Vec<f32>; 3] {
+        let device = Device::flex().autodiff();
+        let tensor = |x: &[f32]| {
+            let width = x.len() / (WINDOWS * TOKENS);
+            Tensor::<3>::from_data(TensorData::new(x.to_vec(), [WINDOWS, TOKENS, width]), &device)
+        };
+        let (network, tokens) = (Network::of(self.program.clone(), &self.flat, &device), tensor(&self.tokens).require_grad());
+        let y = network.forward(tokens.clone());
+        let gradients = (y.clone() * tensor(&self.behind)).sum().backward();
+        let floats = |t: Tensor<3>| t.into_data().iter::<f32>().collect::<Vec<_>>();
+        let by_tokens = tokens.grad(&gradients).map_or(vec![0.0; self.tokens.len()], floats);
+        [floats(y), network.gradients(&gradients), by_tokens]
+    }
+}
+
+/// A linear step, the operation, and a linear step: what is behind an operation is no plain sum, what is before it has weights.
+fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> Specimen {
+    let mut p = Program::new(3);
+    let x = p.linear("first", p.tokens(), width, [Init::Normal(0.8), Init::Normal(0.5)]);
+    operation(&mut p, x);
+    let y = p.predictions();
+    p.linear("last", y, 2, [Init::Normal(0.8), Init::Normal(0.5)]);
+    Specimen::new(name, p)
+}
+
+/// One of each operation.
+pub fn operations() -> Vec<Specimen> {
+    let cell = |name, lstm: bool, gates: usize| {
+        around(name, gates * 5, move |p, x| {
+            let weight = p.tensor("cell.weight", &[5, gates * 5], Init::Normal(0.7));
+            let bias = p.tensor("cell.bias", &[gates * 5], Init::Normal(0.4));
+            p.then(x, 5, Op::Cell { weight, bias, lstm });
+        })
+    };
+    let attend = |name, band: Option<usize>| {
+        around(name, 48, move |p, x| {
+            p.frequencies = if band.is_some() { vec![1.0, 0.3, 0.1, 0.03] } else { Vec::new() };
+            p.then(x, 16, Op::Attend { heads: 2, band });
+        })
+    };
+    let then = |name, width, op| {
+        around(name, 7, move |p, x| {
+            p.then(x, width, op);
+        })
+    };
+    vec![
+        around("linear", 7, |_, _| {}),
+        around("place", 7, |p, x| {
+            let table = p.tensor("table", &[9, 7], Init::Normal(1.0));
+            p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+        }),
+        around("place and norm", 10, |p, x| {
+            let table = p.tensor("table", &[9, 10], Init::Normal(1.0));
+            p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+            p.then(x, 10, Op::Norm);
+        }),
+        around("norm and scale", 10, |p, x| {
+            p.normed("norm", "normed", x, 4, Init::Normal(0.9));
+        }),
+        around("residual", 10, |p, x| {
+            let y = p.normed("norm", "normed", x, 4, Init::Normal(0.9));
+            p.residual("back", y, x, Init::Normal(0.9));
+        }),
+        attend("attention over a window", None),
+        attend("attention over a band", Some(3)),
+        then("neighbours", 21, Op::Neighbours(2)),
+        then("neighbours beyond the window", 21, Op::Neighbours(TOKENS + 1)),
+        then("gelu", 7, Op::Activate(Activation::Gelu)),
+        then("relu", 7, Op::Activate(Activation::Relu)),
+        cell("GRU", false, 3),
+        cell("LSTM", true, 4),
+    ]
+}
+
+/// One of each network, over windows or sequences of [`TOKENS`].
+pub fn networks() -> Vec<Specimen> {
+    let small = TransformerConfig { layers: 2, heads: 2, block: TOKENS, history: TOKENS, head: 9, ..TransformerConfig::paper(5, 3, 24) };
+    let of = |architecture, positions, history| TransformerConfig { architecture, positions, history, ..small };
+    let rivals = [Architecture::Transformer, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
+    let mut all: Vec<_> = rivals.map(|rival| (format!("{rival:?}"), of(rival, Positions::Table, TOKENS))).into();
+    all.push(("rotary Transformer".into(), of(Architecture::Transformer, Positions::Rotary, 3)));
+    let specimen = |(name, config): (String, TransformerConfig)| {
+        let mut specimen = Specimen::new(&name, config.program());
+        // Deep networks say little at the numbers of shallow ones.
+        specimen.flat.iter_mut().for_each(|w| *w *= 0.4);
+        specimen
+    };
+    all.into_iter().map(specimen).collect()
+}

@@ -1,0 +1,93 @@
+//! Attention on the device: its shape, and how its kernels are launched.
+
+use nerd_cuda::Arg::{Int, Ptr};
+use nerd_cuda::{Device, DeviceError};
+
+use crate::learner::LearnError;
+
+/// Largest dynamic shared memory every device gives without asking, bytes.
+const SHARED: usize = 48 << 10;
+
+/// Shape of all attentions of a program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Attention {
+    /// Columns of queries.
+    pub width: usize,
+    pub heads: usize,
+    /// Most keys that a query meets.
+    pub seen: usize,
+    /// Whether those are a band, and queries and keys turned.
+    rotary: bool,
+    tokens: usize,
+    /// Heads of one block.
+    group: usize,
+}
+
+impl Attention {
+    /// See [`nerd_model::program::Op::Attend`].
+    pub fn new(width: usize, heads: usize, band: Option<usize>, tokens: usize) -> Result<Self, LearnError> {
+        let mut shape = Self { width, heads, seen: band.unwrap_or(tokens), rotary: band.is_some(), tokens, group: 1 };
+        if !width.is_multiple_of(4 * heads) || tokens > 64 || shape.seen > 32 {
+            return Err(LearnError::Mismatch(format!(
+                "attention on the device wants windows of at most 32 tokens, sequences of at most 64, and a head width that is a multiple of 4: {shape:?}"
+            )));
+        }
+        let fits = |group: &usize| {
+            let shape = Self { group: *group, ..shape };
+            heads.is_multiple_of(*group) && group * tokens <= 128 && shape.shared().1 <= SHARED / 2
+        };
+        shape.group = (1..=heads).rev().find(fits).unwrap_or(1);
+        match shape.shared().1 <= SHARED {
+            true => Ok(shape),
+            false => Err(LearnError::Mismatch(format!("attention is too large for a block of the device: {shape:?}"))),
+        }
+    }
+
+    /// In front of its kernels.
+    pub fn constants(&self) -> String {
+        let Self { width, heads, seen, rotary, group, .. } = self;
+        format!("constexpr int E = {width}, H = {heads}, B = {seen}, G = {group};\nconstexpr bool ROTARY = {rotary};")
+    }
+
+    /// Shared bytes forward (q|k|v) and backward (those, output gradient, probabilities and their gradients).
+    fn shared(&self) -> (usize, usize) {
+        let Self { width, heads, seen, tokens: t, group, .. } = self;
+        let columns = group * width / heads;
+        let forward = 4 * t * (3 * columns + 4);
+        (forward, forward + 4 * (t * (columns + 4) + 2 * group * t * seen))
+    }
+
+    /// Cosine and sine of each pair at each place, `[places][d / 2][2]`; nothing where nothing is turned.
+    pub fn turns(&self, frequencies: &[f64]) -> Vec<[f32; 2]> {
+        let places = if self.rotary { self.tokens.max(self.seen) } else { 0 };
+        let turn = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
+        (0..places).flat_map(turn).map(|(sin, cos)| [cos as f32, sin as f32]).collect()
+    }
+
+    /// Floats of an environment's keys and values.
+    pub fn ring(&self) -> usize {
+        self.seen * 2 * self.width
+    }
+
+    /// Mixed values of windows.
+    pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, turns: u64) -> Result<(), DeviceError> {
+        let (grid, threads) = self.blocks(windows);
+        d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(turns)])
+    }
+
+    /// The slope of `qkv` from that of mixed values.
+    pub fn backward(&self, d: &Device, windows: usize, qkv: u64, slope: u64, out: u64, turns: u64) -> Result<(), DeviceError> {
+        let (grid, threads) = self.blocks(windows);
+        d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(slope), Ptr(out), Ptr(turns)])
+    }
+
+    /// Mixed values of a token of each of `rows` environments, by their rings of keys and values.
+    pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, turns]: [u64; 5]) -> Result<(), DeviceError> {
+        let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(turns), Int(rows)];
+        d.launch("attention_stream", ((rows * self.heads).div_ceil(8), 1), (256, 1), 0, &args)
+    }
+
+    fn blocks(&self, windows: usize) -> ((usize, usize), (usize, usize)) {
+        ((windows, self.heads / self.group), ((self.group * self.tokens).next_multiple_of(32), 1))
+    }
+}

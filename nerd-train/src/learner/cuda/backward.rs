@@ -1,0 +1,221 @@
+//! The way back over a program's parts.
+//!
+//! Gradients of matrices run on the side stream while the main one goes on. So a slope is never written over in place: what follows from
+//! it stands in another buffer, and its own is used again once the side stream has read it.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+use nerd_cuda::Arg::{Int, Long, Ptr};
+use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op as Side};
+use nerd_model::program::{Activation, Op, Slot, Step};
+
+use super::attention::Attention;
+use super::network::{Network, Size};
+use super::plan::Part;
+
+/// Buffers of one length that are enough for both streams to go on.
+const SOME: usize = 3;
+
+/// Memory of the way back, taken in its first pass.
+pub(super) struct Back {
+    buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
+    fork: Event,
+    join: Event,
+}
+
+impl Back {
+    pub fn new(device: &Device) -> Result<Self, DeviceError> {
+        Ok(Self { buffers: RefCell::default(), fork: device.event()?, join: device.event()? })
+    }
+}
+
+/// Slopes by a slot's rows, and which of the buffers they stand in, if in one.
+#[derive(Clone, Copy)]
+struct Slope {
+    at: u64,
+    buffer: Option<usize>,
+}
+
+/// One pass.
+struct Walk<'a> {
+    net: &'a Network,
+    back: &'a Back,
+    slopes: Vec<Option<Slope>>,
+    free: VecDeque<usize>,
+    /// By buffer, whether the side stream reads it.
+    read: Vec<bool>,
+}
+
+impl Network {
+    /// Where the slope by predictions stands, or that by the hidden layer of a head.
+    pub fn slope(&self) -> u64 {
+        if let Some(Part::Head { from, .. }) = self.plan.parts.last() { self.at(*from) } else { self.targets.ptr }
+    }
+
+    /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::windows`] of all rows; that by tokens
+    /// `[rows][T][inputs]` too, if it is to go somewhere.
+    pub fn backward(&self, w: u64, g: u64, by_tokens: Option<u64>) -> Result<(), DeviceError> {
+        let Some(back) = &self.back else { return Err(DeviceError("the network was built without a way back".into())) };
+        let buffers = back.buffers.borrow().len();
+        let slopes = vec![None; self.plan.program.widths.len()];
+        let mut walk = Walk { net: self, back, slopes, free: (0..buffers).collect(), read: vec![false; buffers] };
+        let last = match self.plan.parts.last() {
+            Some(Part::Head { from, .. }) => *from,
+            _ => self.plan.program.predictions(),
+        };
+        walk.slopes[last.0] = Some(Slope { at: self.slope(), buffer: None });
+        walk.slopes[0] = by_tokens.map(|at| Slope { at, buffer: None });
+        for i in (0..self.plan.parts.len()).rev() {
+            walk.part(i, w, g)?;
+        }
+        self.device.mark(Lane::Side, &back.join)?;
+        self.device.after(Lane::Main, &back.join)?;
+        self.unfold(w, g)
+    }
+}
+
+impl Walk<'_> {
+    fn part(&mut self, i: usize, w: u64, g: u64) -> Result<(), DeviceError> {
+        let (net, plan) = (self.net, &self.net.plan);
+        let n = net.rows * plan.tokens;
+        match plan.parts[i] {
+            Part::Linear { from, to, weight, folded, add } => {
+                let (dy, size) = (self.slope(to)?, (n, plan.program.width(from), plan.width(to)));
+                self.gradient((net.at(from), plan.width(from)), dy, net.tensor(g, weight), size)?;
+                let matrix = net.matrix(w, weight, folded);
+                if from == Slot(0) {
+                    if let Some(dx) = self.slopes[0] {
+                        self.linear_dx(dy, matrix, dx, size, 0.0)?;
+                    }
+                } else if let Some(dx) = self.slopes[from.0] {
+                    self.settle(dx)?;
+                    self.linear_dx(dy, matrix, dx, size, 1.0)?;
+                } else {
+                    let dx = self.take(from)?;
+                    self.linear_dx(dy, matrix, dx, size, 0.0)?;
+                }
+                if !add {
+                    self.done(to);
+                }
+                Ok(())
+            }
+            Part::Shift { at, bias, table, .. } => {
+                let place = |weight| net.tensor(g, weight);
+                net.sum_rows(self.slope(at)?.at, plan.width(at), bias.map(place), table.map(place))
+            }
+            Part::Step(step) => self.step(i, step, w, g),
+            // Its slopes come with the loss.
+            Part::Head { .. } => Ok(()),
+        }
+    }
+
+    fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64, g: u64) -> Result<(), DeviceError> {
+        let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
+        let (n, width) = (net.rows * plan.tokens, plan.width(from));
+        let dy = self.slope(to)?;
+        if let Op::Activate(f) = op {
+            let quads = (n * width).div_ceil(4);
+            let bias = match i.checked_sub(1).map(|before| plan.parts[before]) {
+                Some(Part::Shift { bias: Some(bias), joined: true, .. }) => net.tensor(w, bias),
+                _ => 0,
+            };
+            // Nobody reads the slope behind it.
+            self.settle(dy)?;
+            (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
+            let kernel = if f == Activation::Gelu { "gelu_backward" } else { "relu_backward" };
+            return net.each(kernel, quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)]);
+        }
+        let before = self.slopes[from.0];
+        let dx = self.take(from)?;
+        match op {
+            Op::Norm => {
+                let known = before.map_or(0, |slope| slope.at);
+                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.asides[i][0].ptr), Ptr(known), Ptr(dx.at), Int(n)];
+                d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
+                self.free.extend(before.and_then(|slope| slope.buffer));
+            }
+            Op::Attend { .. } => {
+                let back = |a: Attention| a.backward(d, net.rows, net.at(from), dy.at, dx.at, net.turns.ptr);
+                plan.attention.map_or(Ok(()), back)?;
+            }
+            Op::Neighbours(apart) => {
+                let args = [Ptr(dy.at), Ptr(dx.at), Int(width), Int(apart), Long((n * width) as u64)];
+                net.each("neighbours_backward", n * width, &args)?;
+            }
+            Op::Cell { weight, bias, lstm } => {
+                let e = plan.width(to);
+                let dv = if lstm { dx } else { self.fresh(n * width)? };
+                let [dh, dc] = [self.fresh(net.rows * e)?, self.fresh(net.rows * e)?];
+                let slopes = [dy, dx, dv, dh, dc].map(|slope| slope.at);
+                net.cell_back(&net.asides[i], (net.rows, e, lstm), net.tensor(w, weight), slopes)?;
+                self.gradient((net.asides[i][0].ptr, e), dv, net.tensor(g, weight), (n, e, width))?;
+                net.sum_rows(dv.at, width, Some(net.tensor(g, bias)), None)?;
+                self.free.extend([dh, dc].iter().chain((!lstm).then_some(&dv)).filter_map(|slope| slope.buffer));
+            }
+            Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
+        }
+        self.done(to);
+        Ok(())
+    }
+
+    /// `dW = x^T dy` on the side stream, behind what the main one has been given.
+    fn gradient(&mut self, (x, ld): (u64, usize), dy: Slope, dw: u64, (n, i, o): Size) -> Result<(), DeviceError> {
+        let d = &self.net.device;
+        d.mark(Lane::Main, &self.back.fork)?;
+        d.after(Lane::Side, &self.back.fork)?;
+        d.product(Lane::Side, (Side::Plain, Side::Transposed), (o, i, n), (dy.at, o), (x, ld), 0.0, (dw, o))?;
+        let Some(buffer) = dy.buffer else { return Ok(()) };
+        self.read[buffer] = true;
+        d.mark(Lane::Side, &self.back.buffers.borrow()[buffer].1)
+    }
+
+    /// `dx = dy W^T + beta dx`.
+    fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
+        self.net.device.product(Lane::Main, (Side::Transposed, Side::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
+    }
+
+    /// The slope of a slot behind which all has been walked.
+    fn slope(&self, slot: Slot) -> Result<Slope, DeviceError> {
+        self.slopes[slot.0].ok_or_else(|| DeviceError(format!("{slot:?} of the program is written and not read")))
+    }
+
+    /// A slope is needed no more.
+    fn done(&mut self, slot: Slot) {
+        self.free.extend(self.slopes[slot.0].take().and_then(|slope| slope.buffer));
+    }
+
+    /// A buffer for the slope of a slot.
+    fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
+        let slope = self.fresh(self.net.rows * self.net.plan.tokens * self.net.plan.width(slot))?;
+        self.slopes[slot.0] = Some(slope);
+        Ok(slope)
+    }
+
+    /// A buffer of this length: one that nobody reads, or a new one, or where there are some already the one that is free for longest.
+    fn fresh(&mut self, len: usize) -> Result<Slope, DeviceError> {
+        let (len, mut buffers) = (len.next_multiple_of(4), self.back.buffers.borrow_mut());
+        let long = |buffer: &usize| buffers[*buffer].0.len == len;
+        let idle = self.free.iter().position(|buffer| long(buffer) && !self.read[*buffer]);
+        let some = (0..buffers.len()).filter(long).count() >= SOME;
+        let found = idle.or_else(|| self.free.iter().position(long).filter(|_| some));
+        let buffer = match found.and_then(|k| self.free.remove(k)) {
+            Some(buffer) => buffer,
+            None => {
+                buffers.push((self.net.device.zeros(len)?, self.net.device.event()?));
+                self.read.push(false);
+                buffers.len() - 1
+            }
+        };
+        let slope = Slope { at: buffers[buffer].0.ptr, buffer: Some(buffer) };
+        drop(buffers);
+        self.settle(slope)?;
+        Ok(slope)
+    }
+
+    /// Waits, before a slope is written, for the side stream to have read what was there.
+    fn settle(&mut self, slope: Slope) -> Result<(), DeviceError> {
+        let Some(buffer) = slope.buffer.filter(|buffer| std::mem::take(&mut self.read[*buffer])) else { return Ok(()) };
+        self.net.device.after(Lane::Main, &self.back.buffers.borrow()[buffer].1)
+    }
+}

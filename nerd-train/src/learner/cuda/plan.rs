@@ -1,0 +1,318 @@
+//! What of a program is computed together, with which constants kernels are compiled, and where rows and parameters stand.
+//!
+//! A scale is folded into the matrix behind it, `W' = diag(w) W`, once an update. Kernels then move rows without it, and both gradients
+//! follow from that of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`. Biases and places are added by the kernel behind them
+//! where there is one, and a hidden layer at the end is one kernel with its loss.
+
+use nerd_model::program::{Activation, Op, Program, Slot, Step, Weight};
+use nerd_model::transformer::TransformerConfig;
+
+use super::attention::Attention;
+use crate::learner::LearnError;
+
+/// Floats that a block's fixed shared memory has room for in the head.
+const HEAD: usize = 12 << 10;
+
+/// Steps that are computed together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Part {
+    /// `y = x W'`, or `y += x W'`; without an offset in the folded vector, W' is W.
+    Linear { from: Slot, to: Slot, weight: Weight, folded: Option<usize>, add: bool },
+    /// `x += bias + P[k]` in place, or while the next part reads it, if it is joined to that.
+    Shift { at: Slot, bias: Option<Weight>, table: Option<Weight>, joined: bool },
+    /// Any other step.
+    Step(Step),
+    /// Predictions `relu(z + bias) W + c`, W and c being the last tensors, behind the bias.
+    Head { from: Slot, to: Slot, bias: Weight },
+}
+
+/// A program for windows of so many tokens.
+pub(super) struct Plan {
+    pub program: Program,
+    pub tokens: usize,
+    pub parts: Vec<Part>,
+    /// Offsets of tensors, and the number of parameters.
+    pub starts: Vec<usize>,
+    /// Of each folded row: offsets of W, w and W', and columns.
+    pub table: Vec<[i32; 4]>,
+    /// Entries of the folded vector.
+    pub folded: usize,
+    /// Columns of a token on the device: cuBLAS likes rows aligned.
+    pub padded: usize,
+    pub attention: Option<Attention>,
+    /// Columns of rows that are normed, if any are.
+    pub norm: usize,
+}
+
+impl Plan {
+    /// Of a network's program; a hidden layer at its end is one kernel.
+    pub fn of(config: &TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
+        config.check().map_err(LearnError::Mismatch)?;
+        Self::new(config.program(), tokens, true)
+    }
+
+    /// For one token at a time.
+    pub fn stream(config: &TransformerConfig) -> Result<Self, LearnError> {
+        let plan = Self::of(config, 1)?;
+        let alone = |op: &Op| match op {
+            Op::Place(_) | Op::Neighbours(_) | Op::Cell { .. } => false,
+            Op::Attend { heads, band } => band.is_some() && config.embedding <= 32 * heads,
+            Op::Linear { .. } | Op::Norm | Op::Activate(_) => true,
+        };
+        match plan.program.steps.iter().all(|step| alone(&step.op)) {
+            true => Ok(plan),
+            false => Err(LearnError::Mismatch(format!(
+                "on the device, frames one by one want a network that sees no windows, and heads of at most 32 columns: {config:?}"
+            ))),
+        }
+    }
+
+    /// Refuses what the kernels do not cover; `head` says whether a hidden layer at the end may be one kernel.
+    pub fn new(program: Program, tokens: usize, head: bool) -> Result<Self, LearnError> {
+        let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
+        let mut plan = Self { tokens, parts: Vec::new(), starts, table: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
+        // Kernels count entries of the flat vector in 31 bits.
+        if plan.parameters() > i32::MAX as usize / 4 {
+            return Err(LearnError::Mismatch(format!("{} parameters are too many for the CUDA engine", plan.parameters())));
+        }
+        for i in 0..plan.program.steps.len() {
+            plan.add(i)?;
+        }
+        for i in 1..plan.parts.len() {
+            let next = plan.parts[i];
+            if let Part::Shift { at, table, .. } = plan.parts[i - 1] {
+                let alone = table.is_none() && plan.program.steps.iter().filter(|step| step.from == at).count() == 1;
+                let takes = match next {
+                    Part::Step(Step { from, op: Op::Norm, .. }) => from == at,
+                    Part::Step(Step { from, op: Op::Activate(_) | Op::Cell { .. }, .. }) => from == at && alone,
+                    _ => false,
+                };
+                let Part::Shift { joined, .. } = &mut plan.parts[i - 1] else { continue };
+                *joined = takes;
+            }
+        }
+        if head {
+            plan.join_head();
+        }
+        match plan.mixing() < plan.parts.len() {
+            true => Ok(plan),
+            false => Err(LearnError::Mismatch("the CUDA engine wants a last step in which tokens are alone".into())),
+        }
+    }
+
+    fn add(&mut self, i: usize) -> Result<(), LearnError> {
+        let step = self.program.steps[i];
+        let (from, to) = (step.from, step.to);
+        let refuse = |what: &str| Err(LearnError::Mismatch(format!("{what} for the CUDA engine")));
+        if from == Slot(0) && !matches!(step.op, Op::Linear { .. }) || to == Slot(0) {
+            return refuse("tokens go through a product first");
+        }
+        match step.op {
+            Op::Linear { weight, scale, bias, add } => {
+                let folded = scale.map(|scale| self.fold(weight, scale));
+                self.parts.push(Part::Linear { from, to, weight, folded, add });
+                self.parts.extend(bias.map(|bias| Part::Shift { at: to, bias: Some(bias), table: None, joined: false }));
+                return Ok(());
+            }
+            Op::Place(place) => {
+                match self.parts.last_mut() {
+                    Some(Part::Shift { at, table: table @ None, .. }) if *at == to => *table = Some(place),
+                    _ => self.parts.push(Part::Shift { at: to, bias: None, table: Some(place), joined: false }),
+                }
+                return Ok(());
+            }
+            Op::Norm => {
+                let width = self.program.width(to);
+                if !width.is_multiple_of(2) || ![0, width].contains(&self.norm) {
+                    return refuse("norms have one width, an even one,");
+                }
+                self.norm = width;
+            }
+            Op::Attend { heads, band } => {
+                let attention = Attention::new(self.program.width(to), heads, band, self.tokens)?;
+                if self.attention.is_some_and(|one| one != attention) {
+                    return refuse("attentions have one shape");
+                }
+                self.attention = Some(attention);
+            }
+            Op::Neighbours(_) | Op::Activate(_) | Op::Cell { .. } => {}
+        }
+        self.parts.push(Part::Step(step));
+        Ok(())
+    }
+
+    /// Where W' of a matrix will stand.
+    fn fold(&mut self, weight: Weight, scale: Weight) -> usize {
+        let shape = &self.program.tensors[weight.0].shape;
+        let (at, rows, columns) = (self.folded, shape[0], shape[1]);
+        let row = |r: usize| [self.starts[weight.0] + r * columns, self.starts[scale.0] + r, at + r * columns, columns];
+        self.table.extend((0..rows).map(row).map(|entries| entries.map(|x| x as i32)));
+        self.folded += rows * columns;
+        at
+    }
+
+    /// A hidden layer with relu before the last product is one kernel, if that has room.
+    fn join_head(&mut self) {
+        let count = self.program.tensors.len();
+        let [
+            ..,
+            Part::Linear { .. },
+            Part::Shift { at, bias: Some(bias), .. },
+            relu,
+            last,
+            Part::Shift { at: to, bias: Some(end), table: None, .. },
+        ] = self.parts[..]
+        else {
+            return;
+        };
+        let Part::Linear { weight, folded: None, add: false, .. } = last else { return };
+        let (hidden, outputs) = (self.program.width(at), self.program.width(to));
+        let (relu, tail) =
+            (matches!(relu, Part::Step(Step { from, op: Op::Activate(Activation::Relu), .. }) if from == at), [bias, weight, end]);
+        if relu && tail.map(|w| w.0 + 3) == [count, count + 1, count + 2] && hidden * (outputs + 1) + outputs < HEAD {
+            self.parts.truncate(self.parts.len() - 4);
+            self.parts.push(Part::Head { from: at, to, bias });
+        }
+    }
+
+    pub fn parameters(&self) -> usize {
+        self.starts.last().copied().unwrap_or(0)
+    }
+
+    pub fn inputs(&self) -> usize {
+        self.program.width(Slot(0))
+    }
+
+    pub fn outputs(&self) -> usize {
+        self.program.width(self.program.predictions())
+    }
+
+    /// Floats of a row of a slot on the device.
+    pub fn width(&self, slot: Slot) -> usize {
+        if slot == Slot(0) { self.padded } else { self.program.width(slot) }
+    }
+
+    /// Width of the hidden layer that is one kernel with its loss.
+    pub fn head(&self) -> Option<usize> {
+        self.parts.iter().find_map(|part| if let Part::Head { from, .. } = part { Some(self.program.width(*from)) } else { None })
+    }
+
+    /// Columns of a row of its gradients and squared error.
+    pub fn head_columns(&self) -> usize {
+        self.head().map_or(1, |hidden| (hidden + 1) * (self.outputs() + 1))
+    }
+
+    /// The number of parts in which tokens look at each other or at their places, and of those before them.
+    pub fn mixing(&self) -> usize {
+        let mixes = |part: &Part| match part {
+            Part::Shift { table, .. } => table.is_some(),
+            Part::Step(step) => matches!(step.op, Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }),
+            _ => false,
+        };
+        // What is joined to the part behind it is done with that.
+        self.parts.iter().rposition(mixes).map_or(0, |i| i + 1 + usize::from(matches!(self.parts[i], Part::Shift { joined: true, .. })))
+    }
+
+    /// Slots that parts from `first` on read though others wrote them.
+    pub fn open(&self, first: usize) -> Vec<Slot> {
+        let slots = (0..self.program.widths.len()).map(Slot);
+        let written = |slot: Slot| slot == Slot(0) || self.parts[..first].iter().any(|part| part.to() == slot);
+        let read = |slot: Slot| self.parts[first..].iter().any(|part| part.reads(slot)) || slot == self.program.predictions();
+        slots.filter(|slot| written(*slot) && read(*slot)).collect()
+    }
+
+    /// The buffer of each slot, and the floats of a row of each buffer. Slots share one if one is done before the other begins, unless all
+    /// are to be kept.
+    pub fn homes(&self, keep: bool) -> (Vec<usize>, Vec<usize>) {
+        let (mut homes, mut widths, mut free) = (vec![usize::MAX; self.program.widths.len()], vec![self.padded], Vec::new());
+        homes[0] = 0;
+        for (i, part) in self.parts.iter().enumerate() {
+            let (to, width) = (part.to(), self.width(part.to()));
+            if homes[to.0] == usize::MAX {
+                let found = free.iter().position(|home| widths[*home] == width).map(|k| free.swap_remove(k));
+                homes[to.0] = found.unwrap_or_else(|| {
+                    widths.push(width);
+                    widths.len() - 1
+                });
+            }
+            let done = |slot: &Slot| slot.0 > 0 && part.reads(*slot) && !self.open(i + 1).contains(slot);
+            free.extend((0..homes.len()).map(Slot).filter(done).filter(|_| !keep).map(|slot| homes[slot.0]));
+        }
+        (homes, widths)
+    }
+}
+
+impl Part {
+    /// The slot that it writes.
+    pub fn to(&self) -> Slot {
+        match *self {
+            Self::Linear { to, .. } | Self::Step(Step { to, .. }) | Self::Head { to, .. } | Self::Shift { at: to, .. } => to,
+        }
+    }
+
+    fn reads(&self, slot: Slot) -> bool {
+        match *self {
+            Self::Linear { from, to, add, .. } => from == slot || add && to == slot,
+            Self::Step(Step { from, .. }) | Self::Head { from, .. } | Self::Shift { at: from, .. } => from == slot,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nerd_model::program::specimens::{TOKENS, networks, operations};
+    use nerd_model::transformer::Positions;
+
+    use super::*;
+
+    /// A letter a part; small where it is done by the one behind it.
+    fn letters(plan: &Plan) -> String {
+        let letter = |part: &Part| match part {
+            Part::Linear { folded: Some(_), .. } => 'F',
+            Part::Linear { add: true, .. } => 'A',
+            Part::Linear { .. } => 'L',
+            Part::Shift { joined: true, .. } => 's',
+            Part::Shift { .. } => 'S',
+            Part::Head { .. } => 'H',
+            Part::Step(step) => match step.op {
+                Op::Norm => 'N',
+                Op::Attend { .. } => 'M',
+                Op::Neighbours(_) => 'B',
+                Op::Activate(_) => 'G',
+                Op::Cell { .. } => 'C',
+                Op::Linear { .. } | Op::Place(_) => '?',
+            },
+        };
+        plan.parts.iter().map(letter).collect()
+    }
+
+    #[test]
+    fn what_stands_side_by_side_is_done_together() {
+        let paper = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
+        for positions in [Positions::Table, Positions::Rotary] {
+            let plan = Plan::of(&TransformerConfig { positions, ..paper }, 10).expect("a plan");
+            assert_eq!(letters(&plan), "LsNFMANFGANFMANFGANFLH");
+            // Behind the last attention, where only newest tokens go on: what it mixed, and what that is added to.
+            assert_eq!((plan.mixing(), plan.open(plan.mixing()).len()), (13, 2));
+        }
+        let plans = networks().into_iter().map(|s| Plan::new(s.program, TOKENS, true).expect("a plan"));
+        let all: Vec<String> = plans.map(|plan| letters(&plan)).collect();
+        assert_eq!(all, ["LsNFMANFGANFMANFGANFLH", "LsGLsGLsGLH", "LsCLsCLH", "LsCLsCLH", "LsNBLsGANBLsGANLS", "LsNFMANFGANFMANFGANFLH"]);
+    }
+
+    #[test]
+    fn slots_that_share_a_buffer_are_never_open_together() {
+        for specimen in operations().into_iter().chain(networks()) {
+            let plan = Plan::new(specimen.program, TOKENS, true).expect("a plan");
+            let (homes, widths) = plan.homes(false);
+            for i in 0..plan.parts.len() {
+                // What is read now may not be written over by the same part.
+                let open = plan.open(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0);
+                let slots: std::collections::BTreeSet<usize> = open.filter(|slot| homes[*slot] != usize::MAX).collect();
+                let buffers: std::collections::BTreeSet<usize> = slots.iter().map(|slot| homes[*slot]).collect();
+                assert_eq!(buffers.len(), slots.len(), "{}, part {i}", specimen.name);
+                assert!(slots.iter().all(|slot| widths[homes[*slot]] == plan.width(Slot(*slot))), "{}, part {i}", specimen.name);
+            }
+        }
+    }
+}
