@@ -1,6 +1,7 @@
 //! One GPU: context, two streams, compiled kernels.
 
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
@@ -22,6 +23,28 @@ pub enum Lane {
     Main,
     /// Beside it.
     Side,
+}
+
+static ORDINAL: AtomicUsize = AtomicUsize::new(0);
+
+/// The GPU of this process, counted from 0.
+pub fn ordinal() -> usize {
+    ORDINAL.load(Ordering::Relaxed)
+}
+
+/// Makes the GPU of this number, among those of this machine, that of this process: for one of several, before anything is opened.
+///
+/// # Errors
+/// If there is none of that number.
+pub fn take(local: usize) -> Result<usize, DeviceError> {
+    let ordinal = match Device::count()? {
+        // A launcher may show each process its own card alone.
+        1 => 0,
+        count if local < count => local,
+        count => return Err(DeviceError(format!("LOCAL_RANK is {local}, and {count} GPUs are seen: start fewer ranks"))),
+    };
+    ORDINAL.store(ordinal, Ordering::Relaxed);
+    Ok(ordinal)
 }
 
 /// A kernel argument.
@@ -64,13 +87,13 @@ impl Device {
         CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
     }
 
-    /// Bytes of the first GPU's memory that nobody has taken.
+    /// Bytes of this process's GPU that nobody has taken.
     ///
     /// # Errors
     /// If there is none.
     pub fn free() -> Result<usize, DeviceError> {
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
-        let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
+        let context = CudaContext::new(ordinal()).map_err(failed("no usable GPU"))?;
         context.bind_to_thread().map_err(failed("context"))?;
         driver::result::mem_get_info().map(|(free, _)| free).map_err(failed("memory"))
     }

@@ -12,7 +12,7 @@ mod products;
 mod sums;
 
 pub use cudarc::driver::CudaEvent as Event;
-pub use device::{Arg, Device, Lane};
+pub use device::{Arg, Device, Lane, ordinal, take};
 pub use error::DeviceError;
 pub use graph::Graph;
 pub use memory::Buffer;

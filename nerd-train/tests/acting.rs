@@ -48,7 +48,7 @@ int main() {
     vector<double> worth(n), both(2 * steps), partial(parts * seen), first(seen), second(seen);
     RUN(steps * seen, normalize(rows.data(), mean_of.data(), inverse.data(), inputs.data(), steps * seen, seen));
     RUN(n, act(said.data(), parameter.data(), key[0], key[1], key[2], key[3], key[4], law[0], law[1], means.data(), spreads.data(),
-               actions.data(), surprise.data(), worth.data(), kept.data(), n, a, a + 1));
+               actions.data(), surprise.data(), worth.data(), kept.data(), n, a, a + 1, 0));
     RUN(n, gae(rewards.data(), ends.data(), values.data(), cut.data(), both.data(), n, horizon, law[2], law[3]));
     RUN(parts * seen, columns(rows.data(), nullptr, steps, seen, parts, partial.data()));
     RUN(seen, mean(partial.data(), steps, seen, parts, first.data()));

@@ -11,18 +11,20 @@ use nerd_tasks::Snapshot;
 use super::environments::Environments;
 use super::normalizer::RunningMoments;
 use super::policy::Policy;
+use super::shared::{cut, gathered};
 use super::tensors::{Reader, Writer};
 use super::trainer::{PpoError, Trainer};
 use crate::checkpoint::CheckpointError;
 use crate::difference::between;
 
 impl<E: Environments> Trainer<E> {
-    /// Writes where the run stands; `run` is whatever else the caller wants to find again.
+    /// Writes where the run stands; `run` is whatever else the caller wants to find again. Of several ranks all call it, and the first writes.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// If the file cannot be written, or a rank is lost.
     pub fn save(&self, path: &Path, run: &str) -> Result<(), PpoError> {
-        let (state, snapshot) = (&self.state, self.environments.snapshot()?);
+        let (state, own) = (&self.state, (self.environments.snapshot()?, self.state.running.clone()));
+        let Some((snapshot, running)) = gathered(&self.ranks, own)? else { return Ok(()) };
         let mut file = Writer::default();
         put(&mut file, "policy", &state.policy);
         if let Some((reward, policy)) = &state.best {
@@ -33,9 +35,9 @@ impl<E: Environments> Trainer<E> {
         file.f32("adam.v", &[state.adam.v.len()], &state.adam.v);
         file.u64("counts", &[state.iteration, state.adam.step, self.seed]);
         file.f64("rate", [state.adam.rate]);
-        file.f64("running.stack", state.running.stack.rows.iter().copied());
-        file.f64("running.rewards", state.running.rewards.iter().copied());
-        file.f64("running.lengths", state.running.lengths.iter().copied());
+        file.f64("running.stack", running.stack.rows.iter().copied());
+        file.f64("running.rewards", running.rewards.iter().copied());
+        file.f64("running.lengths", running.lengths.iter().copied());
         file.f64("recent", state.recent.iter().flat_map(|e| [e.0, e.1]));
         file.f64("states", snapshot.states);
         file.u64("frames", &snapshot.frames);
@@ -69,14 +71,19 @@ impl<E: Environments> Trainer<E> {
             Ok(reward) => Some((reward[0], get(&file, "best", &state.policy)?)),
             Err(_) => None,
         };
-        let n = Some(state.adam.m.len());
-        (state.adam.m, state.adam.v) = (file.f32("adam.m", n)?, file.f32("adam.v", n)?);
+        let weights = Some(state.adam.m.len());
+        (state.adam.m, state.adam.v) = (file.f32("adam.m", weights)?, file.f32("adam.v", weights)?);
         (state.iteration, state.adam.step) = (counts[0], counts[1]);
         state.adam.rate = file.f64("rate", Some(1))?[0];
-        let running = &mut state.running;
-        running.stack.rows = file.f64("running.stack", Some(running.stack.rows.len()))?;
-        running.rewards = file.f64("running.rewards", Some(running.rewards.len()))?;
-        running.lengths = file.f64("running.lengths", Some(running.lengths.len()))?;
+        let (running, n) = (&mut state.running, self.config.environments);
+        let part = self.ranks.part(n);
+        let row = running.stack.rows.len() / part.len().max(1);
+        let own = |name: &str, width: usize| {
+            Ok::<_, CheckpointError>(file.f64(name, Some(n * width))?[part.start * width..part.end * width].to_vec())
+        };
+        running.stack.rows = own("running.stack", row)?;
+        running.rewards = own("running.rewards", 1)?;
+        running.lengths = own("running.lengths", 1)?;
         state.recent = file.f64("recent", None)?.as_chunks().0.iter().map(|[a, b]| (*a, *b)).collect();
         let snapshot = Snapshot {
             states: file.f64("states", None)?,
@@ -86,7 +93,7 @@ impl<E: Environments> Trainer<E> {
             past_states: file.f64("past.states", None)?,
             past_torques: file.f64("past.torques", None)?,
         };
-        self.environments.restore(&snapshot)?;
+        self.environments.restore(&cut(&snapshot, n, &part))?;
         self.state = state;
         Ok(())
     }

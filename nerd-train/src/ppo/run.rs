@@ -66,7 +66,7 @@ pub struct Learned {
 /// A run that goes on.
 struct Going {
     trainer: Trainer<Shared>,
-    metrics: Metrics,
+    metrics: Option<Metrics>,
     split: Split,
     failed: usize,
 }
@@ -90,9 +90,8 @@ impl PolicyRun {
         if world > environments {
             refuse!("{environments} environments: {world} ranks need one each");
         }
-        #[cfg(feature = "cuda")]
-        if world > 1 && self.arena.on_gpu() {
-            refuse!("--device cuda: ranks of `policy train` compute on the CPU; leave --device or --ranks out");
+        if self.arena.on_gpu() && world > 1 {
+            return self.side_by_side(ranks);
         }
         if ranks.leads() {
             return self.lead(ranks).map(Some);
@@ -100,6 +99,13 @@ impl PolicyRun {
         let system = System::named(named(&self.task)?.robot())?;
         self.shared(ranks, &system, &Clock::default())?.serve()?;
         Ok(None)
+    }
+
+    /// On cards every rank learns, each from its share of the environments; rank 0 writes.
+    fn side_by_side(&self, ranks: &Arc<Ranks>) -> Result<Option<Learned>> {
+        #[cfg(feature = "cuda")]
+        nerd_cuda::take(ranks.local()).map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
+        Some(self.lead(ranks)).filter(|done| ranks.leads() || done.is_err()).transpose()
     }
 
     /// This rank's share of the environments.
@@ -110,7 +116,9 @@ impl PolicyRun {
         ranks.agree("settings", identity.as_bytes(), how)?;
         let (task, n) = (named(&self.task)?, self.config.environments);
         let task = if self.fast { Box::new(Fast::new(task, system)) } else { task };
-        Ok(Shared::new(self.arena.part(task, ranks.part(n), self.seed, clock)?, n, ranks)?)
+        let (part, own) = (ranks.part(n), self.arena.part(task, ranks.part(n), self.seed, clock)?);
+        // Where every rank learns, none tells another what to do.
+        Ok(if self.arena.on_gpu() { Shared::new(own, part.len(), &Arc::default())? } else { Shared::new(own, n, ranks)? })
     }
 
     /// What a checkpoint is known by: a model is its weights, wherever they are.
@@ -128,20 +136,26 @@ impl PolicyRun {
         let title = format!("{} on {solver}", self.task);
         let (identity, clock) = (self.identity(&system)?, Clock::default());
         let episodes = self.shared(ranks, &system, &clock)?;
-        let mut trainer = Trainer::new(episodes, self.config.clone(), self.seed)?;
+        let learners = if self.arena.on_gpu() { ranks.clone() } else { Arc::default() };
+        let mut trainer = Trainer::among(&learners, episodes, self.config.clone(), self.seed)?;
         #[cfg(feature = "cuda")]
         if self.arena.on_gpu() {
-            let engine = super::CudaEngine::new(&trainer.state.policy.shape, &self.config);
+            let engine = super::CudaEngine::among(&trainer.state.policy.shape, &self.config, &learners);
             trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
         }
-        let _claim = crate::run::claimed(out)?;
+        let leads = learners.leads();
+        let _claim = leads.then(|| crate::run::claimed(out)).transpose()?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
             trainer.resume(&out.join(LAST), &identity).map_err(other)?;
-            eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
+            if leads {
+                eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
+            }
         }
+        // Nobody reads any more what the first will write.
+        learners.wait()?;
         let first = trainer.state.iteration;
-        let metrics = Metrics::open(&out.join("metrics.jsonl"), first)?;
+        let metrics = leads.then(|| Metrics::open(&out.join("metrics.jsonl"), first)).transpose()?;
         let bar = bar(&format!("steps of {title}"), trainer.config.iterations * trainer.config.steps() as u64);
         let mut going = Going { trainer, metrics, split: Split::default(), failed: 0 };
         self.iterate(&mut going, &identity, started, &bar)?;
@@ -149,16 +163,20 @@ impl PolicyRun {
         let Going { trainer, split, failed, .. } = going;
         trainer.environments.end()?;
         let spent = split.words(&clock);
-        // Asked again, a finished run keeps its times.
-        if trainer.state.iteration > first || !sessions::any(out) {
-            sessions::log(out, first, trainer.state.iteration, started.elapsed().as_secs_f64(), &spent)?;
-        }
-        #[cfg(feature = "report")]
-        super::curve::draw(out, &title)?;
-        card::export(out, &self.task, (&solver, &identity), &trainer)?;
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
-        Ok(Learned { title, policy, reward, iterations, failed, elapsed, spent })
+        let done = Learned { title, policy, reward, iterations, failed, elapsed, spent };
+        if !leads {
+            return Ok(done);
+        }
+        // Asked again, a finished run keeps its times.
+        if trainer.state.iteration > first || !sessions::any(out) {
+            sessions::log(out, first, trainer.state.iteration, done.elapsed.as_secs_f64(), &done.spent)?;
+        }
+        #[cfg(feature = "report")]
+        super::curve::draw(out, &done.title)?;
+        card::export(out, &self.task, (&solver, &identity), &trainer)?;
+        Ok(done)
     }
 
     /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
@@ -167,7 +185,7 @@ impl PolicyRun {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
-            metrics.write(&line)?;
+            metrics.as_mut().map_or(Ok(()), |metrics| metrics.write(&line))?;
             split.add(&line, trainer.config.steps());
             *failed += line.failed;
             if let (Some(reward), Some(length)) = (line.reward, line.length) {
@@ -176,10 +194,10 @@ impl PolicyRun {
             bar.set(line.frames);
             let reached = self.until.zip(line.reward).is_some_and(|(wanted, reward)| reward >= wanted && trainer.state.best.is_some());
             let late = self.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m);
-            if reached || late {
+            if trainer.ranks.decide(reached || late)? {
                 break;
             }
-            if saved.elapsed() > SAVE {
+            if trainer.ranks.decide(saved.elapsed() > SAVE)? {
                 trainer.save(&checkpoint, identity)?;
                 saved = Instant::now();
             }

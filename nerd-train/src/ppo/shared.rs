@@ -16,6 +16,7 @@ use nerd_tasks::{Episodes, Snapshot, StepResult};
 #[cfg(feature = "cuda")]
 use super::World;
 use super::environments::Environments;
+use super::rollout::Running;
 use super::trainer::PpoError;
 use crate::ranks::{RankError, Ranks};
 
@@ -223,8 +224,27 @@ fn heard(parts: &[Vec<u64>]) -> Snapshot {
     Snapshot { states: real(0), frames, goals: real(2), begun, past_states: real(4), past_torques: real(5) }
 }
 
+/// Where all ranks stand, on rank 0; none on the others.
+pub(super) fn gathered(ranks: &Ranks, (own, running): (Snapshot, Running)) -> Result<Option<(Snapshot, Running)>, RankError> {
+    if ranks.world() == 1 {
+        return Ok(Some((own, running)));
+    }
+    let mut words = said(own);
+    words.extend([&running.stack.rows, &running.rewards, &running.lengths].map(|x| bits(x)));
+    let told: Vec<Vec<Vec<u64>>> = ranks.gather(packed(&words))?.iter().map(|bytes| unpacked(bytes)).collect();
+    if !ranks.leads() {
+        return Ok(None);
+    }
+    let whole = joined(&told.iter().map(|parts| heard(parts)).collect::<Vec<_>>());
+    let mut all = running;
+    for (k, numbers) in [&mut all.stack.rows, &mut all.rewards, &mut all.lengths].into_iter().enumerate() {
+        *numbers = told.iter().flat_map(|parts| reals(part(parts, 6 + k))).collect();
+    }
+    Ok(Some((whole, all)))
+}
+
 /// Some of n environments.
-fn cut(all: &Snapshot, n: usize, range: &Range<usize>) -> Snapshot {
+pub(super) fn cut(all: &Snapshot, n: usize, range: &Range<usize>) -> Snapshot {
     let past = all.past_states.len().checked_div(all.states.len()).unwrap_or(0);
     Snapshot {
         states: rows(&all.states, 1, n, range),

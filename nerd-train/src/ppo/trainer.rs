@@ -1,6 +1,7 @@
 //! Iterations of rollout and update, and all that a run needs to go on.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_sim::sampling::stream;
@@ -14,7 +15,7 @@ use super::policy::{Policy, Shape};
 use super::rollout::Running;
 use super::update::{Adam, Updated};
 use crate::checkpoint::CheckpointError;
-use crate::ranks::RankError;
+use crate::ranks::{RankError, Ranks};
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -109,6 +110,8 @@ pub struct Trainer<E> {
     pub state: State,
     /// What its policy answers on and learns.
     pub engine: Box<dyn Engine>,
+    /// Those that learn side by side, each from its share of the environments; one alone otherwise.
+    pub ranks: Arc<Ranks>,
 }
 
 impl<E: Environments> Trainer<E> {
@@ -117,9 +120,19 @@ impl<E: Environments> Trainer<E> {
     /// # Errors
     /// If settings and environments do not fit.
     pub fn new(environments: E, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
+        Self::among(&Arc::default(), environments, config, seed)
+    }
+
+    /// The same as one of several ranks that all learn, from this rank's share of the environments. Its engine has to be one of theirs
+    /// (`CudaEngine::among`).
+    ///
+    /// # Errors
+    /// As [`Trainer::new`].
+    pub fn among(ranks: &Arc<Ranks>, environments: E, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
         config.check()?;
-        if environments.count() != config.environments {
-            return Err(PpoError::Environments { found: environments.count(), wanted: config.environments });
+        let wanted = ranks.part(config.environments).len();
+        if environments.count() != wanted {
+            return Err(PpoError::Environments { found: environments.count(), wanted });
         }
         let shape = Shape {
             observation: environments.observation_dim(),
@@ -133,7 +146,7 @@ impl<E: Environments> Trainer<E> {
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&environments, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        Ok(Self { environments, config, seed, state, engine: Box::new(OnCpu::default()) })
+        Ok(Self { environments, config, seed, state, engine: Box::new(OnCpu::default()), ranks: ranks.clone() })
     }
 
     /// One rollout and its update.

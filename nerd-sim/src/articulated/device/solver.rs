@@ -52,7 +52,7 @@ impl Motion for Whole {
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
         self.device = None;
         let text = program(&batch.system, &self.config, self.real, reach);
-        self.device = Some(Device::open(0, &text, &["advance"]).map_err(failed)?);
+        self.device = Some(Device::open(nerd_cuda::ordinal(), &text, &["advance"]).map_err(failed)?);
         Ok(())
     }
 

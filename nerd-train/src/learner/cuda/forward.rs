@@ -40,7 +40,7 @@ impl CudaForward {
         if weights.flat.len() != plan.parameters() {
             return Err(LearnError::Mismatch(format!("{} weights for a network of {}", weights.flat.len(), plan.parameters())));
         }
-        let network = Network::new(0, plan, max_windows, precision, false)?;
+        let network = Network::new(nerd_cuda::ordinal(), plan, max_windows, precision, false)?;
         let d = &network.device;
         let (flat, last) = (d.upload(&weights.flat)?, d.zeros(max_windows)?);
         network.fold(flat.ptr)?;

@@ -27,7 +27,7 @@ impl CudaProgram {
         if flat.len() != plan.parameters() {
             return Err(LearnError::Mismatch(format!("{} weights for a program of {}", flat.len(), plan.parameters())));
         }
-        let network = Network::new(0, plan, windows, precision, true)?;
+        let network = Network::new(nerd_cuda::ordinal(), plan, windows, precision, true)?;
         let d = &network.device;
         let (weights, gradients) = (d.upload(flat)?, d.zeros(flat.len())?);
         let by_tokens = d.zeros(windows * tokens * network.plan.inputs())?;

@@ -36,7 +36,7 @@ impl CudaStream {
             return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", plan.parameters())));
         }
         let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
-        let network = Network::new(0, plan, envs, precision, false)?;
+        let network = Network::new(nerd_cuda::ordinal(), plan, envs, precision, false)?;
         let d = &network.device;
         let weights = d.upload(&weights.flat)?;
         network.fold(weights.ptr)?;

@@ -61,14 +61,7 @@ impl CudaLearner {
         if ranks.world() == 1 {
             return Self::new(config, precision, state, train, validation);
         }
-        let ordinal = match (Device::count()?, ranks.local()) {
-            // A launcher may show each process its own card alone.
-            (1, _) => 0,
-            (count, local) if local < count => local,
-            (count, local) => {
-                return Err(LearnError::Device(format!("LOCAL_RANK is {local}, and {count} GPUs are seen: start fewer ranks")));
-            }
-        };
+        let ordinal = nerd_cuda::take(ranks.local())?;
         let join = |device: &Device| -> Result<Option<Sums>, LearnError> {
             let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
             Ok(Some(Sums::join(device, &ranks.share(0, || id)?, ranks.rank(), ranks.world())?))

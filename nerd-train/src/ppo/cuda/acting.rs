@@ -49,8 +49,8 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    pub(super) fn new(device: &Device, shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
-        let (n, steps, width) = (config.environments, config.steps(), shape.observation * shape.stack);
+    pub(super) fn new(device: &Device, shape: &Shape, config: &PpoConfig, environments: usize) -> Result<Self, DeviceError> {
+        let (n, steps, width) = (environments, environments * config.horizon, shape.observation * shape.stack);
         let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
         Ok(Self {
             environments: n,
@@ -147,6 +147,7 @@ impl CudaEngine {
         args.extend(written.map(Ptr));
         args.extend([self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
         args.extend([n, a, self.outputs()].map(Int));
+        args.push(Long(self.among.as_ref().map_or(0, |among| among.part.start) as u64));
         self.over("act", n, &args)
     }
 
@@ -200,7 +201,7 @@ impl CudaEngine {
             self.device.read(out, moments)?;
             about = out.ptr;
         }
-        Ok(moments)
+        self.among.as_ref().map_or(Ok(moments.clone()), |among| among.moments(moments, n as usize))
     }
 
     /// Takes the returns into their moments, and makes of the rollout what the loss asks for.
@@ -209,7 +210,7 @@ impl CudaEngine {
         let [mean, variance] = self.moments_of(self.kept.both.ptr, 2)?;
         // As the network said them: in moments that have moved on, a value would be held to what was never said.
         let said = units(policy);
-        policy.returns.absorb(&mean[1..], &variance[1..], n as f64);
+        policy.returns.absorb(&mean[1..], &variance[1..], self.sizes[0] as f64);
         let laws = [[mean[0], variance[0].sqrt() + 1e-8], units(policy), said].concat().into_iter().map(Double);
         let [_, advantages, goals, values, ..] = &self.steps;
         let mut args = vec![Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
@@ -221,7 +222,7 @@ impl CudaEngine {
     /// Takes the observations into their moments.
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<(), DeviceError> {
         let [mean, variance] = self.moments_of(self.kept.observations.ptr, self.network.sizes[0])?;
-        policy.seen.absorb(&mean, &variance, (self.kept.horizon * self.kept.environments) as f64);
+        policy.seen.absorb(&mean, &variance, self.sizes[0] as f64);
         Ok(())
     }
 

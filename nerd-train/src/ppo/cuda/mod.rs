@@ -2,9 +2,12 @@
 //! rollout is made there and stays there.
 
 mod acting;
+mod among;
 mod pass;
 mod roll;
 mod world;
+
+use std::sync::Arc;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Graph, Lane, Op, Precision};
@@ -21,16 +24,36 @@ use super::policy::{Policy, Shape};
 use super::rollout::{Running, Taken, rollout};
 use super::trainer::PpoError;
 use super::update::{self, Adam, Updated};
+use crate::ranks::Ranks;
 use acting::Kept;
+use among::Among;
 use pass::Scalars;
 pub use world::World;
 
 const SOURCE: [&str; 3] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu")];
-const KERNELS: [&str; 14] =
-    ["gather", "activate", "chain", "loss", "squares", "finish", "adam", "normalize", "act", "value", "gae", "columns", "mean", "goals"];
+const KERNELS: [&str; 16] = [
+    "tell",
+    "hear",
+    "gather",
+    "activate",
+    "chain",
+    "loss",
+    "squares",
+    "finish",
+    "adam",
+    "normalize",
+    "act",
+    "value",
+    "gae",
+    "columns",
+    "mean",
+    "goals",
+];
 /// Threads of a block, and blocks of the gradient norm's first stage.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;
+/// Of the loss, behind a gradient that is added up over cards.
+const TERMS: usize = 6;
 
 /// Memory on a GPU for rollouts and updates of one shape.
 pub struct CudaEngine {
@@ -40,8 +63,9 @@ pub struct CudaEngine {
     kept: Kept,
     /// Of a rollout, by step: inputs, advantages, goals, values, surprise; actions, means and spreads.
     steps: [Buffer<f32>; 8],
-    /// Steps of an iteration, and of a minibatch.
+    /// Steps of an iteration, and of a minibatch, of all cards; and rows of a minibatch for which there is room here.
     sizes: [usize; 2],
+    rows: usize,
     order: Buffer<u32>,
     /// Of a minibatch or an answer: rows into each layer and out of the last, and gradients of two layers turn about.
     layers: Vec<Buffer<f32>>,
@@ -56,6 +80,8 @@ pub struct CudaEngine {
     scalars: Buffer<Scalars>,
     /// A pass under these settings, once captured.
     graph: Option<(PpoConfig, Graph)>,
+    /// Where other cards take part.
+    among: Option<Among>,
 }
 
 impl CudaEngine {
@@ -64,21 +90,32 @@ impl CudaEngine {
     /// # Errors
     /// If there is no GPU, a library is missing or memory runs out.
     pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
-        let device = Device::open(0, &SOURCE.concat(), &KERNELS)?.with_products(Precision::F32)?;
-        let (network, n, a) = (shape.network(), config.steps(), shape.action);
+        Self::among(shape, config, &Arc::default())
+    }
+
+    /// The same for this rank's share of the environments, beside the cards of the other ranks.
+    ///
+    /// # Errors
+    /// As [`CudaEngine::new`]; if NCCL is missing or fails, or another rank is gone.
+    pub fn among(shape: &Shape, config: &PpoConfig, ranks: &Arc<Ranks>) -> Result<Self, DeviceError> {
+        let device = Device::open(nerd_cuda::ordinal(), &SOURCE.concat(), &KERNELS)?.with_products(Precision::F32)?;
+        let among = if ranks.world() > 1 { Some(Among::join(&device, config, ranks)?) } else { None };
+        let part = ranks.part(config.environments);
+        let (network, n, a) = (shape.network(), part.len() * config.horizon, shape.action);
         let (sizes, parameters) = (sizes(config), shape.parameters());
-        let rows = sizes[1];
+        let rows = if among.is_some() { Among::room(&part, config) } else { sizes[1] };
         let widest = network.sizes.iter().copied().max().unwrap_or(1);
         let zeros = |len: usize| device.zeros::<f32>(len);
         let [one, all] = [1, a].map(|width| n * width);
         let steps =
             [zeros(n * network.sizes[0])?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(all)?, zeros(all)?, zeros(all)?];
-        let most = rows.max(config.environments);
+        let most = rows.max(part.len());
         Ok(Self {
-            kept: Kept::new(&device, shape, config)?,
+            kept: Kept::new(&device, shape, config, part.len())?,
             steps,
             sizes,
-            order: device.zeros(n)?,
+            rows,
+            order: device.zeros(n.max(rows * sizes[0].div_ceil(sizes[1])))?,
             layers: network.sizes.iter().map(|width| zeros(most * width)).collect::<Result<_, _>>()?,
             behind: [zeros(rows * widest)?, zeros(rows * widest)?],
             spread: zeros(rows * a)?,
@@ -86,10 +123,11 @@ impl CudaEngine {
             terms: device.zeros(6 * rows.div_ceil(THREADS))?,
             squares: device.zeros(SQUARES)?,
             weights: zeros(parameters)?,
-            gradient: zeros(parameters)?,
+            gradient: zeros(parameters + TERMS)?,
             moments: [zeros(parameters)?, zeros(parameters)?],
             scalars: device.zeros(1)?,
             graph: None,
+            among,
             shape: shape.clone(),
             network,
             device,
@@ -205,7 +243,12 @@ impl Engine for CudaEngine {
         // Orders are drawn beside the passes, one ahead.
         std::thread::scope(|scope| {
             let (give, orders) = std::sync::mpsc::sync_channel(1);
-            scope.spawn(move || update::orders(config.steps(), config, seeds).try_for_each(|order| give.send(order)));
+            let part = self.among.as_ref().map(|among| among.part.clone());
+            let own = move |order: Vec<u32>| match &part {
+                Some(part) => Among::own(part, &order, config),
+                None => Ok(order),
+            };
+            scope.spawn(move || update::orders(config.steps(), config, seeds).try_for_each(|order| give.send(own(order))));
             self.goals(policy)?;
             let updated = self.passes(policy, adam, config, orders.into_iter())?;
             self.seen(policy)?;

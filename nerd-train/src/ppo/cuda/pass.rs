@@ -23,8 +23,8 @@ pub(super) struct Scalars {
 }
 
 impl CudaEngine {
-    /// One minibatch, the `rows` steps that `order` has from `first` on.
-    fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> Result<(), DeviceError> {
+    /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.
+    fn minibatch(&self, (first, rows): (usize, usize), whole: usize, config: &PpoConfig) -> Result<(), DeviceError> {
         let (sizes, order, a) = (&self.network.sizes, self.order.at(first), self.shape.action);
         let (kind, outputs, starts) = (self.kind(), self.outputs(), self.starts());
         let entries = (rows * sizes[0]) as u64;
@@ -35,7 +35,7 @@ impl CudaEngine {
         let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
         let written = [means.ptr, spreads.ptr, self.behind[0].ptr, self.spread.ptr, self.terms.ptr];
         let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
-        let args = [&read.map(Ptr)[..], &written.map(Ptr)[..], &[rows, a, outputs].map(Int)[..], &numbers[..]].concat();
+        let args = [&read.map(Ptr)[..], &written.map(Ptr)[..], &[rows, whole, a, outputs].map(Int)[..], &numbers[..]].concat();
         self.over("loss", rows, &args)?;
         let [mut behind, mut before] = [self.behind[0].ptr, self.behind[1].ptr];
         for (l, w) in sizes.windows(2).enumerate().rev() {
@@ -51,10 +51,11 @@ impl CudaEngine {
         if !self.shape.spread_by_state {
             self.sum(self.spread.ptr, rows, a, self.gradient.at(self.network.parameters()))?;
         }
+        let blocks = self.joined(rows.div_ceil(THREADS))?;
         let n = Long(self.weights.len as u64);
         self.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
-        let (terms, squares) = ([Ptr(self.terms.ptr), Int(rows.div_ceil(THREADS))], [Ptr(self.squares.ptr), Int(SQUARES)]);
-        let rest = [Int(rows), Float(config.gradient_norm), Double(config.kl), Ptr(self.scalars.ptr)];
+        let (terms, squares) = ([Ptr(self.terms.ptr), Int(blocks)], [Ptr(self.squares.ptr), Int(SQUARES)]);
+        let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl), Ptr(self.scalars.ptr)];
         self.device.launch("finish", (1, 1), (224, 1), 0, &[&terms[..], &squares[..], &rest[..]].concat())?;
         let [m, v] = &self.moments;
         let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, self.scalars.ptr].map(Ptr);
@@ -73,7 +74,11 @@ impl CudaEngine {
         }
         let all = || {
             let steps = config.steps();
-            (0..steps).step_by(config.minibatch).try_for_each(|first| self.minibatch(first, config.minibatch.min(steps - first), config))
+            (0..steps).step_by(config.minibatch).enumerate().try_for_each(|(k, first)| {
+                let whole = config.minibatch.min(steps - first);
+                let rows = if self.among.is_some() { (k * self.rows, self.rows) } else { (first, whole) };
+                self.minibatch(rows, whole, config)
+            })
         };
         // Once outside of a capture, so that libraries have loaded what they load at their first call.
         all()?;
@@ -88,13 +93,13 @@ impl CudaEngine {
         policy: &mut Policy,
         adam: &mut Adam,
         config: &PpoConfig,
-        orders: impl Iterator<Item = Vec<u32>>,
+        orders: impl Iterator<Item = Result<Vec<u32>, String>>,
     ) -> Result<Updated, DeviceError> {
         self.device.write(&self.moments[0], &adam.m)?;
         self.device.write(&self.moments[1], &adam.v)?;
         self.device.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
         for order in orders {
-            self.device.write(&self.order, &order)?;
+            self.device.write(&self.order, &order.map_err(DeviceError)?)?;
             self.pass(config)?;
         }
         let (d, [m, v]) = (&self.device, &self.moments);

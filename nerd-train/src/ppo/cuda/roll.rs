@@ -10,6 +10,9 @@ use super::super::trainer::PpoError;
 use super::world::{Steps, World};
 use super::{CudaEngine, failed};
 
+/// An episode that ended: step of the rollout, environment here, return and length.
+pub(super) type Ended = (usize, usize, f64, f64);
+
 /// Marks of a step: the policy has answered, the solver has moved, the task has judged.
 pub(super) type Marks = Vec<[Event; 3]>;
 
@@ -30,7 +33,12 @@ impl CudaEngine {
             self.step((world, resident), running.stack.depth(), t, (key, first + t as u64)).map_err(failed)?;
         }
         let failures = world.end(resident)?;
-        let taken = Taken { failed: failures, ended: self.told(running).map_err(failed)?, ..Default::default() };
+        let own = self.told(running).map_err(failed)?;
+        let (ended, failures) = match &self.among {
+            Some(among) => among.ended(&own, failures).map_err(failed)?,
+            None => (own.iter().map(|(.., total, length)| (*total, *length)).collect(), failures),
+        };
+        let taken = Taken { failed: failures, ended, ..Default::default() };
         self.finished((gamma, lambda)).map_err(failed)?;
         let [policy_seconds, solver_seconds] = self.spent().map_err(failed)?;
         Ok(Taken { policy_seconds, solver_seconds: Some(solver_seconds), ..taken })
@@ -84,7 +92,7 @@ impl CudaEngine {
 
     /// What came of the steps; episodes that ended, with their returns and lengths. Values of states where time ran out are where advantages
     /// look for them.
-    fn told(&mut self, running: &mut Running) -> Result<Vec<(f64, f64)>, DeviceError> {
+    fn told(&mut self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
         let (n, steps) = (self.kept.environments, self.kept.horizon * self.kept.environments);
         let (mut rewards, mut ends) = (vec![0.0; steps], vec![0u8; steps]);
         self.device.read(&self.kept.rewards, &mut rewards)?;
@@ -97,7 +105,7 @@ impl CudaEngine {
             running.rewards[env] += reward;
             running.lengths[env] += 1.0;
             if *end > 0 {
-                ended.push((running.rewards[env], running.lengths[env]));
+                ended.push((i / n, env, running.rewards[env], running.lengths[env]));
                 (running.rewards[env], running.lengths[env]) = (0.0, 0.0);
             }
             if *end == 2 {

@@ -74,7 +74,7 @@ impl World {
         let memory = resident.memory();
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };
         let make = || -> Result<Self, DeviceError> {
-            let device = Device::open(0, &text, &["task_act", "task_judge"])?;
+            let device = Device::open(nerd_cuda::ordinal(), &text, &["task_act", "task_judge"])?;
             let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
             let (seed, first) = episodes.draws();
