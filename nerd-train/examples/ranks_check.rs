@@ -12,11 +12,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_cuda::Device;
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::Weights;
+use nerd_train::experiments::cards::{network, windows};
 use nerd_train::learner::cuda::{CudaLearner, Precision};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState};
 use nerd_train::ranks::{self, End, Place, RankError, Ranks};
-use nerd_train::windows::{Windows, draw};
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
@@ -58,29 +58,12 @@ fn end(error: &RankError) {
     std::process::exit(2);
 }
 
-fn network() -> TransformerConfig {
-    TransformerConfig::paper(37, 4, 192)
-}
-
 fn configuration() -> LearnerConfig {
     LearnerConfig { batch: BATCH, clip: 1.0, average: 0.999, seed: 5, huber: None, optimizer: Default::default() }
 }
 
 fn state() -> LearnerState {
     LearnerState::new(Weights::init(network(), 1))
-}
-
-/// Uniform inputs, and targets that mix two of them.
-fn windows() -> Windows {
-    let TransformerConfig { inputs, outputs, .. } = network();
-    let (trajectories, frames) = (200, 100);
-    let noise = |i: usize| draw(2, 0, i as u64, 1 << 24) as f32 / (1 << 23) as f32 - 1.0;
-    let x: Vec<f32> = (0..trajectories * frames * inputs).map(noise).collect();
-    let y = (0..trajectories * frames * outputs).map(|k| {
-        let token = &x[k / outputs * inputs..][..inputs];
-        token[k % outputs] - token[0] * token[inputs - 1]
-    });
-    Windows { inputs, outputs, frames, history: network().sequence(), y: y.collect(), x }
 }
 
 /// The gradients of two parts of a batch, a small one and a large one, against that of the whole.

@@ -14,6 +14,7 @@ macro_rules! eprintln {
 }
 
 mod campaign;
+mod cards;
 mod chart;
 mod check;
 mod common;
@@ -73,6 +74,7 @@ enum Verb {
     /// Draw speed against accuracy of every solver of a scene
     Chart(chart::ChartArgs),
     Device(device::DeviceArgs),
+    Cards(cards::CardsArgs),
     /// Time a frame of arms of more and more links, analytic and learned
     Grow(grow::GrowArgs),
     /// Measure how far solvers and models err along motions that none has seen
@@ -146,6 +148,7 @@ fn main() -> ExitCode {
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Chart(args) => chart::run(args),
         Verb::Device(args) => device::run(args),
+        Verb::Cards(args) => cards::run(args),
         Verb::Grow(args) => grow::run(args),
         Verb::Motions(args) => motions::run(args),
         Verb::Reproduce(args) => reproduce::run(args),

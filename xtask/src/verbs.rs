@@ -6,7 +6,7 @@ use clap::{Arg, ArgAction, ArgMatches, Command};
 pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "urdf"]),
     ("Learn", &["train", "stamp", "light"]),
-    ("Measure", &["rollout", "evaluate", "chart", "device", "grow", "motions", "stability", "calibrate", "tosses", "reproduce"]),
+    ("Measure", &["rollout", "evaluate", "chart", "device", "cards", "grow", "motions", "stability", "calibrate", "tosses", "reproduce"]),
     ("Policies", &["policy"]),
     ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "outside", "check"]),
 ];
@@ -19,6 +19,7 @@ const TABLES: &[&str] = &[
     "evaluate",
     "chart",
     "device",
+    "cards",
     "grow",
     "motions",
     "stability",

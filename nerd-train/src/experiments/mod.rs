@@ -9,6 +9,8 @@
 
 pub mod ablations;
 pub mod calibrated;
+#[cfg(feature = "cuda")]
+pub mod cards;
 pub mod changes;
 pub mod chart;
 pub mod cost;

@@ -126,7 +126,7 @@ impl Arena {
     }
 
     /// Some of the episodes, by their numbers among all.
-    pub(super) fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64, clock: &Clock) -> Result<Episodes> {
+    pub(crate) fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64, clock: &Clock) -> Result<Episodes> {
         let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,

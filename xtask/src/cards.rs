@@ -1,0 +1,47 @@
+//! `cargo xtask cards`: several graphics cards against one (`nerd_train::experiments::cards`, with the feature `cuda`).
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::numbers::{SEEDS, count};
+
+/// Several graphics cards against one: how much faster they learn, and that they learn the same (needs a build with `--features cuda`).
+#[derive(clap::Args, Clone, Debug)]
+#[cfg_attr(not(feature = "cuda"), allow(dead_code))]
+pub struct CardsArgs {
+    /// Cards [default: 2, or WORLD_SIZE where a launcher set it]
+    #[arg(long, value_name = "N", value_parser = count::<usize>(2..=1024))]
+    pub gpus: Option<usize>,
+    /// Task that policies learn
+    #[arg(long, default_value = "ant-run")]
+    pub task: String,
+    /// Seed of weights, noise and starts
+    #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
+    pub seed: u64,
+    /// Folder for cards.json and .md [default: results]
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the verb.
+#[cfg(feature = "cuda")]
+pub fn run(args: CardsArgs) -> Result<()> {
+    use nerd_train::experiments::Experiment;
+    use nerd_train::ranks::Place;
+
+    let asked = if Place::here()?.world > 1 { args.gpus } else { Some(args.gpus.unwrap_or(2)) };
+    crate::ranks::run(asked, |ranks| {
+        let experiment = nerd_train::experiments::cards::Cards { ranks: ranks.clone(), task: args.task, seed: args.seed };
+        if ranks.leads() {
+            return crate::out::conduct(&experiment, &args.out.unwrap_or_else(nerd_train::shipped::results));
+        }
+        Ok(experiment.measure().map(drop)?)
+    })
+}
+
+/// Says what it takes.
+#[cfg(not(feature = "cuda"))]
+pub fn run(_: CardsArgs) -> Result<()> {
+    anyhow::bail!("this needs a build with `--features cuda`: cargo run --release -p xtask --features cuda -- cards")
+}
