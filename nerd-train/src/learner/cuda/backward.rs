@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op as Side};
+use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op as Operand};
 use nerd_model::program::{Activation, Op, Slot, Step};
 
 use super::attention::Attention;
@@ -164,7 +164,7 @@ impl Walk<'_> {
         let d = &self.net.device;
         d.mark(Lane::Main, &self.back.fork)?;
         d.after(Lane::Side, &self.back.fork)?;
-        d.product(Lane::Side, (Side::Plain, Side::Transposed), (o, i, n), (dy.at, o), (x, ld), 0.0, (dw, o))?;
+        d.product(Lane::Side, (Operand::Plain, Operand::Transposed), (o, i, n), (dy.at, o), (x, ld), 0.0, (dw, o))?;
         let Some(buffer) = dy.buffer else { return Ok(()) };
         self.read[buffer] = true;
         d.mark(Lane::Side, &self.back.buffers.borrow()[buffer].1)
@@ -172,7 +172,7 @@ impl Walk<'_> {
 
     /// `dx = dy W^T + beta dx`.
     fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
-        self.net.device.product(Lane::Main, (Side::Transposed, Side::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
+        self.net.device.product(Lane::Main, (Operand::Transposed, Operand::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
     }
 
     /// The slope of a slot behind which all has been walked.

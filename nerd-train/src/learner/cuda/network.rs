@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Side};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Operand};
 use nerd_model::program::Op::{self, Attend};
 use nerd_model::program::{Activation, Slot, Step, Weight};
 
@@ -100,8 +100,9 @@ impl Network {
     pub fn load(&mut self, inputs: &[f32], tokens: usize) -> Result<(), DeviceError> {
         let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
         self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
-        for (token, row) in inputs.chunks_exact(width).enumerate() {
-            self.staging[(token / tokens * all + token % tokens) * padded..][..width].copy_from_slice(row);
+        for (window, staged) in inputs.chunks_exact(tokens * width).zip(self.staging.chunks_exact_mut(all * padded)) {
+            let rows = window.chunks_exact(width).zip(staged.chunks_exact_mut(padded));
+            rows.for_each(|(row, staged)| staged[..width].copy_from_slice(row));
         }
         self.device.write(&self.values[0], &self.staging)
     }
@@ -273,7 +274,7 @@ impl Network {
 
     /// `y = x W + beta y`, `x [n, i]` with rows `ld` apart, `W [i, o]`.
     pub fn linear(&self, (x, ld): (u64, usize), w: u64, y: u64, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
-        self.device.product(Lane::Main, (Side::Plain, Side::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
+        self.device.product(Lane::Main, (Operand::Plain, Operand::Plain), (o, n, i), (w, o), (x, ld), beta, (y, o))
     }
 
     fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {

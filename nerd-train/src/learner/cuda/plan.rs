@@ -107,6 +107,15 @@ impl Plan {
         if from == Slot(0) && !matches!(step.op, Op::Linear { .. }) || to == Slot(0) {
             return refuse("tokens go through a product first");
         }
+        // Norms and products alone add to a slope.
+        let meets = |other: &&Step| match other.op {
+            Op::Place(_) => false,
+            Op::Linear { add: true, .. } => [other.from, other.to].contains(&from),
+            _ => other.from == from,
+        };
+        if self.program.steps.iter().filter(meets).count() > 1 && !matches!(step.op, Op::Linear { .. } | Op::Norm | Op::Place(_)) {
+            return refuse("what several steps read, or add to, is read by norms and products alone");
+        }
         match step.op {
             Op::Linear { weight, scale, bias, add } => {
                 let folded = scale.map(|scale| self.fold(weight, scale));
@@ -190,6 +199,12 @@ impl Plan {
     /// Floats of a row of a slot on the device.
     pub fn width(&self, slot: Slot) -> usize {
         if slot == Slot(0) { self.padded } else { self.program.width(slot) }
+    }
+
+    /// Whether an activation adds a bias to what it reads.
+    pub fn biased(&self) -> bool {
+        let joined = |pair: &[Part]| matches!(pair, [Part::Shift { joined: true, .. }, Part::Step(Step { op: Op::Activate(_), .. })]);
+        self.parts.windows(2).any(joined)
     }
 
     /// Width of the hidden layer that is one kernel with its loss.
