@@ -149,7 +149,8 @@ impl Experiment for OnDevice {
     }
 
     fn effort(&self) -> f64 {
-        (self.robots.len() * (self.states + self.rollouts * pace::FRAMES + self.environments * pace::FRAMES)) as f64
+        let frames = self.robots.len() * (self.states + self.rollouts * pace::FRAMES + self.environments * pace::FRAMES);
+        (frames + self.tasks.len() + self.races.len() * self.seeds.len()) as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
