@@ -17,6 +17,9 @@ use super::update::{Adam, Updated, update};
 /// One rollout after the other: [`Engine::begin`], then [`Engine::act`] and [`Engine::arrive`] by turns, [`Engine::finish`], and
 /// [`Engine::update`].
 pub trait Engine: Send {
+    /// What the update behind the next rollout needs beside it may be made from here on; `seeds` are those of [`Engine::update`].
+    fn ahead(&mut self, _config: &PpoConfig, _seeds: (u64, u64)) {}
+
     /// A whole rollout: the steps below by turns, or all of it where the environments are ([`rollout`]).
     ///
     /// # Errors

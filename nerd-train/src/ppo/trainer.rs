@@ -160,6 +160,7 @@ impl<E: Environments> Trainer<E> {
         let (noise, orders) = (self.seed.wrapping_add(NOISE), self.seed.wrapping_add(ORDERS));
         let law = (config.horizon, config.gamma, config.lambda);
         let first = state.iteration * config.horizon as u64;
+        engine.ahead(config, (orders, state.iteration));
         let taken = engine.roll(environments, &mut state.running, &state.policy, law, (noise, first))?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(&taken.ended);

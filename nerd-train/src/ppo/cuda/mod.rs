@@ -8,6 +8,7 @@ mod roll;
 mod world;
 
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Graph, Lane, Op, Precision};
@@ -80,6 +81,8 @@ pub struct CudaEngine {
     scalars: Buffer<Scalars>,
     /// A pass under these settings, once captured.
     graph: Option<(PpoConfig, Graph)>,
+    /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
+    orders: Option<(PpoConfig, (u64, u64), Receiver<Result<Vec<u32>, String>>)>,
     /// Where other cards take part.
     among: Option<Among>,
 }
@@ -127,6 +130,7 @@ impl CudaEngine {
             moments: [zeros(parameters)?, zeros(parameters)?],
             scalars: device.zeros(1)?,
             graph: None,
+            orders: None,
             among,
             shape: shape.clone(),
             network,
@@ -204,6 +208,21 @@ fn failed(error: DeviceError) -> PpoError {
 }
 
 impl Engine for CudaEngine {
+    fn ahead(&mut self, config: &PpoConfig, seeds: (u64, u64)) {
+        // Orders are drawn while the device rolls, as they are needed.
+        let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
+        let (part, own_config) = (self.among.as_ref().map(|among| among.part.clone()), config.clone());
+        std::thread::spawn(move || {
+            let own = |order: Vec<u32>| match &part {
+                Some(part) => Among::own(part, &order, &own_config),
+                None => Ok(order),
+            };
+            // Who no longer listens needs no more of them.
+            let _ = update::orders(own_config.steps(), &own_config, seeds).try_for_each(|order| give.send(own(order)));
+        });
+        self.orders = Some((config.clone(), seeds, orders));
+    }
+
     fn roll(
         &mut self,
         environments: &mut dyn Environments,
@@ -240,20 +259,16 @@ impl Engine for CudaEngine {
             let text = format!("made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
             return Err(PpoError::Device(text));
         }
-        // Orders are drawn beside the passes, one ahead.
-        std::thread::scope(|scope| {
-            let (give, orders) = std::sync::mpsc::sync_channel(1);
-            let part = self.among.as_ref().map(|among| among.part.clone());
-            let own = move |order: Vec<u32>| match &part {
-                Some(part) => Among::own(part, &order, config),
-                None => Ok(order),
-            };
-            scope.spawn(move || update::orders(config.steps(), config, seeds).try_for_each(|order| give.send(own(order))));
+        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != seeds) {
+            self.ahead(config, seeds);
+        }
+        let mut learn = || {
             self.goals(policy)?;
+            let Some((_, _, orders)) = self.orders.take() else { return Err(DeviceError("no orders were drawn".into())) };
             let updated = self.passes(policy, adam, config, orders.into_iter())?;
             self.seen(policy)?;
             Ok(updated)
-        })
-        .map_err(failed)
+        };
+        learn().map_err(failed)
     }
 }
