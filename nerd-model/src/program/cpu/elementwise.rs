@@ -30,13 +30,17 @@ pub fn erf(x: f32) -> f32 {
     erf_and_bell(x).0
 }
 
+/// Where `e^(-x^2)`, 1e-11 there, counts as nothing. Were it let go on to 1e-38, slopes times it would be numbers of less than that, for
+/// which a processor takes a hundred times as long: 40 % of the training of chains.
+const FADED: f32 = 5.0;
+
 /// [`erf`] and `e^(-x^2)`, which it is made of and its slope is proportional to.
 #[inline(always)]
 pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let a = x.abs();
     let t = 1.0 / (1.0 + 0.327_591_1 * a);
     let series = t * (0.254_829_6 + t * (-0.284_496_74 + t * (1.421_413_7 + t * (-1.453_152 + t * 1.061_405_4))));
-    let bell = exp(-a * a);
+    let bell = if a > FADED { 0.0 } else { exp(-a * a) };
     ((1.0 - series * bell).copysign(x), bell)
 }
 
