@@ -11,8 +11,8 @@ use nerd_train::windows::draw;
 use crate::Outcome;
 use crate::with::{configuration, learner, noise, weights, windows};
 
-/// Shapes with a table and without, wide heads and narrow ones, a band narrower than the sequence, more outputs than lanes; rivals, one with
-/// more outputs than its head has room for; a chain.
+/// Shapes with a table and without, wide heads and narrow ones, a band narrower than the sequence, more outputs than lanes; rivals, one
+/// with more outputs than its head has room for; a chain.
 fn shapes() -> Vec<TransformerConfig> {
     let paper = TransformerConfig::paper;
     let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };

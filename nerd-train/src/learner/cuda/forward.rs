@@ -74,7 +74,7 @@ impl CudaForward {
         self.evaluate(inputs, tokens, (windows, true))
     }
 
-    /// Predictions `[windows][tokens][outputs]` for all tokens of whole windows `[windows][tokens][inputs]`: those of chains are their rods.
+    /// Predictions `[windows][tokens][outputs]` for all tokens of whole windows `[windows][tokens][inputs]`; a chain's tokens are its rods.
     ///
     /// # Errors
     /// As [`CudaForward::forward`].
