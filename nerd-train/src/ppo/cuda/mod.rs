@@ -56,6 +56,9 @@ const SQUARES: usize = 64;
 /// Of the loss, behind a gradient that is added up over cards.
 const TERMS: usize = 6;
 
+/// The order of each pass, as it is drawn.
+type Orders = Receiver<Result<Vec<u32>, String>>;
+
 /// Memory on a GPU for rollouts and updates of one shape.
 pub struct CudaEngine {
     device: Device,
@@ -82,7 +85,7 @@ pub struct CudaEngine {
     /// A pass under these settings, once captured.
     graph: Option<(PpoConfig, Graph)>,
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
-    orders: Option<(PpoConfig, (u64, u64), Receiver<Result<Vec<u32>, String>>)>,
+    orders: Option<(PpoConfig, (u64, u64), Orders)>,
     /// Where other cards take part.
     among: Option<Among>,
 }
