@@ -1,7 +1,10 @@
-//! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`.
+//! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; of a chain's,
+//! `chain_tell` and `chain_apply`.
 //!
 //! They stand on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
 //! CUDA, so that a test runs them where there is no GPU.
+
+mod chain;
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -15,6 +18,8 @@ use crate::features::Features;
 use crate::folder::Model;
 use crate::form::View;
 use crate::turns::Turns;
+
+pub use chain::{chain_program, memo};
 
 /// Numbers from one token to the next: cuBLAS likes rows aligned.
 pub fn padded(inputs: usize) -> usize {

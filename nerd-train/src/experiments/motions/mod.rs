@@ -3,7 +3,11 @@
 //!
 //! Starts, scenes and torques are drawn as those of a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
 //! the implicit step with four times as many substeps as the finest solver here. An error is the distance (m) of contact points, a
-//! cable's nodes say, averaged over them. Time and error come from the same frames.
+//! cable's nodes say, averaged over them. Time and error come from the same frames. On a card many environments move together, and are looked at
+//! after every tenth frame.
+
+#[cfg(feature = "cuda")]
+mod card;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,6 +25,7 @@ use super::Experiment;
 use super::cost::{each, on_one_core};
 use crate::bounds::{self, FRAMES, SEEDS, STARTS};
 use crate::choice::{Choice, describe};
+use crate::device::Device;
 use crate::error::{Result, refuse};
 use crate::progress;
 use crate::report::plot::{Figure, Series};
@@ -45,6 +50,10 @@ settings! {
         substeps: usize = 16, Whole(1..=256);
         /// Seed of the motions
         seed: u64 = 500, Whole(SEEDS);
+        /// Where solvers move
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// Environments that move together, the motions in turn; with --device cuda alone [default: 4096]
+        environments: Option<usize> = None, Whole(STARTS);
     }
 }
 
@@ -68,7 +77,7 @@ pub struct Row {
     pub substeps: Option<usize>,
     /// Frame of one environment on one core; none of what knows no dynamics.
     pub microseconds: Option<f64>,
-    /// Mean distance (m) by frame, of motions that are not lost; empty if all are.
+    /// Mean distance (m) by frame that was looked at, of motions that are not lost; empty if all are.
     pub curve: Vec<f64>,
     /// Mean distance (m) of each motion that is not lost.
     pub motions: Vec<f64>,
@@ -76,10 +85,14 @@ pub struct Row {
     pub lost: usize,
 }
 
+/// Environments that move together on a card, and at every how many frames they are looked at there.
+const CROWD: usize = 4096;
+const LOOK: usize = 10;
+
 /// So many times as far as anything goes in the reference, a motion is lost.
 const FAR: f64 = 10.0;
 
-/// Places of contact points by frame and motion.
+/// Places of contact points by frame that was looked at, and motion.
 type Places = Vec<Vec<Vec<Vector3<f64>>>>;
 
 /// What is held against the reference.
@@ -102,6 +115,41 @@ impl Motions {
         let Some(model) = self.model.first() else { refuse!("--replay shows a model beside its truth: name one with --model") };
         bounds::memory(&[("--frames", self.frames)], 256 * System::named(&self.robot)?.robot.links.len())?;
         motions::driven(&self.robot, model, self.frames, self.seed)
+    }
+
+    /// At every how many frames places are looked at.
+    fn look(&self) -> usize {
+        if self.device == Device::Cuda { LOOK } else { 1 }
+    }
+
+    /// Environments that move together.
+    fn together(&self) -> usize {
+        self.environments.unwrap_or(CROWD).max(self.starts)
+    }
+
+    /// What a table says of a card.
+    fn crowded(&self) -> String {
+        if self.device == Device::Cpu {
+            return String::new();
+        }
+        format!(
+            " On the device, looked at every {LOOK} frames: {} environments together, the motions in turn, transfers counted. The analytic solver has 32 bits \
+             there and goes by the matrix, which costs the cube of the number of joints; of the learned one the network has 32 bits, all else 64.",
+            self.together()
+        )
+    }
+
+    /// Refuses what does not fit together.
+    fn fits(&self) -> Result<()> {
+        match self.device {
+            Device::Cpu if self.environments.is_some() => refuse!("--environments means nothing without --device cuda"),
+            Device::Cuda if cfg!(not(feature = "cuda")) => refuse!("--device cuda needs a build with `--features cuda`"),
+            Device::Cuda if self.frames < LOOK => refuse!("--frames {}: on a card they are looked at every {LOOK}", self.frames),
+            Device::Cuda if self.environments.is_some_and(|n| n < self.starts) => {
+                refuse!("--environments: {} at least, a motion each (--starts)", self.starts)
+            }
+            _ => Ok(()),
+        }
     }
 
     fn entries(&self) -> Vec<Entry> {
@@ -135,29 +183,49 @@ impl Motions {
                     solver.reset(fault.env);
                 }
             }
-            places.push((0..n).map(|env| points(&batch.system, batch.state(env))).collect());
+            if (frame + 1).is_multiple_of(self.look()) {
+                places.push((0..n).map(|env| points(&batch.system, batch.state(env))).collect());
+            }
         }
         Ok((places, each(solver.spent, n * self.frames), lost))
     }
 
-    fn row(&self, entry: &Entry, start: &Batch, torques: &[f64], truth: &Places) -> Result<Row> {
-        let (solver, series, substeps): (Box<dyn Solver>, _, _) = match entry {
-            Entry::Hold => (Box::new(Hold), "hold last".to_string(), None),
-            Entry::Glide => (Box::new(Glide), "constant velocity".to_string(), None),
-            Entry::Solver(setting) => {
-                let series = match &**setting {
-                    Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
-                    other => other.series().to_string(),
-                };
-                (setting.solver(&start.system)?, series, setting.substeps())
-            }
+    /// The rows of an entry: on a card a model has one in f32 and one in TF32.
+    fn rows(&self, entry: &Entry, start: &Batch, torques: &[f64], truth: &Places) -> Result<Vec<Row>> {
+        let setting = match entry {
+            Entry::Hold => return Ok(vec![self.row("hold last", None, self.rolled(start, Box::new(Hold), torques)?, truth)?]),
+            Entry::Glide => return Ok(vec![self.row("constant velocity", None, self.rolled(start, Box::new(Glide), torques)?, truth)?]),
+            Entry::Solver(setting) => &**setting,
         };
-        let solves = matches!(entry, Entry::Solver(_));
-        let (places, microseconds, lost) = self.rolled(start, solver, torques)?;
-        let (curve, motions) = distances(&places, truth, &lost, solves);
+        let series = match setting {
+            Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
+            other => other.series().to_string(),
+        };
+        #[cfg(feature = "cuda")]
+        if self.device == Device::Cuda {
+            use crate::learner::cuda::Precision::{F32, Tf32};
+            let mut rows = vec![self.row(&series, Some(setting), self.rolled_there(start, (setting, F32), torques)?, truth)?];
+            if matches!(setting, Setting::Neural(_)) {
+                let rolled = self.rolled_there(start, (setting, Tf32), torques)?;
+                rows.push(self.row(&format!("{series}, TF32"), Some(setting), rolled, truth)?);
+            }
+            return Ok(rows);
+        }
+        let rolled = self.rolled(start, setting.solver(&start.system)?, torques)?;
+        Ok(vec![self.row(&series, Some(setting), rolled, truth)?])
+    }
+
+    fn row(
+        &self,
+        series: &str,
+        setting: Option<&Setting>,
+        (places, microseconds, lost): (Places, f64, Vec<bool>),
+        truth: &Places,
+    ) -> Result<Row> {
+        let (curve, motions) = distances(&places, truth, &lost, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
-        let lost = self.starts - motions.len();
-        Ok(Row { series, substeps, microseconds: solves.then_some(microseconds), curve, motions, lost })
+        let (lost, substeps) = (self.starts - motions.len(), setting.and_then(Setting::substeps));
+        Ok(Row { series: series.into(), substeps, microseconds: setting.map(|_| microseconds), curve, motions, lost })
     }
 }
 
@@ -187,7 +255,8 @@ impl Experiment for Motions {
     type Data = Moved;
 
     fn name(&self) -> String {
-        format!("motions-{}", Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy())
+        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
+        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
     }
 
     fn seed(&self) -> u64 {
@@ -209,6 +278,7 @@ impl Experiment for Motions {
     }
 
     fn measure(&self) -> Result<Moved> {
+        self.fits()?;
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
             refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
@@ -223,12 +293,13 @@ impl Experiment for Motions {
         let start = begin(&system, &config, 0, self.starts)?;
         let d = system.robot.state_dim();
         let at = |frame: usize, env: usize| points(&system, &recording.states[(env * (self.frames + 1) + frame + 1) * d..][..d]);
-        let truth: Places = (0..self.frames).map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
+        let looked = (1..=self.frames / self.look()).map(|k| k * self.look() - 1);
+        let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
             for (k, entry) in entries.iter().enumerate() {
                 bar.set(k as u64 + 1);
-                rows.push(self.row(entry, &start, &recording.torques, &truth)?);
+                rows.extend(self.rows(entry, &start, &recording.torques, &truth)?);
             }
             Ok(rows)
         })?;
@@ -240,7 +311,7 @@ impl Experiment for Motions {
         let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
         let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
         let rows = data.rows.iter().map(|row| {
-            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame - 1).copied().unwrap_or(f64::NAN)));
+            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame / self.look() - 1).copied().unwrap_or(f64::NAN)));
             let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
             let first = [
                 row.series.clone(),
@@ -256,8 +327,12 @@ impl Experiment for Motions {
         let header = ["solver", "substeps", "us a frame", "mean (mm)", "95 %", "worst"].into_iter();
         let header: Vec<&str> = header.chain(frames.iter().map(String::as_str)).chain(["lost"]).collect();
         let note = format!(
-            "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.",
-            data.robot, self.frames, self.starts, data.reference
+            "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.{}",
+            data.robot,
+            self.frames,
+            self.starts,
+            data.reference,
+            self.crowded()
         );
         let lost: usize = data.rows.iter().map(|row| row.lost).sum();
         let left =
@@ -286,7 +361,10 @@ impl Experiment for Motions {
         }
         let figure = Figure {
             title: format!("{}: motions that no solver has seen", data.robot),
-            x: "microseconds a frame, one environment, one core".into(),
+            x: match self.device {
+                Device::Cpu => "microseconds a frame, one environment, one core".into(),
+                Device::Cuda => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
+            },
             y: format!("mean distance of contact points over {} frames (m)", self.frames),
             series,
             front: Vec::new(),
