@@ -178,6 +178,35 @@ fn leads_among_pegs_move_alike_by_the_matrix_and_along_the_tree() {
     }
 }
 
+/// Cubes above, beside and within a peg that lies a little: on its top, its side, its edges and its foot.
+#[test]
+fn cubes_meet_a_peg_as_the_solver_has_it() {
+    let Some(compiler) = cpp::compiler() else {
+        println!("skipped: no compiler of C++ on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let toml = "like = \"cube\"\n[[scene]]\nname = \"peg\"\nplane = { height = 0.0, angles = [0.2, 0.1, 0.0] }\n\
+                peg = [{ radius = 0.3, height = 0.5, at = [0.1, 0.2, 0.3] }, { radius = 0.1, height = 0.2, at = [0.5, 0.2, 0.3] }]";
+    let file = folder.path().join("cubes.toml");
+    std::fs::write(&file, toml).expect("written");
+    let system = System::named(file.to_str().expect("a path")).expect("cubes");
+    let mut batch = Batch::new(&system, &system.scene("peg").expect("a scene"), 200);
+    for env in 0..batch.len() {
+        let (k, mut state) = (env as f64, batch.state(env).to_vec());
+        state[..3].copy_from_slice(&[0.1 + 0.5 * (1.3 * k).sin(), 0.2 + 0.5 * (2.1 * k).cos(), 0.6 + 0.5 * (0.7 * k).sin()]);
+        let turn = [0.3 * k.sin(), 0.4 * (1.7 * k).sin(), 0.5 * k.cos(), 1.0];
+        let length = turn.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (0..4).for_each(|i| state[3 + i] = turn[i] / length);
+        batch.reset(env, &state);
+    }
+    let (config, torques) = (ArticulatedConfig::implicit(2, Friction::Coulomb), Vec::new());
+    let made = cpp::compile(compiler, &program(&system, &config, Real::F64, Reach::of(&batch)), folder.path(), "cubes");
+    let one = apart(&run(&made, &batch, &config, &torques, 1), batch.clone(), config, &torques, 1);
+    println!("states {:.1e}, forces {:.1e}", one[0], one[1]);
+    assert!(one[0] < 1e-9 && one[1] < 1e-7, "states {:e}, forces {:e} apart", one[0], one[1]);
+}
+
 /// Too few springs to be a chain: both go by the matrix. One is soft, one too stiff for its substep; both pull to some angle.
 #[test]
 fn springs_pull_as_the_solver_has_them() {
