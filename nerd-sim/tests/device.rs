@@ -81,7 +81,7 @@ fn differences(kernels: &Stepped, mut batch: Batch, config: ArticulatedConfig, t
     (states, forces)
 }
 
-/// A chain on the ground, of links with two hinges each: deep enough that the solver goes along the tree and looks for whips. The kernels go by the matrix.
+/// A chain on the ground, of links with two hinges each: deep enough that solver and kernels go along the tree and look for whips.
 fn chain(links: usize) -> String {
     let (length, mass) = (0.05, 0.01);
     let link = |k: usize| {
@@ -99,7 +99,7 @@ fn chain(links: usize) -> String {
 }
 
 #[test]
-fn a_long_chain_moves_alike_by_the_matrix_and_along_the_tree() {
+fn a_long_chain_moves_as_the_solver_has_it() {
     let Some(compiler) = cpp::compiler() else {
         println!("skipped: no compiler of C++ on this machine");
         return;
@@ -146,7 +146,7 @@ fn leads(frames: usize) -> (Batch, Vec<f64>) {
 }
 
 #[test]
-fn leads_among_pegs_move_alike_by_the_matrix_and_along_the_tree() {
+fn leads_among_pegs_move_as_the_solver_has_them() {
     let Some(compiler) = cpp::compiler() else {
         println!("skipped: no compiler of C++ on this machine");
         return;
@@ -173,7 +173,10 @@ fn leads_among_pegs_move_alike_by_the_matrix_and_along_the_tree() {
             let made = cpp::compile(compiler, &program(&batch.system, &config, real, Reach::of(&batch)), folder.path(), "lead");
             apart(&run(&made, &batch, &config, &torques, 1), batch.clone(), config, &torques, 1)
         });
-        println!("x{substeps}, {all} touching, {aside} of them pegs: states {:.1e}, forces {:.1e}; in 32 bits {:.1e}, {:.1e}", apart[0][0], apart[0][1], apart[1][0], apart[1][1]);
+        println!(
+            "x{substeps}, {all} touching, {aside} of them pegs: states {:.1e}, forces {:.1e}; in 32 bits {:.1e}, {:.1e}",
+            apart[0][0], apart[0][1], apart[1][0], apart[1][1]
+        );
         assert!(apart[0][0] < 1e-7 && apart[1][0] < 0.1, "x{substeps}: states {:e} apart, in 32 bits {:e}", apart[0][0], apart[1][0]);
     }
 }
@@ -188,8 +191,9 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let toml = "like = \"cube\"\n[[scene]]\nname = \"peg\"\nplane = { height = 0.0, angles = [0.2, 0.1, 0.0] }\n\
                 peg = [{ radius = 0.3, height = 0.5, at = [0.1, 0.2, 0.3] }, { radius = 0.1, height = 0.2, at = [0.5, 0.2, 0.3] }]";
-    let file = folder.path().join("cubes.toml");
-    std::fs::write(&file, toml).expect("written");
+    let (assets, file) = (Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"), folder.path().join("cubes.urdf"));
+    std::fs::copy(assets.join("cube.urdf"), &file).expect("copied");
+    std::fs::write(file.with_extension("toml"), toml).expect("written");
     let system = System::named(file.to_str().expect("a path")).expect("cubes");
     let mut batch = Batch::new(&system, &system.scene("peg").expect("a scene"), 200);
     for env in 0..batch.len() {

@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use nerd_core::dynamics::Factor;
+use nerd_core::dynamics::{Factor, TreeFactor};
 use nerd_core::robot::{Base, JointKind, Robot};
 
 use super::super::implicit::{CALM, HALVINGS, LOST as FAR_OFF, OFF, PASSES, SETTLED};
@@ -17,10 +17,11 @@ use crate::drive::Drive;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-const KERNELS: [&str; 7] = [
+const KERNELS: [&str; 8] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("tree.cuh"),
+    include_str!("along.cuh"),
     include_str!("touch.cuh"),
     include_str!("implicit.cuh"),
     include_str!("explicit.cuh"),
@@ -96,7 +97,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("RENEW", flag(config.refresh == Refresh::Substep));
     define("HUBER", flag(config.friction == Friction::Huber));
     define("HELD", flag(robot.dry() || robot.sprung()));
-    define("WHIPS", flag(along(robot)));
+    define("ALONG", flag(along(robot) && TreeFactor::new(robot).is_some()));
     define("HALVINGS", count(HALVINGS));
     define("DRIVEN", flag(reach.driven));
     define("FACED", flag(reach.faced.is_some()));
@@ -232,7 +233,10 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
             stand(&mut own);
             own[13..15].copy_from_slice(&[peg.radius, peg.half_height]);
         } else {
-            return Err(format!("scene `{}`, collider {k}: on a device there are planes, boxes and pegs alone; step it on the CPU", scene.name));
+            return Err(format!(
+                "scene `{}`, collider {k}: on a device there are planes, boxes and pegs alone; step it on the CPU",
+                scene.name
+            ));
         }
         let material = body.material.mean(&system.spec.material);
         own[16..].copy_from_slice(&[material.stiffness, material.damping, material.friction_damping, material.friction]);

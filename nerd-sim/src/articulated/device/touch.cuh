@@ -33,7 +33,8 @@ struct Work {
     int touches;
     real weight[WEIGHTS]; // w, found once a frame; negative: not yet
     real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as touches.rs
-    double before[WHIPS ? NQ : 1];
+    double before[ALONG ? NQ : 1];
+    Along along;
     real rate[NV], middle[NV], right[NV], qdd[NV];
 };
 

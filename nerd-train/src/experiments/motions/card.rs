@@ -13,17 +13,34 @@ use crate::error::Result;
 use crate::experiments::cost::each;
 use crate::learner::cuda::Precision;
 
+/// How a solver reckons on the card.
+pub(super) struct Kind {
+    /// Behind its name.
+    pub(super) word: &'static str,
+    real: Real,
+    precision: Precision,
+}
+
+/// Those that are told apart: of an analytic solver its numbers, of a learned one its products.
+pub(super) fn kinds(setting: &Setting) -> [Kind; 2] {
+    let (real, precision) = (Real::F32, Precision::F32);
+    match setting {
+        Setting::Neural(_) => [Kind { word: "", real, precision }, Kind { word: ", TF32", real, precision: Precision::Tf32 }],
+        _ => [Kind { word: ", 32 bits", real, precision }, Kind { word: ", 64 bits", real: Real::F64, precision }],
+    }
+}
+
 impl Motions {
     /// As [`Motions::rolled`], of a solver on the card, timed with as many environments as are asked for; transfers count.
     pub(super) fn rolled_there(
         &self,
         start: &Batch,
-        (setting, precision): (&Setting, Precision),
+        (setting, kind): (&Setting, &Kind),
         torques: &[f64],
     ) -> Result<(Places, f64, Vec<bool>)> {
         let (look, joints) = (self.look(), start.system.robot.joint_count());
         let mut crowd = self.crowd(start);
-        let mut solver = resident(setting, &start.system, Real::F32, precision)?;
+        let mut solver = resident(setting, &start.system, kind.real, kind.precision)?;
         let chunk = |first: usize| -> Vec<f64> {
             let of = |frame: usize, env: usize| &torques[(env % self.starts * self.frames + frame) * joints..][..joints];
             (first..first + look).flat_map(|frame| (0..crowd.len()).flat_map(move |env| of(frame, env).iter().copied())).collect()

@@ -133,8 +133,8 @@ impl Motions {
             return String::new();
         }
         format!(
-            " On the device, looked at every {LOOK} frames: {} environments together, the motions in turn, transfers counted. The analytic solver has 32 bits \
-             there and goes by the matrix, which costs the cube of the number of joints; of the learned one the network has 32 bits, all else 64.",
+            " On the device, looked at every {LOOK} frames: {} environments together, the motions in turn, transfers counted. \
+             Of the learned cable the network has 32 bits, all else 64.",
             self.together()
         )
     }
@@ -203,13 +203,13 @@ impl Motions {
         };
         #[cfg(feature = "cuda")]
         if self.device == Device::Cuda {
-            use crate::learner::cuda::Precision::{F32, Tf32};
-            let mut rows = vec![self.row(&series, Some(setting), self.rolled_there(start, (setting, F32), torques)?, truth)?];
-            if matches!(setting, Setting::Neural(_)) {
-                let rolled = self.rolled_there(start, (setting, Tf32), torques)?;
-                rows.push(self.row(&format!("{series}, TF32"), Some(setting), rolled, truth)?);
-            }
-            return Ok(rows);
+            return card::kinds(setting)
+                .iter()
+                .map(|kind| {
+                    let rolled = self.rolled_there(start, (setting, kind), torques)?;
+                    self.row(&(series.clone() + kind.word), Some(setting), rolled, truth)
+                })
+                .collect();
         }
         let rolled = self.rolled(start, setting.solver(&start.system)?, torques)?;
         Ok(vec![self.row(&series, Some(setting), rolled, truth)?])
@@ -345,7 +345,7 @@ impl Experiment for Motions {
         for row in &data.rows {
             let Some(microseconds) = row.microseconds.filter(|_| !row.motions.is_empty()) else { continue };
             let mark = (microseconds, mean(&row.motions), row.substeps.map_or_else(String::new, |n| format!("x{n}")));
-            match series.last_mut().filter(|s| s.name == row.series) {
+            match series.iter_mut().find(|s| s.name == row.series) {
                 Some(s) => s.points.push(mark),
                 None => series.push(Series { name: row.series.clone(), points: vec![mark] }),
             }
