@@ -189,7 +189,7 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
-    let toml = "like = \"cube\"\n[[scene]]\nname = \"peg\"\nplane = { height = 0.0, angles = [0.2, 0.1, 0.0] }\n\
+    let toml = "like = \"cube\"\n[[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n[[scene]]\nname = \"peg\"\nplane = { height = 0.0, angles = [0.2, 0.1, 0.0] }\n\
                 peg = [{ radius = 0.3, height = 0.5, at = [0.1, 0.2, 0.3] }, { radius = 0.1, height = 0.2, at = [0.5, 0.2, 0.3] }]";
     let (assets, file) = (Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"), folder.path().join("cubes.urdf"));
     std::fs::copy(assets.join("cube.urdf"), &file).expect("copied");

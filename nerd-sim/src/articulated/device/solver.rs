@@ -12,9 +12,8 @@ use crate::solver::StepError;
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///
-/// Whips are looked for and cut as on the CPU, but deep trees, too, are solved by their matrix, whose cost grows with the cube of their depth. It
-/// refuses what it has no kernel for: scenes with other shapes than planes, boxes and pegs, for explicit steps with more than one plane, robots
-/// that differ by environment.
+/// It refuses what it has no kernel for: scenes with other shapes than planes, boxes and pegs, for explicit steps with more than one plane,
+/// robots that differ by environment.
 pub type CudaArticulated = OnDevice<Whole>;
 
 /// A frame as one kernel, which loops over frames.
