@@ -13,21 +13,10 @@ use crate::error::Result;
 use crate::experiments::cost::each;
 use crate::learner::cuda::Precision;
 
-/// How a solver reckons on the card.
-pub(super) struct Kind {
-    /// Behind its name.
-    pub(super) word: &'static str,
-    real: Real,
-    precision: Precision,
-}
-
-/// Those that are told apart: of an analytic solver its numbers, of a learned one its products.
-pub(super) fn kinds(setting: &Setting) -> [Kind; 2] {
-    let (real, precision) = (Real::F32, Precision::F32);
-    match setting {
-        Setting::Neural(_) => [Kind { word: "", real, precision }, Kind { word: ", TF32", real, precision: Precision::Tf32 }],
-        _ => [Kind { word: ", 32 bits", real, precision }, Kind { word: ", 64 bits", real: Real::F64, precision }],
-    }
+/// Products of a learned solver's network, each with what it is called behind the solver's name; an analytic one has none.
+pub(super) fn products(setting: &Setting) -> &'static [(Precision, &'static str)] {
+    let all = &[(Precision::F32, ""), (Precision::Tf32, ", TF32")];
+    if matches!(setting, Setting::Neural(_)) { all } else { &all[..1] }
 }
 
 impl Motions {
@@ -35,12 +24,12 @@ impl Motions {
     pub(super) fn rolled_there(
         &self,
         start: &Batch,
-        (setting, kind): (&Setting, &Kind),
+        (setting, precision): (&Setting, Precision),
         torques: &[f64],
     ) -> Result<(Places, f64, Vec<bool>)> {
         let (look, joints) = (self.look(), start.system.robot.joint_count());
         let mut crowd = self.crowd(start);
-        let mut solver = resident(setting, &start.system, kind.real, kind.precision)?;
+        let mut solver = resident(setting, &start.system, Real::F32, precision)?;
         let chunk = |first: usize| -> Vec<f64> {
             let of = |frame: usize, env: usize| &torques[(env % self.starts * self.frames + frame) * joints..][..joints];
             (first..first + look).flat_map(|frame| (0..crowd.len()).flat_map(move |env| of(frame, env).iter().copied())).collect()

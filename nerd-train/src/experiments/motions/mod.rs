@@ -27,6 +27,8 @@ use crate::bounds::{self, FRAMES, SEEDS, STARTS};
 use crate::choice::{Choice, describe};
 use crate::device::Device;
 use crate::error::{Result, refuse};
+#[cfg(feature = "cuda")]
+use crate::learner::cuda::Precision;
 use crate::progress;
 use crate::report::plot::{Figure, Series};
 use crate::report::replay::Replay;
@@ -134,7 +136,7 @@ impl Motions {
         }
         format!(
             " On the device, looked at every {LOOK} frames: {} environments together, the motions in turn, transfers counted. \
-             Of the learned cable the network has 32 bits, all else 64.",
+             Solvers have 32 bits there; around a learned cable's network all has 64.",
             self.together()
         )
     }
@@ -203,13 +205,11 @@ impl Motions {
         };
         #[cfg(feature = "cuda")]
         if self.device == Device::Cuda {
-            return card::kinds(setting)
-                .iter()
-                .map(|kind| {
-                    let rolled = self.rolled_there(start, (setting, kind), torques)?;
-                    self.row(&(series.clone() + kind.word), Some(setting), rolled, truth)
-                })
-                .collect();
+            let row = |(precision, word): &(Precision, &str)| {
+                let rolled = self.rolled_there(start, (setting, *precision), torques)?;
+                self.row(&(series.clone() + word), Some(setting), rolled, truth)
+            };
+            return card::products(setting).iter().map(row).collect();
         }
         let rolled = self.rolled(start, setting.solver(&start.system)?, torques)?;
         Ok(vec![self.row(&series, Some(setting), rolled, truth)?])
