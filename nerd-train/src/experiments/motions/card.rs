@@ -29,21 +29,22 @@ impl Motions {
     ) -> Result<(Places, f64, Vec<bool>)> {
         let (look, joints) = (self.look(), start.system.robot.joint_count());
         let mut crowd = self.crowd(start);
+        let (n, looks) = (crowd.len(), self.frames / look);
         let mut solver = resident(setting, &start.system, Real::F32, precision)?;
-        let chunk = |first: usize| -> Vec<f64> {
+        // `[frame][env][joint]` up to a look.
+        let part = |k: usize| -> Vec<f64> {
             let of = |frame: usize, env: usize| &torques[(env % self.starts * self.frames + frame) * joints..][..joints];
-            (first..first + look).flat_map(|frame| (0..crowd.len()).flat_map(move |env| of(frame, env).iter().copied())).collect()
+            (k * look..(k + 1) * look).flat_map(|frame| (0..n).flat_map(move |env| of(frame, env).iter().copied())).collect()
         };
-        let chunks: Vec<Vec<f64>> = (0..self.frames / look).map(|k| chunk(k * look)).collect();
         // Kernels are compiled and memory taken once, before the clock runs.
-        if let Err(error) = solver.roll(&mut crowd.clone(), &chunks[0], look) {
+        if let Err(error) = solver.roll(&mut crowd.clone(), &part(0), look) {
             error.faults()?;
         }
-        (0..crowd.len()).for_each(|env| solver.reset(env));
+        (0..n).for_each(|env| solver.reset(env));
         let (mut lost, mut places, mut spent) = (vec![false; self.starts], Vec::new(), Duration::ZERO);
-        for torques in &chunks {
+        for torques in (0..looks).map(part) {
             let began = Instant::now();
-            let rolled = solver.roll(&mut crowd, torques, look);
+            let rolled = solver.roll(&mut crowd, &torques, look);
             spent += began.elapsed();
             if let Err(error) = rolled {
                 for fault in error.faults()? {
@@ -54,7 +55,7 @@ impl Motions {
             }
             places.push((0..self.starts).map(|env| points(&crowd.system, crowd.state(env))).collect());
         }
-        Ok((places, each(spent, crowd.len() * chunks.len() * look), lost))
+        Ok((places, each(spent, n * looks * look), lost))
     }
 
     /// The motions' starts, in turn.
