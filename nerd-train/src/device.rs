@@ -76,11 +76,12 @@ impl Device {
     ) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
         if self == Self::Cuda {
-            match cuda::neural(model.clone(), system, Real::F32, Precision::F32) {
+            match cuda::whole(model.clone(), system, Real::F32, Precision::F32) {
                 Ok(whole) => {
-                    let system = system.clone();
+                    let (system, chain) = (system.clone(), model.config.network.architecture == Architecture::Chain);
                     let alone = move || self.alone(model, &system, envs, wrap);
-                    return Ok(Box::new(Willing { whole, stepped: false, alone: Some(Box::new(alone)), instead: None }));
+                    let rest = if chain { "all is on the CPU" } else { "the network alone is on the card" };
+                    return Ok(Box::new(Willing { whole, stepped: false, alone: Some(Box::new(alone)), rest, instead: None }));
                 }
                 Err(why) => eprintln!("{why}"),
             }
@@ -88,7 +89,7 @@ impl Device {
         self.alone(model, system, envs, wrap)
     }
 
-    /// A model whose network alone is on this device.
+    /// A model whose network alone is on this device; of a chain that is on the CPU, too.
     fn alone(
         self,
         model: Model,
@@ -96,7 +97,7 @@ impl Device {
         envs: usize,
         wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
     ) -> Result<Box<dyn Solver>> {
-        if self == Self::Cpu && model.config.network.architecture == Architecture::Chain {
+        if model.config.network.architecture == Architecture::Chain {
             return Ok(learned(model, system)?);
         }
         let network = self.network(&model.weights, envs)?;
@@ -108,14 +109,17 @@ impl Device {
 #[cfg(feature = "cuda")]
 type Alone = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
 
-/// Whole frames on the card, until a batch asks for what has no kernels (a scene with hills, say): from there on the network alone is there.
+/// Whole frames on the card, until a batch asks for what has no kernels (a scene with hills, say): from there on the network alone is there, or
+/// of a chain nothing.
 #[cfg(feature = "cuda")]
 struct Willing {
-    whole: cuda::CudaNeural,
+    whole: Box<dyn Roll>,
     /// Whether whole frames went well.
     stepped: bool,
     /// How to go on, until it is needed.
     alone: Option<Alone>,
+    /// What that is.
+    rest: &'static str,
     instead: Option<Box<dyn Solver>>,
 }
 
@@ -136,10 +140,10 @@ impl Solver for Willing {
         };
         // What asks too much of the solver on the card may do so of every one; then that one says it.
         let Some(alone) = self.alone.take() else { return Err(StepError::Refused(why)) };
-        let mut instead = alone().map_err(|e| StepError::Solver(format!("{why}; the network alone: {e}")))?;
+        let mut instead = alone().map_err(|e| StepError::Solver(format!("{why}; without kernels: {e}")))?;
         let done = instead.step(batch, torques);
         if !matches!(done, Err(StepError::Refused(_))) {
-            eprintln!("from now on the network alone is on the card: {why}");
+            eprintln!("from now on {}: {why}", self.rest);
         }
         self.instead = Some(instead);
         done
@@ -153,7 +157,7 @@ impl Solver for Willing {
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {
-        self.instead.is_none().then_some(&mut self.whole as &mut dyn Resident)
+        if self.instead.is_some() { None } else { self.whole.resident() }
     }
 }
 
@@ -164,8 +168,8 @@ impl Solver for Willing {
 #[cfg(feature = "cuda")]
 pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
     if let Setting::Neural(folder) = setting {
-        let whole = cuda::neural(Model::load(folder, system, None)?, system, real, precision);
-        return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
+        let whole = cuda::whole(Model::load(folder, system, None)?, system, real, precision);
+        return whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())));
     }
     let config = setting.articulated(system).ok_or_else(|| Error::Refused(format!("{setting} has no kernels; step it on the CPU")))?;
     Ok(Box::new(CudaArticulated::new(config, real)))
@@ -182,11 +186,11 @@ fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
     crate::error::refuse!("--device cuda needs a build with `--features cuda`")
 }
 
-/// A chain's frames are the CPU's, and its network is asked there.
+/// A chain is trained through frames that have no kernels for the way back, and its network is asked in whole frames alone.
 #[cfg(feature = "cuda")]
 pub(crate) fn no_chain(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
     match network.architecture {
-        Architecture::Chain => crate::error::refuse!("--device cuda trains and moves no chain, whose frames are the CPU's; leave it out"),
+        Architecture::Chain => crate::error::refuse!("--device cuda trains no chain, whose frames have no way back there; leave it out"),
         _ => Ok(()),
     }
 }

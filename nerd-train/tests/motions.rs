@@ -1,6 +1,7 @@
 //! How far solvers err along motions that none has seen: of whatever robot, and with losses told.
 #![cfg(feature = "report")]
 
+use nerd_train::device::Device;
 use nerd_train::experiments::Experiment;
 use nerd_train::experiments::motions::{Motions, Moved, Row};
 
@@ -40,4 +41,16 @@ fn a_table_says_how_many_are_lost_and_has_no_figure_of_them() {
     let (whole, lost) = (table(vec![row(vec![0.001; 2], 0)]), table(vec![row(vec![0.001], 1), row(vec![], 2)]));
     assert!(!whole.contains("were lost"), "{whole}");
     assert!(lost.contains("3 were lost") && !lost.contains("NaN") && lost.contains(" - "), "{lost}");
+}
+
+#[test]
+fn what_is_asked_of_a_card_is_not_ignored_without_one() {
+    let mut here = asked("cube");
+    here.environments = Some(64);
+    let said = here.measure().expect_err("it is refused").to_string();
+    assert!(said.contains("--environments") && said.contains("--device cuda"), "{said}");
+    let mut there = asked("cube");
+    (there.device, there.frames) = (Device::Cuda, 5);
+    let said = there.measure().expect_err("it is refused").to_string();
+    assert!(said.contains("--frames 5") || said.contains("--features cuda"), "{said}");
 }

@@ -18,6 +18,7 @@ mod rods;
 mod solver;
 mod step;
 
+pub(crate) use features::QUICK;
 pub use features::{INPUTS, Look, REACH, Touch};
 pub use gripper::Gripper;
 pub use layout::{Chain, NoChain};

@@ -1,13 +1,16 @@
-//! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`.
+//! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; of a chain's,
+//! `chain_tell` and `chain_apply`.
 //!
 //! They stand on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
 //! CUDA, so that a test runs them where there is no GPU.
+
+mod chain;
 
 use std::fmt::Write;
 use std::sync::Arc;
 
 use nerd_sim::articulated::device::{Reach, Real, functions};
-use nerd_sim::articulated::{ArticulatedConfig, Draft, Friction, along};
+use nerd_sim::articulated::{ArticulatedConfig, Draft, Friction};
 use nerd_sim::system::System;
 
 use crate::base::Base;
@@ -15,6 +18,8 @@ use crate::features::Features;
 use crate::folder::Model;
 use crate::form::View;
 use crate::turns::Turns;
+
+pub use chain::{chain_program, memo};
 
 /// Numbers from one token to the next: cuBLAS likes rows aligned.
 pub fn padded(inputs: usize) -> usize {
@@ -35,12 +40,6 @@ pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Re
             return Err(format!("a model that adds to {:?}, {on_cpu}", config.base));
         }
         (Base::State | Base::Draft(_), View::Own, Turns::Parent) => {}
-    }
-    if let Some(joint) = system.robot.joints().find(|j| j.stiffness > 0.0) {
-        return Err(format!("joint `{}` has a spring (stiffness), {on_cpu}", joint.name));
-    }
-    if matches!(config.base, Base::Draft(_)) && along(&system.robot) {
-        return Err(format!("the draft of so deep a robot is solved along its tree, {on_cpu}"));
     }
     let Base::Draft(substeps) = config.base else {
         return Ok((ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { faced: Some(system.spec.material), ..Reach::default() }));

@@ -40,13 +40,13 @@ pub(super) const PASSES: usize = 6;
 pub(super) const SETTLED: f64 = 0.02;
 
 /// Largest share of `h k` by which a joint's spring is damped.
-const CALM: f64 = 0.5;
+pub(super) const CALM: f64 = 0.5;
 /// Change of a joint's way over half a substep (rad or m), by what its rate was thought to be, that asks for another solve; and after that
 /// solve, for shorter substeps. Of chains alone.
-const OFF: f64 = 1e-3;
-const LOST: f64 = 1e-2;
+pub(super) const OFF: f64 = 1e-3;
+pub(super) const LOST: f64 = 1e-2;
 /// How often a substep is halved at most.
-const HALVINGS: usize = 6;
+pub(super) const HALVINGS: usize = 6;
 
 /// What a substep of length h (s) is made of.
 #[derive(Clone, Copy)]

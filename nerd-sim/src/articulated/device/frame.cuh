@@ -1,5 +1,5 @@
-// One frame of one environment. SUBSTEPS, CONTACT_SUBSTEPS, RK4, IMPLICIT, RENEW, HUBER are the solver's settings; ANY_DRY tells of a
-// joint with dry friction.
+// One frame of one environment. SUBSTEPS, CONTACT_SUBSTEPS, RK4, IMPLICIT, RENEW, HUBER are the solver's settings; HELD tells of a
+// joint with dry friction or a spring.
 
 // A floating root's velocity (w, v) about the world's origin to (w, p_dot), or back.
 FN void about(const double* p, double* qd, double sign) {
@@ -29,14 +29,6 @@ FN int give(const Tree& t, double* state) {
     return 0;
 }
 
-// To [-pi, pi).
-FN double wrapped(double x) {
-    const double pi = 3.14159265358979323846;
-    if (-pi <= x && x < pi) return x;
-    const double y = fmod(x, 2 * pi);
-    return y >= pi ? y - 2 * pi : y < -pi ? y + 2 * pi : y;
-}
-
 FN void wrap(double* state) {
     for (int i = 0; i < NJ; i++)
         if (WRAPS[i]) state[COORDS + i] = wrapped(state[COORDS + i]);
@@ -46,7 +38,7 @@ FN void wrap(double* state) {
 BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && (FACED || (NC > 0 && scene[3] != 0));
-    if (ANY_DRY || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS);
+    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS);
     Explicit e;
     e.looked = false;
     e.soft = -1;

@@ -93,3 +93,11 @@ FN void turn(double* q, V3 v) {
     double n = 1.0 / sqrt(x * x + y * y + z * z + w * w);
     q[0] = x * n; q[1] = y * n; q[2] = z * n; q[3] = w * n;
 }
+
+// To [-pi, pi).
+FN double wrapped(double x) {
+    const double pi = 3.14159265358979323846;
+    if (-pi <= x && x < pi) return x;
+    const double y = fmod(x, 2 * pi);
+    return y >= pi ? y - 2 * pi : y < -pi ? y + 2 * pi : y;
+}

@@ -12,7 +12,7 @@ mod solver;
 pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]
 pub use held::Held;
-pub use program::{Reach, Real, fault, functions, packed, program, record};
+pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
 #[cfg(feature = "cuda")]
 pub use roll::{BLOCK, Motion, OnDevice, Resident, Roll, failed};
 #[cfg(feature = "cuda")]

@@ -5,21 +5,23 @@
 
 use std::fmt::Write;
 
-use nerd_core::dynamics::Factor;
+use nerd_core::dynamics::{Factor, TreeFactor};
 use nerd_core::robot::{Base, JointKind, Robot};
 
-use super::super::implicit::{PASSES, SETTLED};
+use super::super::implicit::{CALM, HALVINGS, LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touches::CREEP;
-use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
+use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh, along};
 use crate::batch::Batch;
 use crate::drive::Drive;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-const KERNELS: [&str; 6] = [
+const KERNELS: [&str; 8] = [
     include_str!("linear.cuh"),
+    include_str!("surface.cuh"),
     include_str!("tree.cuh"),
+    include_str!("along.cuh"),
     include_str!("touch.cuh"),
     include_str!("implicit.cuh"),
     include_str!("explicit.cuh"),
@@ -62,6 +64,12 @@ impl Reach {
     }
 }
 
+/// Vectors in 64 bits, the surfaces of a scene with so many colliders, and the numbers of faults: what needs no robot.
+pub fn surfaces(colliders: usize) -> String {
+    let sizes = format!("#define REAL double\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n");
+    sizes + KERNELS[0] + KERNELS[1]
+}
+
 /// The text for one robot: the kernel `advance`.
 pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
     functions(system, config, real, reach) + ALONE
@@ -81,18 +89,22 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let more = [("DOFS", robot.root_dofs()), ("COORDS", robot.root_coords()), ("NP", robot.contact_points.len()), ("NC", reach.colliders)];
     sizes.into_iter().chain(more).for_each(|(name, n)| define(name, count(n)));
     define("DEPTH", count(depth(robot)));
+    define("PRESSED", count(robot.joints().map(|j| usize::from(j.friction > 0.0) + 2 * usize::from(j.limit.is_some())).sum()));
     define("SUBSTEPS", count(config.substeps));
     define("CONTACT_SUBSTEPS", count(config.contact_substeps));
     define("RK4", flag(config.integrator == Integrator::Rk4));
     define("IMPLICIT", flag(config.contact_step == ContactStep::Implicit));
     define("RENEW", flag(config.refresh == Refresh::Substep));
     define("HUBER", flag(config.friction == Friction::Huber));
-    define("ANY_DRY", flag(robot.dry()));
+    define("HELD", flag(robot.dry() || robot.sprung()));
+    define("ALONG", flag(along(robot) && TreeFactor::new(robot).is_some()));
+    define("HALVINGS", count(HALVINGS));
     define("DRIVEN", flag(reach.driven));
     define("FACED", flag(reach.faced.is_some()));
     define("PASSES", count(PASSES));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
-    constants.into_iter().for_each(|(name, x)| define(name, format!("((real){})", number(x))));
+    let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF)];
+    constants.into_iter().chain(more).for_each(|(name, x)| define(name, format!("((real){})", number(x))));
     define("POWERS", count(POWERS));
     define("LOST", LOST.to_string());
     define("GONE", GONE.to_string());
@@ -149,6 +161,8 @@ fn links(text: &mut String, robot: &Robot) {
 
 fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
     real_table(text, "DAMPING", robot.joints().map(|j| j.damping).collect());
+    real_table(text, "SPRING", robot.joints().map(|j| j.stiffness).collect());
+    real_table(text, "SLACK", robot.joints().map(|j| j.rest).collect());
     real_table(text, "DRY", robot.joints().map(|j| j.friction).collect());
     real_table(text, "TOP", robot.joints().map(|j| j.velocity).collect());
     real_table(
@@ -197,21 +211,32 @@ pub(super) fn table(text: &mut String, kind: &str, name: &str, entries: impl Ite
 /// # Errors
 /// A shape without a kernel; for explicit steps, anything but one plane.
 pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach: Reach) -> Result<Vec<f64>, String> {
-    let implicit = config.contact_step == ContactStep::Implicit || system.robot.dry() || reach.driven;
+    let held = system.robot.dry() || system.robot.sprung() || reach.driven;
+    let implicit = config.contact_step == ContactStep::Implicit || held;
     let mut numbers = scene.gravity.as_slice().to_vec();
     for (k, body) in scene.colliders.iter().enumerate() {
         let mut own = [0.0; COLLIDER];
+        let stand = |own: &mut [f64]| {
+            own[1..10].copy_from_slice(body.pose.rotation.to_rotation_matrix().matrix().transpose().as_slice());
+            own[10..13].copy_from_slice(body.pose.translation.vector.as_slice());
+        };
         if let Some(plane) = &body.plane {
             own[0] = 1.0;
             own[1..4].copy_from_slice(plane.normal.as_slice());
             own[4] = plane.offset;
         } else if let Some(cuboid) = body.shape.as_cuboid() {
             own[0] = 2.0;
-            own[1..10].copy_from_slice(body.pose.rotation.to_rotation_matrix().matrix().transpose().as_slice());
-            own[10..13].copy_from_slice(body.pose.translation.vector.as_slice());
+            stand(&mut own);
             own[13..16].copy_from_slice(&[cuboid.half_extents.x, cuboid.half_extents.y, cuboid.half_extents.z]);
+        } else if let Some(peg) = body.shape.as_cylinder() {
+            own[0] = 3.0;
+            stand(&mut own);
+            own[13..15].copy_from_slice(&[peg.radius, peg.half_height]);
         } else {
-            return Err(format!("scene `{}`, collider {k}: on a device there are planes and boxes alone; step it on the CPU", scene.name));
+            return Err(format!(
+                "scene `{}`, collider {k}: on a device there are planes, boxes and pegs alone; step it on the CPU",
+                scene.name
+            ));
         }
         let material = body.material.mean(&system.spec.material);
         own[16..].copy_from_slice(&[material.stiffness, material.damping, material.friction_damping, material.friction]);

@@ -12,9 +12,8 @@ use crate::solver::StepError;
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///
-/// Along deep trees the CPU's solver looks for whips and cuts their substeps; the kernels do not, and go by the matrix. It refuses what it has
-/// no kernel for: scenes with other shapes than planes and boxes, for explicit steps with more than one plane, springs in joints, robots
-/// that differ by environment.
+/// It refuses what it has no kernel for: scenes with other shapes than planes, boxes and pegs, for explicit steps with more than one plane,
+/// robots that differ by environment.
 pub type CudaArticulated = OnDevice<Whole>;
 
 /// A frame as one kernel, which loops over frames.
@@ -34,10 +33,6 @@ impl CudaArticulated {
 impl Motion for Whole {
     fn check(&self, batch: &Batch) -> Result<(), StepError> {
         self.config.check().map_err(StepError::Solver)?;
-        if let Some(joint) = batch.system.robot.joints().find(|j| j.stiffness > 0.0) {
-            let text = format!("joint `{}` has a spring (stiffness), which has no kernel; step it with articulated on the CPU", joint.name);
-            return Err(StepError::Refused(text));
-        }
         if !batch.systems.is_empty() {
             let text = "on a device all environments are of one robot: leave `systems` empty, or step with articulated on the CPU";
             return Err(StepError::Refused(text.into()));

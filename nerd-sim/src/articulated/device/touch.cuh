@@ -1,14 +1,12 @@
-// What touches in a substep: points on planes and boxes, joints beyond limits, dry friction, drives. As articulated/touches.rs.
-// NP points with POINT_LINK, POINT, RADIUS; NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping), TOP.
+// What touches in a substep: points on surfaces, joints beyond limits, dry friction, drives. As articulated/touches.rs.
+// NP points with POINT_LINK, POINT, RADIUS; NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
+// TOP, SPRING and SLACK (stiffness, and where it pulls to).
 
-constexpr int SCENE = 3 + 20 * NC;     // numbers of a scene: gravity, colliders
+constexpr int SCENE = 3 + COLLIDER * NC;     // numbers of a scene: gravity, colliders
 constexpr int DRIVES = DRIVEN ? NJ : 0;
 constexpr int PAIRS = FACED && !NC ? NP : NP * NC;
-constexpr int MOST = PAIRS + 3 * NJ + DRIVES + 1;    // of a joint: dry friction, both ends of its range
+constexpr int MOST = PAIRS + PRESSED + DRIVES + 1;   // PRESSED: dry friction, both ends of a range
 constexpr int WEIGHTS = PAIRS + 3 * NJ + 1;
-
-// A surface as seen from the root: a plane n . x = offset, or a box.
-struct Surface { int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[4]; };
 
 // The plane that a point faces all through a draft, wherever it goes; its place in world axes.
 struct Facing { bool near; V3 normal; double place[3]; };
@@ -34,7 +32,9 @@ struct Work {
     Touch touch[MOST];
     int touches;
     real weight[WEIGHTS]; // w, found once a frame; negative: not yet
-    real damper[NJ + 1];
+    real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as touches.rs
+    double before[ALONG ? NQ : 1];
+    Along along;
     real rate[NV], middle[NV], right[NV], qdd[NV];
 };
 
@@ -50,20 +50,10 @@ FN void survey(Work& w, const double* scene) {
     const double o[3] = {stands(w, 0), stands(w, 1), stands(w, 2)};
     w.surfaces = 0;
     for (int c = 0; c < NC; c++) {
-        const double* s = scene + 3 + 20 * c;
-        const int kind = (int)s[0];
-        if (!kind) break;
+        const double* s = scene + 3 + COLLIDER * c;
+        if (!(int)s[0]) break;
         Surface& u = w.surface[w.surfaces++];
-        u.kind = kind;
-        if (kind == 1) {
-            u.normal = v3((real)s[1], (real)s[2], (real)s[3]);
-            u.offset = (real)(s[4] - (s[1] * o[0] + s[2] * o[1] + s[3] * o[2]));
-        } else {
-            for (int k = 0; k < 9; k++) u.turn.m[k] = (real)s[1 + k];
-            u.place = from(w, s + 10);
-            u.half = v3((real)s[13], (real)s[14], (real)s[15]);
-        }
-        for (int k = 0; k < 4; k++) u.material[k] = (real)s[16 + k];
+        read(u, s, o);
     }
 }
 
@@ -73,34 +63,6 @@ FN void see(Work& w, const double* scene) {
     if (!FACED) return survey(w, scene);
     w.surfaces = 1;
     for (int k = 0; k < 4; k++) w.surface[0].material[k] = FACES[k];
-}
-
-// Signed distance of a point, with the outward normal and the nearest place.
-FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
-    if (s.kind == 1) {
-        const real d = dot(s.normal, p) - s.offset;
-        normal = s.normal;
-        nearest = p - normal * d;
-        return d;
-    }
-    const V3 l = back(s.turn, p - s.place);
-    real a[3] = {l.x, l.y, l.z}, h[3] = {s.half.x, s.half.y, s.half.z}, b[3];
-    bool inside = true;
-    for (int k = 0; k < 3; k++) {
-        b[k] = most(-h[k], least(h[k], a[k]));
-        inside = inside && b[k] == a[k];
-    }
-    if (inside) {
-        int axis = 0;
-        real depth = infinite();
-        for (int k = 0; k < 3; k++) if (h[k] - size(a[k]) < depth) { depth = h[k] - size(a[k]); axis = k; }
-        b[axis] = a[axis] >= 0 ? h[axis] : -h[axis];
-    }
-    nearest = s.place + s.turn * v3(b[0], b[1], b[2]);
-    const V3 gap = p - nearest;
-    const real sign = inside ? -1 : 1, length = norm(gap);
-    normal = length > (real)1e-12 ? gap * (sign / length) : v3(0, 0, 0);
-    return sign * length;
 }
 
 // Of a gap in the middle of a substep and its change to the end: the part of the substep in which it is negative, and its mean there.
@@ -138,6 +100,7 @@ BIG bool find(Work& w, real h, const double* drives) {
     Tree& tr = w.tree;
     velocities(tr, tr.qd);
     w.touches = 0;
+    for (int i = 0; i < NJ; i++) w.pull[i] = SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]);
     for (int point = 0; point < NP && w.surfaces > 0; point++) {
         if (FACED) {
             const Facing& f = w.facing[point];

@@ -4,6 +4,7 @@
 
 #define LOWER(i, j) ((i) * ((i) + 1) / 2 + (j))
 constexpr int SIZE = NV * (NV + 1) / 2;
+constexpr int KEPT = ALONG && HELD ? 1 : SIZE;   // no matrix where the tree is all that is ever asked
 
 struct Tree {
     double q[NQ];
@@ -14,8 +15,8 @@ struct Tree {
     Motion axis[NL];
     Motion velocity[NL];
     real tau[NV];        // bias
-    real mass[SIZE];
-    real factor[SIZE];   // diagonal inverted
+    real mass[KEPT];
+    real factor[KEPT];   // diagonal inverted
     real given[NV];      // diagonal of what was factorised
     int lost;
 };

@@ -9,6 +9,7 @@
 mod attention;
 mod backward;
 mod cell;
+mod chain;
 mod forward;
 mod muon;
 mod network;
@@ -20,8 +21,14 @@ mod step;
 mod stream;
 mod trainer;
 
-use nerd_model::transformer::{Stream, Weights, Windowed};
+use std::sync::Arc;
 
+use nerd_model::folder::Model;
+use nerd_model::transformer::{Architecture, Stream, Weights, Windowed};
+use nerd_sim::articulated::device::{Real, Roll};
+use nerd_sim::system::System;
+
+pub use chain::{Along, CudaChain, chain};
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
 pub use neural::{CudaNeural, Network as Learned, neural};
@@ -40,5 +47,17 @@ pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Bo
     Ok(match Plan::stream(&weights.config) {
         Ok(_) => Box::new(CudaStream::new(weights, precision, envs)?),
         Err(_) => Box::new(Windowed::new(CudaForward::new(weights, precision, envs)?, weights.config)),
+    })
+}
+
+/// A model as a solver whose whole frames are on the device: of a chain [`CudaChain`], of any other robot [`CudaNeural`]. What is not the
+/// network of a chain has 64 bits, whatever is asked for.
+///
+/// # Errors
+/// What of the model has no kernel.
+pub fn whole(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>, String> {
+    Ok(match model.config.network.architecture {
+        Architecture::Chain => Box::new(chain(model, system, precision)?),
+        _ => Box::new(neural(model, system, real, precision)?),
     })
 }

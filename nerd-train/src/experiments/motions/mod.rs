@@ -3,7 +3,12 @@
 //!
 //! Starts, scenes and torques are drawn as those of a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
 //! the implicit step with four times as many substeps as the finest solver here. An error is the distance (m) of contact points, a
-//! cable's nodes say, averaged over them. Time and error come from the same frames.
+//! cable's nodes say, averaged over them. Time and error come from the same frames. On a card many environments move together, and are looked at
+//! after every tenth frame.
+
+#[cfg(feature = "cuda")]
+mod card;
+mod shown;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,14 +26,15 @@ use super::Experiment;
 use super::cost::{each, on_one_core};
 use crate::bounds::{self, FRAMES, SEEDS, STARTS};
 use crate::choice::{Choice, describe};
+use crate::device::Device;
 use crate::error::{Result, refuse};
+#[cfg(feature = "cuda")]
+use crate::learner::cuda::Precision;
 use crate::progress;
-use crate::report::plot::{Figure, Series};
 use crate::report::replay::Replay;
-use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table, motions};
 use crate::settings::settings;
-use crate::stats::{mean, percentile};
+use crate::stats::mean;
 
 settings! {
     /// Along motions that no solver has seen.
@@ -45,6 +51,10 @@ settings! {
         substeps: usize = 16, Whole(1..=256);
         /// Seed of the motions
         seed: u64 = 500, Whole(SEEDS);
+        /// Where solvers move
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// Environments that move together, the motions in turn; with --device cuda alone [default: 4096]
+        environments: Option<usize> = None, Whole(STARTS);
     }
 }
 
@@ -68,7 +78,7 @@ pub struct Row {
     pub substeps: Option<usize>,
     /// Frame of one environment on one core; none of what knows no dynamics.
     pub microseconds: Option<f64>,
-    /// Mean distance (m) by frame, of motions that are not lost; empty if all are.
+    /// Mean distance (m) by frame that was looked at, of motions that are not lost; empty if all are.
     pub curve: Vec<f64>,
     /// Mean distance (m) of each motion that is not lost.
     pub motions: Vec<f64>,
@@ -76,10 +86,14 @@ pub struct Row {
     pub lost: usize,
 }
 
+/// Environments that move together on a card, and at every how many frames they are looked at there.
+const CROWD: usize = 4096;
+const LOOK: usize = 10;
+
 /// So many times as far as anything goes in the reference, a motion is lost.
 const FAR: f64 = 10.0;
 
-/// Places of contact points by frame and motion.
+/// Places of contact points by frame that was looked at, and motion.
 type Places = Vec<Vec<Vec<Vector3<f64>>>>;
 
 /// What is held against the reference.
@@ -102,6 +116,29 @@ impl Motions {
         let Some(model) = self.model.first() else { refuse!("--replay shows a model beside its truth: name one with --model") };
         bounds::memory(&[("--frames", self.frames)], 256 * System::named(&self.robot)?.robot.links.len())?;
         motions::driven(&self.robot, model, self.frames, self.seed)
+    }
+
+    /// At every how many frames places are looked at.
+    fn look(&self) -> usize {
+        if self.device == Device::Cuda { LOOK } else { 1 }
+    }
+
+    /// Environments that move together.
+    fn together(&self) -> usize {
+        self.environments.unwrap_or(CROWD).max(self.starts)
+    }
+
+    /// Refuses what does not fit together.
+    fn fits(&self) -> Result<()> {
+        match self.device {
+            Device::Cpu if self.environments.is_some() => refuse!("--environments means nothing without --device cuda"),
+            Device::Cuda if cfg!(not(feature = "cuda")) => refuse!("--device cuda needs a build with `--features cuda`"),
+            Device::Cuda if self.frames < LOOK => refuse!("--frames {}: on a card they are looked at every {LOOK}", self.frames),
+            Device::Cuda if self.environments.is_some_and(|n| n < self.starts) => {
+                refuse!("--environments: {} at least, a motion each (--starts)", self.starts)
+            }
+            _ => Ok(()),
+        }
     }
 
     fn entries(&self) -> Vec<Entry> {
@@ -135,29 +172,47 @@ impl Motions {
                     solver.reset(fault.env);
                 }
             }
-            places.push((0..n).map(|env| points(&batch.system, batch.state(env))).collect());
+            if (frame + 1).is_multiple_of(self.look()) {
+                places.push((0..n).map(|env| points(&batch.system, batch.state(env))).collect());
+            }
         }
         Ok((places, each(solver.spent, n * self.frames), lost))
     }
 
-    fn row(&self, entry: &Entry, start: &Batch, torques: &[f64], truth: &Places) -> Result<Row> {
-        let (solver, series, substeps): (Box<dyn Solver>, _, _) = match entry {
-            Entry::Hold => (Box::new(Hold), "hold last".to_string(), None),
-            Entry::Glide => (Box::new(Glide), "constant velocity".to_string(), None),
-            Entry::Solver(setting) => {
-                let series = match &**setting {
-                    Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
-                    other => other.series().to_string(),
-                };
-                (setting.solver(&start.system)?, series, setting.substeps())
-            }
+    /// The rows of an entry: on a card a model has one in f32 and one in TF32.
+    fn rows(&self, entry: &Entry, start: &Batch, torques: &[f64], truth: &Places) -> Result<Vec<Row>> {
+        let setting = match entry {
+            Entry::Hold => return Ok(vec![self.row("hold last", None, self.rolled(start, Box::new(Hold), torques)?, truth)?]),
+            Entry::Glide => return Ok(vec![self.row("constant velocity", None, self.rolled(start, Box::new(Glide), torques)?, truth)?]),
+            Entry::Solver(setting) => &**setting,
         };
-        let solves = matches!(entry, Entry::Solver(_));
-        let (places, microseconds, lost) = self.rolled(start, solver, torques)?;
-        let (curve, motions) = distances(&places, truth, &lost, solves);
+        let series = match setting {
+            Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
+            other => other.series().to_string(),
+        };
+        #[cfg(feature = "cuda")]
+        if self.device == Device::Cuda {
+            let row = |(precision, word): &(Precision, &str)| {
+                let rolled = self.rolled_there(start, (setting, *precision), torques)?;
+                self.row(&(series.clone() + word), Some(setting), rolled, truth)
+            };
+            return card::products(setting).iter().map(row).collect();
+        }
+        let rolled = self.rolled(start, setting.solver(&start.system)?, torques)?;
+        Ok(vec![self.row(&series, Some(setting), rolled, truth)?])
+    }
+
+    fn row(
+        &self,
+        series: &str,
+        setting: Option<&Setting>,
+        (places, microseconds, lost): (Places, f64, Vec<bool>),
+        truth: &Places,
+    ) -> Result<Row> {
+        let (curve, motions) = distances(&places, truth, &lost, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
-        let lost = self.starts - motions.len();
-        Ok(Row { series, substeps, microseconds: solves.then_some(microseconds), curve, motions, lost })
+        let (lost, substeps) = (self.starts - motions.len(), setting.and_then(Setting::substeps));
+        Ok(Row { series: series.into(), substeps, microseconds: setting.map(|_| microseconds), curve, motions, lost })
     }
 }
 
@@ -187,7 +242,8 @@ impl Experiment for Motions {
     type Data = Moved;
 
     fn name(&self) -> String {
-        format!("motions-{}", Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy())
+        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
+        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
     }
 
     fn seed(&self) -> u64 {
@@ -209,6 +265,7 @@ impl Experiment for Motions {
     }
 
     fn measure(&self) -> Result<Moved> {
+        self.fits()?;
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
             refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
@@ -223,12 +280,13 @@ impl Experiment for Motions {
         let start = begin(&system, &config, 0, self.starts)?;
         let d = system.robot.state_dim();
         let at = |frame: usize, env: usize| points(&system, &recording.states[(env * (self.frames + 1) + frame + 1) * d..][..d]);
-        let truth: Places = (0..self.frames).map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
+        let looked = (1..=self.frames / self.look()).map(|k| k * self.look() - 1);
+        let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
             for (k, entry) in entries.iter().enumerate() {
                 bar.set(k as u64 + 1);
-                rows.push(self.row(entry, &start, &recording.torques, &truth)?);
+                rows.extend(self.rows(entry, &start, &recording.torques, &truth)?);
             }
             Ok(rows)
         })?;
@@ -237,62 +295,11 @@ impl Experiment for Motions {
     }
 
     fn tables(&self, data: &Moved) -> Result<Vec<Table>> {
-        let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
-        let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
-        let rows = data.rows.iter().map(|row| {
-            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame - 1).copied().unwrap_or(f64::NAN)));
-            let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
-            let first = [
-                row.series.clone(),
-                row.substeps.map_or_else(|| "-".into(), |n| n.to_string()),
-                row.microseconds.map_or_else(|| "-".into(), digits),
-                millimetres(mean(&row.motions)),
-                of(0.95),
-                of(1.0),
-            ];
-            first.into_iter().chain(frames).chain([row.lost.to_string()]).collect()
-        });
-        let frames: Vec<String> = shown.iter().map(|frame| format!("frame {frame}")).collect();
-        let header = ["solver", "substeps", "us a frame", "mean (mm)", "95 %", "worst"].into_iter();
-        let header: Vec<&str> = header.chain(frames.iter().map(String::as_str)).chain(["lost"]).collect();
-        let note = format!(
-            "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.",
-            data.robot, self.frames, self.starts, data.reference
-        );
-        let lost: usize = data.rows.iter().map(|row| row.lost).sum();
-        let left =
-            if lost > 0 { format!(" {lost} were lost by some solver, and are in no other figure of its row.") } else { String::new() };
-        Ok(vec![Table::new(&self.name(), &header).with(rows).noted(&(note + &left))])
+        Ok(vec![self.table(data)])
     }
 
     fn pictures(&self, data: &Moved, stem: &Path) -> Result<()> {
-        let mut series: Vec<Series> = Vec::new();
-        for row in &data.rows {
-            let Some(microseconds) = row.microseconds.filter(|_| !row.motions.is_empty()) else { continue };
-            let mark = (microseconds, mean(&row.motions), row.substeps.map_or_else(String::new, |n| format!("x{n}")));
-            match series.last_mut().filter(|s| s.name == row.series) {
-                Some(s) => s.points.push(mark),
-                None => series.push(Series { name: row.series.clone(), points: vec![mark] }),
-            }
-        }
-        let mut levels: Vec<(f64, String)> = Vec::new();
-        for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {
-            let error = mean(&row.motions);
-            // What starts at rest stays where it is at constant velocity, too.
-            match levels.iter_mut().find(|(other, _)| (other / error - 1.0).abs() < 0.02) {
-                Some((_, name)) => *name += &format!(", {}", row.series),
-                None => levels.push((error, row.series.clone())),
-            }
-        }
-        let figure = Figure {
-            title: format!("{}: motions that no solver has seen", data.robot),
-            x: "microseconds a frame, one environment, one core".into(),
-            y: format!("mean distance of contact points over {} frames (m)", self.frames),
-            series,
-            front: Vec::new(),
-            levels,
-        };
-        figure.save(stem)
+        self.figure(data).save(stem)
     }
 }
 

@@ -1,0 +1,38 @@
+//! What stands around a chain's network, as a program for a device: the text of two kernels, `chain_tell` and `chain_apply`.
+//!
+//! They are [`crate::chain`] in 64 bits, on vectors and surfaces of the articulated solver's kernels.
+
+use std::fmt::Write;
+
+use nerd_sim::articulated::device::surfaces;
+use nerd_sim::system::System;
+
+use super::padded;
+use crate::chain::{Chain, INPUTS, OUTPUTS, QUICK, REACH};
+
+/// Numbers that are kept of an environment between the two kernels: the gripper, and directions and rates of rods.
+pub fn memo(chain: &Chain) -> usize {
+    12 + 6 * chain.rods
+}
+
+/// The text for a chain, for scenes of at most so many colliders; `scale` is what 1 means of each number that is said.
+pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
+    let mut text = surfaces(colliders);
+    for (name, n) in [("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)] {
+        let _ = writeln!(text, "#define {name} {n}");
+    }
+    for (name, x) in [("LENGTH", chain.length), ("RADIUS", chain.radius), ("FRAME", chain.frame_time), ("REACH", REACH), ("QUICK", QUICK)] {
+        let _ = writeln!(text, "#define {name} {x:e}");
+    }
+    let mut table = |kind: &str, name: &str, entries: Vec<String>| {
+        let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
+    };
+    let numbers = |numbers: &[f64]| numbers.iter().map(|x| format!("{x:e}")).collect();
+    table("double", "HOME", numbers(chain.home.as_slice()));
+    table("double", "STIFFNESS", numbers(&chain.stiffness));
+    table("double", "PULSE", numbers(&chain.pulse));
+    table("double", "STRETCH", numbers(scale));
+    table("int", "WRAPS", system.robot.joints().map(|joint| i32::from(joint.wraps()).to_string()).collect());
+    text.push_str(include_str!("chain.cuh"));
+    text
+}

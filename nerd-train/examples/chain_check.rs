@@ -1,0 +1,137 @@
+//! Checks chains whose batch stays on the GPU at hand, among pegs: the learned one against the CPU's, and the analytic solver with its springs and
+//! whips. All checks are made; one that fails ends the program with an error.
+//!
+//! ```text
+//! cargo run --release -p nerd-train --features cuda --example chain_check
+//! ```
+
+use std::error::Error;
+use std::time::Instant;
+
+use nerd_model::pick::Setting;
+use nerd_sim::articulated::device::{Real, Roll};
+use nerd_sim::dataset::{GenerateConfig, begin};
+use nerd_sim::prelude::*;
+use nerd_train::device::resident;
+use nerd_train::learner::cuda::Precision;
+
+/// Leads, and frames in which they fall onto floor and pegs.
+const LEADS: usize = 64;
+const FALL: usize = 40;
+
+type Caught<T> = Result<T, Box<dyn Error>>;
+
+fn main() -> Caught<()> {
+    let (fallen, mut failed) = (fallen()?, 0);
+    let learned = || Setting::Neural("models/lead-pegs".into());
+    let mut demand = |right: bool, what: String| {
+        println!("{} {what}", if right { "  " } else { "NO" });
+        failed += usize::from(!right);
+    };
+    for (setting, precision) in [
+        (learned(), Precision::F32),
+        (learned(), Precision::Tf32),
+        (Setting::Implicit(1), Precision::F32),
+        (Setting::Implicit(4), Precision::F32),
+    ] {
+        match pace(&setting, precision, &fallen, 4096) {
+            Ok(pace) => demand(true, format!("{setting}, {precision:?}: {pace:.3} us a frame and environment, of 4096")),
+            Err(error) => demand(false, format!("{setting}: {error}")),
+        }
+    }
+    for (setting, real, frames, most) in [
+        (learned(), Real::F32, 1, 1e-4),
+        (learned(), Real::F32, 30, 0.05),
+        (Setting::Implicit(1), Real::F64, 1, 1e-6),
+        (Setting::Implicit(4), Real::F64, 1, 1e-6),
+        (Setting::Implicit(4), Real::F64, 10, 1e-3),
+        (Setting::Implicit(4), Real::F32, 1, 1e-2),
+        (Setting::Implicit(16), Real::F32, 1, 1e-2),
+    ] {
+        match apart(&setting, real, frames, &fallen) {
+            Ok([middle, worst]) => {
+                let what = format!("{setting}, {real:?}, {frames} frames: {middle:.1e} from the CPU in the median, {worst:.1e} at most");
+                demand(middle < most, what);
+            }
+            Err(error) => demand(false, format!("{setting}, {real:?}: {error}")),
+        }
+    }
+    for setting in [learned(), Setting::Implicit(4)] {
+        match in_a_row(&setting, &fallen) {
+            Ok(same) => demand(same, format!("{setting}: frames one by one and in a row, the same bits")),
+            Err(error) => demand(false, format!("{setting}: {error}")),
+        }
+        match harmed(&setting, &fallen) {
+            Ok((others, said)) => demand(others && said.contains("environment 7"), format!("{setting}, one that is no number: {said}")),
+            Err(error) => demand(false, format!("{setting}: {error}")),
+        }
+    }
+    if failed == 0 { Ok(()) } else { Err(format!("{failed} checks failed").into()) }
+}
+
+/// Leads that lie across floor and pegs.
+fn fallen() -> Caught<Batch> {
+    let system = System::named("lead-pegs")?;
+    let config = GenerateConfig { transitions: LEADS * FALL, frames: FALL, ..GenerateConfig::default() };
+    let mut batch = begin(&system, &config, 0, LEADS)?;
+    let mut solver = Setting::Implicit(4).solver(&system)?;
+    (0..FALL).try_for_each(|frame| solver.step(&mut batch, &torques(LEADS, frame)))?;
+    Ok(batch)
+}
+
+/// Of so many grippers, on their slides and turns.
+fn torques(n: usize, frame: usize) -> Vec<f64> {
+    (0..86 * n).map(|k| if k % 86 < 6 { 3.0 * ((k + 31 * frame) as f64 * 0.7).sin() } else { 0.0 }).collect()
+}
+
+fn solver(setting: &Setting, real: Real, batch: &Batch) -> Caught<Box<dyn Roll>> {
+    Ok(resident(setting, &batch.system, real, Precision::F32)?)
+}
+
+/// Differences after so many frames, by environment: in the median, and the largest.
+fn apart(setting: &Setting, real: Real, frames: usize, fallen: &Batch) -> Caught<[f64; 2]> {
+    let (mut here, mut there, d) = (fallen.clone(), fallen.clone(), fallen.system.robot.state_dim());
+    let (mut own, mut device) = (setting.solver(&fallen.system)?, solver(setting, real, fallen)?);
+    for frame in 0..frames {
+        own.step(&mut here, &torques(LEADS, frame))?;
+        device.step(&mut there, &torques(LEADS, frame))?;
+    }
+    let largest = |(a, b): (&[f64], &[f64])| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
+    let mut all: Vec<f64> = there.states.chunks(d).zip(here.states.chunks(d)).map(largest).collect();
+    all.sort_by(f64::total_cmp);
+    Ok([all[LEADS / 2], all[LEADS - 1]])
+}
+
+fn in_a_row(setting: &Setting, fallen: &Batch) -> Caught<bool> {
+    let (mut one, mut all) = (fallen.clone(), fallen.clone());
+    let mut stepped = solver(setting, Real::F32, fallen)?;
+    (0..5).try_for_each(|frame| stepped.step(&mut one, &torques(LEADS, frame)))?;
+    let every: Vec<f64> = (0..5).flat_map(|frame| torques(LEADS, frame)).collect();
+    solver(setting, Real::F32, fallen)?.roll(&mut all, &every, 5)?;
+    Ok(one.states == all.states && one.frames == all.frames)
+}
+
+/// A state that is none is set aside: whether no other environment notices, and what is said.
+fn harmed(setting: &Setting, fallen: &Batch) -> Caught<(bool, String)> {
+    let (mut sound, mut harmed, d) = (fallen.clone(), fallen.clone(), fallen.system.robot.state_dim());
+    harmed.states[7 * d + 9] = f64::NAN;
+    solver(setting, Real::F32, fallen)?.step(&mut sound, &torques(LEADS, 0))?;
+    let said = solver(setting, Real::F32, fallen)?.step(&mut harmed, &torques(LEADS, 0)).err().ok_or("nothing was said")?;
+    let others = |b: &Batch| [&b.states[..7 * d], &b.states[8 * d..]].concat();
+    Ok((others(&sound) == others(&harmed), said.to_string()))
+}
+
+/// Microseconds of a frame of one of so many environments, over ten frames.
+fn pace(setting: &Setting, precision: Precision, fallen: &Batch, n: usize) -> Caught<f64> {
+    const FRAMES: usize = 10;
+    let mut many = Batch::new(&fallen.system, &fallen.scenes[0], n);
+    for env in 0..n {
+        many.reset(env, fallen.state(env % LEADS));
+        many.scenes[env] = fallen.scenes[env % LEADS].clone();
+    }
+    let mut solver = resident(setting, &fallen.system, Real::F32, precision)?;
+    solver.roll(&mut many, &torques(n, 0), FRAMES)?;
+    let began = Instant::now();
+    solver.roll(&mut many, &torques(n, 0), FRAMES)?;
+    Ok(1e6 * began.elapsed().as_secs_f64() / (n * FRAMES) as f64)
+}
