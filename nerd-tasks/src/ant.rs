@@ -1,7 +1,7 @@
 //! What the three tasks of the Ant share (paper A.3.1.2). World up is +y, forward is +x; m, rad, s.
 //!
 //! Observation: 29 numbers ([`crate::body::observe`]). Action: torque of eight joints, 1 is 400 N m. Over when the torso's
-//! origin is below 0.3 m; truncated after 500 steps of 1/60 s. Starts: the reset law of `ant.toml`.
+//! origin is below 0.3 m; truncated after 500 steps of 1/60 s. Starts: the `reset` ranges of `ant.toml`.
 
 use crate::body::{Body, observe};
 use crate::formula::{About, Formulas, Number, Sight};

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! The appendix prints the last term as `(0.002 sum tau)^2`, under which opposed torques would cost nothing; this is the law
-//! of the reference system's code, whose rewards are the ones that were published. Starts: the reset law of
+//! of the reference system's code, whose rewards are the ones that were published. Starts: the `reset` ranges of
 //! `anymal.toml`.
 
 use crate::body::{Body, observe};

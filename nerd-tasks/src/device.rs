@@ -11,7 +11,7 @@ use crate::formula::{Formulas, written};
 /// The text for a task, for scenes of at most so many colliders: the kernels `task_act` and `task_judge`.
 ///
 /// # Errors
-/// What of the robot's starts has no kernel.
+/// What of the robot's starts has no kernel; a formula that speaks of what there is not.
 pub fn program(task: &impl Formulas, system: &System, colliders: usize) -> Result<String, String> {
     let (about, mut text) = (task.about(), episode(system, colliders)?);
     let sizes =
@@ -24,7 +24,7 @@ pub fn program(task: &impl Formulas, system: &System, colliders: usize) -> Resul
     let ends: Vec<String> = task.goal().iter().flatten().chain(&[0.0]).map(|x| format!("{x:e}")).collect();
     let _ = writeln!(text, "TABLE double ASKED[] = {{{}}};", ends.join(", "));
     text.push_str(include_str!("device/seen.cuh"));
-    text.push_str(&written(task, system));
+    text.push_str(&written(task, system)?);
     text.push_str(include_str!("device/task.cuh"));
     Ok(text)
 }

@@ -101,6 +101,10 @@ impl Task for Fast {
         self.task.miss(view, work)
     }
 
+    fn kernels(&self, _system: &System, _colliders: usize) -> Result<String, String> {
+        Err(format!("episodes of `{}` that begin fast have no kernels, so the task stays on the CPU", self.name()))
+    }
+
     fn terminated(&self, view: View, work: &mut Work) -> bool {
         self.task.terminated(view, work)
     }

@@ -82,7 +82,7 @@ pub trait Task: Send + Sync {
     /// Moves a goal on by a frame, where it moves.
     fn advance(&self, _goal: &mut [f64]) {}
 
-    /// A start `[q, qd]`; the robot's own law of resets unless a task has another.
+    /// A start `[q, qd]`; drawn from the robot's own `reset` ranges unless a task has another.
     fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
         start(system, Start::Reset, rng)
     }

@@ -9,6 +9,7 @@ use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
 use nerd_sim::solver::Fault;
+use nerd_tasks::formula::{About, Formulas, Number, Sight, written};
 use nerd_tasks::{Episodes, StepResult, named, names};
 
 const N: usize = 64;
@@ -115,7 +116,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
                 continue;
             }
         };
-        let made = cpp::compile(compiler, &text, folder.path(), name);
+        let made = cpp::compile(compiler, &(text + include_str!("../src/device/alone.cuh")), folder.path(), name);
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
         let said = run(&made, &episodes, &actions, &before, 2);
@@ -151,4 +152,32 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         count += 1;
     }
     assert_eq!(count, 8, "tasks with kernels");
+}
+
+/// Speaks of what there is not.
+struct Astray;
+
+impl Formulas for Astray {
+    fn about(&self) -> About {
+        About { name: "astray", robot: "cartpole", scene: "free", observation: 1, action: 2, steps: 10, frames: 1 }
+    }
+
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        out[0] = sight.q(0) / N::from(f64::INFINITY);
+    }
+
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        sight.controlled(action, torques);
+    }
+
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _: &[N]) -> N {
+        sight.q(9)
+    }
+}
+
+#[test]
+fn a_formula_that_reaches_too_far_is_refused() {
+    let system = System::named("cartpole").expect("a robot");
+    let said = written(&Astray, &system).expect_err("there are two coordinates");
+    assert_eq!(said, "task `astray`, `reward`: number 9 of 2 coordinates is asked for");
 }

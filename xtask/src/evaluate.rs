@@ -50,7 +50,7 @@ pub struct EvaluateArgs {
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
     pub control: bool,
-    /// File that replays the first start, let go, in the model and in its truth: a page, or of FILE.svg a picture (needs --solver neural)
+    /// File that replays the first start, let go, in the model and in its truth: a page, or of FILE.svg a picture with FILE.png beside it (needs --solver neural)
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
     /// Name of the result to write [default: passive]

@@ -13,7 +13,7 @@ use crate::conduct::ConductArgs;
 pub struct MotionsArgs {
     #[command(flatten)]
     pub measure: ConductArgs<Motions>,
-    /// File that replays the first motion in the first model and in its truth: a page, or of FILE.svg a picture (needs --model)
+    /// File that replays the first motion in the first model and in its truth: a page, or of FILE.svg a picture with FILE.png beside it (needs --model)
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
 }

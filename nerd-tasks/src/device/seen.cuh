@@ -1,5 +1,8 @@
 // What formulas may ask about one environment.
 
+// What constants that are no finite numbers are divided by.
+FN double zero() { return 0; }
+
 struct Seen { const double *state, *goal; Work* work; };
 
 // In the world.

@@ -28,7 +28,7 @@ pub struct About {
     pub frames: u64,
 }
 
-/// A task in formulas. Its episodes begin by the robot's own law of resets.
+/// A task in formulas. Its episodes begin by the robot's own `reset` ranges.
 pub trait Formulas: Send + Sync {
     /// What of it is no formula.
     fn about(&self) -> About;

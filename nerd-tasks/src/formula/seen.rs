@@ -10,17 +10,17 @@ use crate::{View, Work};
 pub trait Sight<N> {
     /// The robot.
     fn system(&self) -> &System;
-    /// A coordinate of the state's `q`.
+    /// Number k of the state's `q` (m, rad; a free root's quaternion is x y z w).
     fn q(&self, k: usize) -> N;
-    /// A number of the state's `qd`.
+    /// Number k of the state's `qd` (m/s, rad/s); a free root's first six are its twist about the world's origin.
     fn qd(&self, k: usize) -> N;
-    /// A number of what the episode asks for.
+    /// Number k of what the episode asks for, of [`super::Formulas::goal`].
     fn goal(&self, k: usize) -> N;
     /// Where in the world a point of a link is (m); `local` in the link's own axes (m).
     fn place(&mut self, link: usize, local: [f64; 3]) -> [N; 3];
-    /// How far a contact point is from the scene (m), its radius not taken off.
+    /// How far a contact point is from the scene (m), its radius not taken off; points in the order of the robot's `contact_points`.
     fn distance(&mut self, point: usize) -> N;
-    /// The robot's own controller ([`nerd_sim::control::Controller`]).
+    /// The robot's own controller ([`nerd_sim::control::Controller`]): one action a joint in, one torque a joint out (N m or N).
     fn controlled(&mut self, action: &[N], torques: &mut [N]);
 }
 

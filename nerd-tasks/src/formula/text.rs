@@ -14,6 +14,8 @@ pub struct Tape {
     lines: RefCell<String>,
     count: Cell<usize>,
     asks: Cell<bool>,
+    /// What reaches too far.
+    wrong: RefCell<Option<String>>,
 }
 
 impl Tape {
@@ -22,6 +24,13 @@ impl Tape {
         let k = self.count.replace(self.count.get() + 1);
         let _ = writeln!(self.lines.borrow_mut(), "    const double n{k} = {formula};");
         Text::Line(self, k)
+    }
+
+    /// Whether number k of so many is one of them.
+    fn among(&self, what: &str, k: usize, count: usize) {
+        if k >= count {
+            self.wrong.borrow_mut().get_or_insert_with(|| format!("number {k} of {count} {what} is asked for"));
+        }
     }
 
     fn say(&self, words: &str) {
@@ -41,7 +50,9 @@ pub enum Text<'a> {
 impl std::fmt::Display for Text<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Number(x) => write!(f, "({x:e})"),
+            Self::Number(x) if x.is_finite() => write!(f, "({x:e})"),
+            Self::Number(x) if x.is_nan() => write!(f, "(0.0 / zero())"),
+            Self::Number(x) => write!(f, "({:e} / zero())", x.signum()),
             Self::Line(_, k) => write!(f, "n{k}"),
         }
     }
@@ -140,6 +151,7 @@ impl Number for Text<'_> {
 struct Told<'a> {
     tape: &'a Tape,
     system: &'a System,
+    goals: usize,
 }
 
 impl<'a> Sight<Text<'a>> for Told<'a> {
@@ -148,29 +160,38 @@ impl<'a> Sight<Text<'a>> for Told<'a> {
     }
 
     fn q(&self, k: usize) -> Text<'a> {
+        self.tape.among("coordinates", k, self.system.robot.nq());
         self.tape.line(&format!("s.state[{k}]"))
     }
 
     fn qd(&self, k: usize) -> Text<'a> {
+        self.tape.among("velocities", k, self.system.robot.nv());
         self.tape.line(&format!("s.state[NQ + {k}]"))
     }
 
     fn goal(&self, k: usize) -> Text<'a> {
+        self.tape.among("numbers of the goal", k, self.goals);
         self.tape.line(&format!("s.goal[{k}]"))
     }
 
     fn place(&mut self, link: usize, [x, y, z]: [f64; 3]) -> [Text<'a>; 3] {
         self.tape.asks.set(true);
+        self.tape.among("links", link, self.system.robot.links.len());
         [0, 1, 2].map(|k| self.tape.line(&format!("place(s, {link}, {x:e}, {y:e}, {z:e}, {k})")))
     }
 
     fn distance(&mut self, point: usize) -> Text<'a> {
         self.tape.asks.set(true);
+        self.tape.among("contact points", point, self.system.robot.contact_points.len());
         self.tape.line(&format!("gap(s, {point})"))
     }
 
     fn controlled(&mut self, action: &[Text<'a>], torques: &mut [Text<'a>]) {
-        let k = self.tape.count.get();
+        let (k, joints) = (self.tape.count.get(), self.system.robot.joint_count());
+        if action.len() != joints || torques.len() != joints {
+            let text = format!("{} actions and {} torques for a controller of {joints} joints", action.len(), torques.len());
+            self.tape.wrong.borrow_mut().get_or_insert(text);
+        }
         let list = action.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         self.tape.say(&format!("const double a{k}[] = {{{list}}}; double t{k}[NJ + 1]; controlled(s.state, a{k}, t{k});"));
         torques.iter_mut().enumerate().for_each(|(i, tau)| *tau = self.tape.line(&format!("t{k}[{i}]")));
@@ -180,17 +201,21 @@ impl<'a> Sight<Text<'a>> for Told<'a> {
 /// A task's formulas as functions of C: `task_observe`, `task_act`, `task_reward` and `task_over`, each with a word before it that tells
 /// whether it asks for links or distances.
 ///
-/// # Panics
-/// If a formula speaks of a link, a point or a number of the goal that there is not.
-pub fn written(task: &impl Formulas, system: &System) -> String {
-    let (about, joints) = (task.about(), system.robot.joint_count());
+/// # Errors
+/// Where a formula speaks of a number, a link or a point that there is not.
+pub fn written(task: &impl Formulas, system: &System) -> Result<String, String> {
+    let (about, goals, joints) = (task.about(), task.goal().len(), system.robot.joint_count());
     let mut functions = String::new();
     let mut function = |name: &str, given: &str, say: &dyn Fn(&mut Told)| {
         let tape = Tape::default();
-        say(&mut Told { tape: &tape, system });
+        say(&mut Told { tape: &tape, system, goals });
+        if let Some(why) = tape.wrong.take() {
+            return Err(format!("task `{}`, `{name}`: {why}", about.name));
+        }
         let asks = u8::from(tape.asks.get());
-        let _ = writeln!(functions, "#define {}_ASKS {}", name.to_uppercase(), asks);
+        let _ = writeln!(functions, "#define {}_ASKS {asks}", name.to_uppercase());
         let _ = writeln!(functions, "BIG void task_{name}(const Seen& s{given}) {{\n{}}}", tape.lines.borrow());
+        Ok(())
     };
     let list = |tape: &Tape, name: &str, numbers: &[Text]| {
         numbers.iter().enumerate().for_each(|(k, x)| tape.say(&format!("{name}[{k}] = {x};")));
@@ -199,21 +224,21 @@ pub fn written(task: &impl Formulas, system: &System) -> String {
         let mut out = vec![Text::Number(0.0); about.observation];
         task.observe(told, &mut out);
         list(told.tape, "out", &out);
-    });
+    })?;
     function("act", ", const double* action, double* torques", &|told| {
         let mut torques = vec![Text::Number(0.0); joints];
         let action: Vec<_> = (0..about.action).map(|k| told.tape.line(&format!("action[{k}]"))).collect();
         task.act(told, &action, &mut torques);
         list(told.tape, "torques", &torques);
-    });
+    })?;
     function("reward", ", const double* torques, double* out", &|told| {
         let torques: Vec<_> = (0..joints).map(|k| told.tape.line(&format!("torques[{k}]"))).collect();
         let reward = task.reward(told, &torques);
         list(told.tape, "out", &[reward]);
-    });
+    })?;
     function("over", ", double* out", &|told| {
         let over = task.over(told);
         list(told.tape, "out", &[over]);
-    });
-    functions
+    })?;
+    Ok(functions)
 }

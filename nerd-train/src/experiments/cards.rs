@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::learner::cuda::{CudaLearner, Precision};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
 use crate::ppo::clock::Clock;
-use crate::ppo::{Arena, CudaEngine, PpoConfig, Shared, Trainer};
+use crate::ppo::{Arena, PpoConfig, Shared, Trainer, on_card};
 use crate::ranks::Ranks;
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table};
@@ -94,11 +94,7 @@ impl Cards {
         let folder = shipped::models().join(nerd_tasks::named(&self.task)?.robot());
         let arena = Arena::Model { folder, device: Device::Cuda };
         let config = PpoConfig { environments, ..PpoConfig::of(&self.task)? };
-        let (part, task) = (ranks.part(environments), nerd_tasks::named(&self.task)?);
-        let own = arena.part(task, part.clone(), self.seed, &Clock::default())?;
-        let mut trainer = Trainer::among(ranks, Shared::new(own, part.len(), &Arc::default())?, config.clone(), self.seed)?;
-        trainer.engine = Box::new(CudaEngine::among(&trainer.state.policy.shape, &config, ranks).map_err(refused)?);
-        Ok(trainer)
+        on_card(&arena, nerd_tasks::named(&self.task)?, &config, self.seed, ranks, &Clock::default())
     }
 }
 

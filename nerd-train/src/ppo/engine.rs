@@ -20,10 +20,11 @@ pub trait Engine: Send {
     /// What the update behind the next rollout needs beside it may be made from here on; `seeds` are those of [`Engine::update`].
     fn ahead(&mut self, _config: &PpoConfig, _seeds: (u64, u64)) {}
 
-    /// A whole rollout: the steps below by turns, or all of it where the environments are ([`rollout`]).
+    /// A whole rollout: the steps below by turns, or all of it where the environments are ([`rollout`]). `law` is how many steps, gamma and
+    /// lambda; `noise` is its seed and the number that the first step has in the run.
     ///
     /// # Errors
-    /// If the solver cannot step, or the device fails.
+    /// If the solver cannot step, the device fails, or another rank is lost.
     fn roll(
         &mut self,
         environments: &mut dyn Environments,

@@ -23,7 +23,7 @@ pub trait Environments {
     /// # Errors
     /// If the device fails.
     #[cfg(feature = "cuda")]
-    fn world(&mut self) -> Result<Option<(&mut super::World, &mut dyn nerd_sim::articulated::device::Resident)>, StepError> {
+    fn on_device(&mut self) -> Result<Option<(&mut super::World, &mut dyn nerd_sim::articulated::device::Resident)>, StepError> {
         Ok(None)
     }
     /// What later steps depend on.

@@ -43,7 +43,7 @@ pub use activation::Activation;
 pub use arena::Arena;
 pub use config::{ConfigError, PpoConfig};
 #[cfg(feature = "cuda")]
-pub use cuda::{CudaEngine, World};
+pub use cuda::{CudaEngine, World, on_card};
 pub use engine::{Engine, OnCpu};
 pub use environments::Environments;
 pub use normalizer::RunningMoments;

@@ -29,16 +29,29 @@ pub struct Rollout {
     pub advantages: Vec<f64>,
 }
 
+/// An episode that ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ended {
+    /// Step of the rollout in which it did.
+    pub step: usize,
+    /// Its environment.
+    pub env: usize,
+    /// Sum of its rewards.
+    pub total: f64,
+    /// Its steps.
+    pub length: f64,
+}
+
 /// How a rollout went.
 #[derive(Clone, Debug, Default)]
 pub struct Taken {
-    /// Returns and lengths of the episodes that ended, in order.
-    pub ended: Vec<(f64, f64)>,
+    /// Episodes that ended, in order.
+    pub ended: Vec<Ended>,
     /// Episodes that the solver could not go on with.
     pub failed: usize,
     /// Seconds in which the policy answered, and what it saw and did was kept.
     pub policy_seconds: f64,
-    /// Seconds in which the solver moved, where nobody else counts them.
+    /// Seconds in which the solver moved, with the torques of actions, where nobody else counts them.
     pub solver_seconds: Option<f64>,
 }
 
@@ -112,7 +125,7 @@ pub fn rollout(
     for t in 0..horizon {
         timed(&mut |engine| engine.act(&running.stack.rows, (seed, first + t as u64), &mut actions))?;
         let stepped = running.step(environments, &actions, &mut reached)?;
-        taken.ended.extend(stepped.ended.iter().map(|(_, total, length)| (*total, *length)));
+        taken.ended.extend(stepped.ended.iter().map(|(env, total, length)| Ended { step: t, env: *env, total: *total, length: *length }));
         taken.failed += stepped.result.failed;
         timed(&mut |engine| engine.arrive(&stepped.result, &reached))?;
     }

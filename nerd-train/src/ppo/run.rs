@@ -81,7 +81,8 @@ impl PolicyRun {
         self.lead(&Arc::default())
     }
 
-    /// The same as one of several ranks: each steps its share of the environments, rank 0 learns and writes. None on the others.
+    /// The same as one of several ranks: each steps its share of the environments. On CPUs rank 0 learns, on cards every rank does; rank 0
+    /// writes. None on the others.
     ///
     /// # Errors
     /// As [`PolicyRun::train`]; or if another rank is lost.
@@ -152,6 +153,8 @@ impl PolicyRun {
                 eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
             }
         }
+        let at = [trainer.state.iteration.to_le_bytes().to_vec(), crate::ranks::bytes(&trainer.state.policy.flat)].concat();
+        learners.agree("checkpoint", &at, |_, _| "give all ranks the same --out, in a folder that all of them see".into())?;
         // Nobody reads any more what the first will write.
         learners.wait()?;
         let first = trainer.state.iteration;

@@ -1,4 +1,4 @@
-//! Environments on several ranks: each steps its share, rank 0 sees all of them and learns.
+//! Environments on several ranks: each steps its share, rank 0 sees all of them and learns (on cards every rank has one of its own part).
 //!
 //! An episode draws from a stream of its environment's number among all, and noise is drawn on rank 0 for all, so what happens is what
 //! happens on one rank. Those that do not lead do what they are told: step, say where they stand, go on elsewhere, end.
@@ -18,6 +18,8 @@ use super::World;
 use super::environments::Environments;
 use super::rollout::Running;
 use super::trainer::PpoError;
+#[cfg(feature = "cuda")]
+use crate::progress::tell;
 use crate::ranks::{RankError, Ranks};
 
 const STEP: u64 = 1;
@@ -103,10 +105,10 @@ impl Shared {
         self.own.simulation.solver = solver;
         match made {
             Err(StepError::Refused(why)) => {
-                eprintln!("{why}; what is seen goes to the card once a step, and actions come back");
+                tell(format_args!("{why}; what is seen goes to the card once a step, and actions come back"));
                 Ok(None)
             }
-            // What a robot asks too much of is known when its kernels are made; the solver says more when it steps.
+            // The solver's own kernels: it says more when it steps.
             Err(StepError::Solver(_)) => Ok(None),
             other => other,
         }
@@ -166,7 +168,7 @@ impl Environments for Shared {
     }
 
     #[cfg(feature = "cuda")]
-    fn world(&mut self) -> Result<Option<(&mut World, &mut dyn Resident)>, StepError> {
+    fn on_device(&mut self) -> Result<Option<(&mut World, &mut dyn Resident)>, StepError> {
         if self.ranks.world() > 1 {
             return Ok(None);
         }
@@ -186,7 +188,7 @@ impl Environments for Shared {
         if self.ranks.world() == 1 {
             return Ok(own);
         }
-        // Of a part of the environments nothing is saved: what was saved last is whole.
+        // If a rank is lost here nothing is saved, and what was saved last stays whole.
         let told = self.tell(&[vec![SAY]]).and_then(|()| self.answers(said(own))).map_err(lost)?;
         Ok(joined(&told.iter().map(|parts| heard(parts)).collect::<Vec<_>>()))
     }

@@ -163,7 +163,7 @@ impl<E: Environments> Trainer<E> {
         engine.ahead(config, (orders, state.iteration));
         let taken = engine.roll(environments, &mut state.running, &state.policy, law, (noise, first))?;
         let rolled = started.elapsed().as_secs_f64();
-        state.recent.extend(&taken.ended);
+        state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);
         state.recent.drain(..state.recent.len().saturating_sub(most));
         let mean = |f: fn(&(f64, f64)) -> f64| {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::ppo::clock::Clock;
-use crate::ppo::{Arena, CudaEngine, PpoConfig, Shared, Trainer};
+use crate::ppo::{Arena, PpoConfig, on_card};
 use crate::report::table::digits;
 
 /// Iterations that are timed, after two that are not.
@@ -37,10 +37,7 @@ pub struct Learning {
 pub(super) fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<Learning> {
     let config = PpoConfig { environments, ..PpoConfig::of(task)? };
     let (clock, had) = (Clock::default(), free()?);
-    let episodes = Shared::new(arena.timed(task, environments, seed, &clock)?, environments, &Arc::default())?;
-    let mut trainer = Trainer::new(episodes, config.clone(), seed)?;
-    let engine = CudaEngine::new(&trainer.state.policy.shape, &config).map_err(|e| Error::Refused(e.to_string()))?;
-    trainer.engine = Box::new(engine);
+    let mut trainer = on_card(arena, nerd_tasks::named(task)?, &config, seed, &Arc::default(), &clock)?;
     // Kernels are compiled and memory taken once.
     (0..2).try_for_each(|_| trainer.iterate().map(drop))?;
     let before = clock.solver.load(Ordering::Relaxed);

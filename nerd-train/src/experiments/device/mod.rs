@@ -248,7 +248,7 @@ impl Experiment for OnDevice {
         ];
         let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
         let note = "PPO in the shipped model of the task's robot, and in the analytic solver, updates included: frames, tasks, the policy's answers \
-                    and its updates are all on the device. The paper's settings but for the number of environments.";
+                    and its updates are all on the device. The solver's share has the torques of actions in it. The paper's settings but for the number of environments.";
         let header = [
             "task",
             "solver",

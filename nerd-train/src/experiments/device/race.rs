@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::games::{Reward, games, gap, gap_error};
 use crate::device::Device;
-use crate::error::Result;
+use crate::error::{Result, refuse};
 use crate::ppo::{Arena, PolicyRun, PpoConfig, folder};
 use crate::report::table::digits;
 use crate::shipped;
@@ -43,6 +43,9 @@ pub(super) fn run(task: &str, seconds: f64, seed: u64, runs: &Path) -> Result<Ra
     // Time ends it, not a number of iterations.
     let config = PpoConfig { iterations: 1_000_000, ..PpoConfig::of(task)? };
     let (environments, out) = (config.environments, runs.join(format!("{task}-{seed}")));
+    if out.exists() {
+        refuse!("{} holds a run, and a race begins with nothing: remove it, or name another folder of `runs`", out.display());
+    }
     let (minutes, steps) = (Some(seconds / 60.0), config.steps() as u64);
     let learned = PolicyRun { task: task.into(), arena: arena.clone(), config, seed, fast: false, until: None, minutes, out }.train()?;
     let (_, policy) = folder::load(&learned.policy)?;

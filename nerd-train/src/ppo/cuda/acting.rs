@@ -112,7 +112,7 @@ impl CudaEngine {
     }
 
     /// Refuses what there is no memory for.
-    fn fits(&self, what: &str, right: bool) -> Result<(), DeviceError> {
+    pub(super) fn fits(&self, what: &str, right: bool) -> Result<(), DeviceError> {
         let Kept { environments, horizon, .. } = self.kept;
         let wrong = || DeviceError(format!("{what} are not those of {environments} environments over {horizon} steps"));
         right.then_some(()).ok_or_else(wrong)

@@ -9,8 +9,8 @@ use nerd_cuda::{Device, DeviceError, Sums};
 
 use super::super::config::PpoConfig;
 use super::super::normalizer::RunningMoments;
+use super::super::rollout::{Ended, Taken};
 use super::CudaEngine;
-use super::roll::Ended;
 use crate::ranks::Ranks;
 
 /// No step: where a minibatch has fewer of this card than there is room for.
@@ -80,24 +80,38 @@ impl Among {
         Ok([mean.to_vec(), variance.to_vec()])
     }
 
-    /// Episodes that ended on all cards, in the order of one; and how many failed.
-    pub(super) fn ended(&self, own: &[Ended], failed: usize) -> Result<(Vec<(f64, f64)>, usize), DeviceError> {
-        let line = |(t, env, total, length): &Ended| [*t as u64, (self.part.start + env) as u64, total.to_bits(), length.to_bits()];
-        let words = own.iter().flat_map(line).chain([failed as u64]).flat_map(u64::to_le_bytes).collect();
+    /// Refuses to go on where some cards have the episodes and others do not: their messages would not fit.
+    pub(super) fn alike(&self, on_device: bool) -> Result<(), DeviceError> {
+        let told = self.ranks.gather(vec![u8::from(on_device)]).map_err(lost)?;
+        let same = self.ranks.decide(told.iter().all(|other| *other == told[0])).map_err(lost)?;
+        let wrong = "some ranks have their episodes on the card, others do not: give all of them cards with as much free memory";
+        same.then_some(()).ok_or_else(|| DeviceError(wrong.into()))
+    }
+
+    /// What was taken on all cards, episodes in the order of one.
+    pub(super) fn together(&self, taken: Taken) -> Result<Taken, DeviceError> {
+        let line = |e: &Ended| [e.step as u64, (self.part.start + e.env) as u64, e.total.to_bits(), e.length.to_bits()];
+        let words = taken.ended.iter().flat_map(line).chain([taken.failed as u64]).flat_map(u64::to_le_bytes).collect();
         let told = self.ranks.gather(words).map_err(lost)?;
-        // Each rank's lines, behind how many there are.
+        // Each rank's lines, behind how many numbers they are.
         let join =
             || told.iter().flat_map(|words| (words.len() as u64 / 8).to_le_bytes().into_iter().chain(words.iter().copied())).collect();
         let all = self.ranks.share(0, join).map_err(lost)?;
         let mut numbers = all.as_chunks().0.iter().map(|x| u64::from_le_bytes(*x));
-        let (mut lines, mut failures) = (Vec::new(), 0);
+        let (mut lines, mut failed) = (Vec::new(), 0);
         while let Some(len) = numbers.next() {
             let words: Vec<u64> = numbers.by_ref().take(len as usize).collect();
             lines.extend_from_slice(words.as_chunks::<4>().0);
-            failures += words.last().map_or(0, |n| *n as usize);
+            failed += words.last().map_or(0, |n| *n as usize);
         }
         lines.sort_unstable();
-        Ok((lines.iter().map(|[.., total, length]| (f64::from_bits(*total), f64::from_bits(*length))).collect(), failures))
+        let episode = |[step, env, total, length]: &[u64; 4]| Ended {
+            step: *step as usize,
+            env: *env as usize,
+            total: f64::from_bits(*total),
+            length: f64::from_bits(*length),
+        };
+        Ok(Taken { ended: lines.iter().map(episode).collect(), failed, ..taken })
     }
 }
 

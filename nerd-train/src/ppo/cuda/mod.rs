@@ -1,5 +1,5 @@
-//! [`CudaEngine`]: a policy that answers and learns on a GPU. Environments tell what they show and what came of the actions; all else of a
-//! rollout is made there and stays there.
+//! [`CudaEngine`]: a policy that answers and learns on a GPU. Where episodes are a [`World`] there, whole rollouts are made without leaving it; else
+//! environments tell what they show and what came of the actions.
 
 mod acting;
 mod among;
@@ -14,17 +14,21 @@ use nerd_cuda::Arg::{Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Graph, Lane, Op, Precision};
 use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::stream;
-use nerd_tasks::StepResult;
+use nerd_tasks::{StepResult, Task};
 
 use super::activation::Activation;
+use super::arena::Arena;
+use super::clock::Clock;
 use super::config::PpoConfig;
 use super::engine::Engine;
 use super::environments::Environments;
 use super::mlp::Mlp;
 use super::policy::{Policy, Shape};
 use super::rollout::{Running, Taken, rollout};
-use super::trainer::PpoError;
+use super::shared::Shared;
+use super::trainer::{PpoError, Trainer};
 use super::update::{self, Adam, Updated};
+use crate::error::{Error, Result};
 use crate::ranks::Ranks;
 use acting::Kept;
 use among::Among;
@@ -201,6 +205,26 @@ impl CudaEngine {
     }
 }
 
+/// A trainer of a task in an arena on the GPU, with its policy there, too; of several ranks each has its share of the environments.
+///
+/// # Errors
+/// If task, arena or settings cannot be, or the device fails.
+pub fn on_card(
+    arena: &Arena,
+    task: Box<dyn Task>,
+    config: &PpoConfig,
+    seed: u64,
+    ranks: &Arc<Ranks>,
+    clock: &Clock,
+) -> Result<Trainer<Shared>> {
+    let part = ranks.part(config.environments);
+    let own = arena.part(task, part.clone(), seed, clock)?;
+    let mut trainer = Trainer::among(ranks, Shared::new(own, part.len(), &Arc::default())?, config.clone(), seed)?;
+    let engine = CudaEngine::among(&trainer.state.policy.shape, config, ranks);
+    trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
+    Ok(trainer)
+}
+
 /// Steps of an iteration, and of a minibatch.
 fn sizes(config: &PpoConfig) -> [usize; 2] {
     [config.steps(), config.minibatch.min(config.steps())]
@@ -234,10 +258,13 @@ impl Engine for CudaEngine {
         law: (usize, f64, f64),
         noise: (u64, u64),
     ) -> Result<Taken, PpoError> {
-        match environments.world()? {
-            Some(world) => self.stay(world, running, policy, law, noise),
-            None => rollout(environments, running, self, policy, law, noise),
-        }
+        let on_device = environments.on_device()?;
+        self.among.as_ref().map_or(Ok(()), |among| among.alike(on_device.is_some())).map_err(failed)?;
+        let taken = match on_device {
+            Some(world) => self.stay(world, running, policy, law, noise)?,
+            None => rollout(environments, running, self, policy, law, noise)?,
+        };
+        self.among.as_ref().map_or(Ok(taken.clone()), |among| among.together(taken)).map_err(failed)
     }
 
     fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {

@@ -98,9 +98,14 @@ impl CudaEngine {
         self.device.write(&self.moments[0], &adam.m)?;
         self.device.write(&self.moments[1], &adam.v)?;
         self.device.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
+        let mut passes = 0;
         for order in orders {
             self.device.write(&self.order, &order.map_err(DeviceError)?)?;
             self.pass(config)?;
+            passes += 1;
+        }
+        if passes < config.epochs {
+            return Err(DeviceError(format!("the orders of {passes} of {} passes were drawn", config.epochs)));
         }
         let (d, [m, v]) = (&self.device, &self.moments);
         let mut scalars = [Scalars::default()];

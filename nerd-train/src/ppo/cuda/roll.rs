@@ -5,13 +5,10 @@ use nerd_sim::articulated::device::Resident;
 use nerd_sim::sampling::stream;
 
 use super::super::policy::Policy;
-use super::super::rollout::{Running, Taken};
+use super::super::rollout::{Ended, Running, Taken};
 use super::super::trainer::PpoError;
 use super::world::{Steps, World};
 use super::{CudaEngine, failed};
-
-/// An episode that ended: step of the rollout, environment here, return and length.
-pub(super) type Ended = (usize, usize, f64, f64);
 
 /// Marks of a step: the policy has answered, the solver has moved, the task has judged.
 pub(super) type Marks = Vec<[Event; 3]>;
@@ -26,6 +23,8 @@ impl CudaEngine {
         (horizon, gamma, lambda): (usize, f64, f64),
         (seed, first): (u64, u64),
     ) -> Result<Taken, PpoError> {
+        let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.network.sizes[0];
+        self.fits("a rollout's rows and steps", right).map_err(failed)?;
         self.take(policy).map_err(failed)?;
         self.ready(running, horizon, world.cuts(horizon)).map_err(failed)?;
         let key = stream(seed, 0).get_seed();
@@ -33,12 +32,7 @@ impl CudaEngine {
             self.step((world, resident), running.stack.depth(), t, (key, first + t as u64)).map_err(failed)?;
         }
         let failures = world.end(resident)?;
-        let own = self.told(running).map_err(failed)?;
-        let (ended, failures) = match &self.among {
-            Some(among) => among.ended(&own, failures).map_err(failed)?,
-            None => (own.iter().map(|(.., total, length)| (*total, *length)).collect(), failures),
-        };
-        let taken = Taken { failed: failures, ended, ..Default::default() };
+        let taken = Taken { failed: failures, ended: self.told(running).map_err(failed)?, ..Default::default() };
         self.finished((gamma, lambda)).map_err(failed)?;
         let [policy_seconds, solver_seconds] = self.spent().map_err(failed)?;
         Ok(Taken { policy_seconds, solver_seconds: Some(solver_seconds), ..taken })
@@ -105,7 +99,7 @@ impl CudaEngine {
             running.rewards[env] += reward;
             running.lengths[env] += 1.0;
             if *end > 0 {
-                ended.push((i / n, env, running.rewards[env], running.lengths[env]));
+                ended.push(Ended { step: i / n, env, total: running.rewards[env], length: running.lengths[env] });
                 (running.rewards[env], running.lengths[env]) = (0.0, 0.0);
             }
             if *end == 2 {

@@ -93,7 +93,8 @@ impl World {
             let (step, length, states) = (episodes.task.frames(), episodes.task.episode_length().max(1), kept.states.clone());
             Ok(Self { fields, goals, frames, begun, _failed: failed, counts, past, turns, states, step, length, n, device })
         };
-        let mut world = make().map_err(failed)?;
+        // Kernels of the task that do not compile, or no memory beside the solver: then tasks are elsewhere, and why is said.
+        let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept).map_err(failed)?;
         Ok(world)
     }
