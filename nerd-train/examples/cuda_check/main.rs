@@ -9,8 +9,8 @@
 //!
 //! Checks: every operation and every network against burn, outputs and gradients by weights and by tokens; every entry of the gradient of
 //! larger networks against the CPU's, every tensor's against central differences along directions that do not depend on it, validation and
-//! updates against the CPU's, bitwise resume, a falling loss, inference against a rolled window and the CPU's, the stream against the CPU's,
-//! numbers that are none, and what must be refused. All are made; one that fails ends the program with an error.
+//! updates against the CPU's, bitwise resume, a falling loss, inference against a rolled window and the CPU's, the stream against the
+//! CPU's, numbers that are none, and what must be refused. All are made; one that fails ends the program with an error.
 //! `dump` writes what a comparison with another framework needs.
 
 mod dump;

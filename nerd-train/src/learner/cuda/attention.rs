@@ -29,7 +29,7 @@ impl Attention {
         let mut shape = Self { width, heads, seen: band.unwrap_or(tokens), rotary: band.is_some(), tokens, group: 1 };
         if !width.is_multiple_of(4 * heads) || tokens > 64 || shape.seen > 32 {
             return Err(LearnError::Mismatch(format!(
-                "attention on the device: windows of at most 32 tokens, sequences of at most 64, heads of a multiple of 4 columns: {shape:?}"
+                "attention on the device has windows of 32 tokens at most, sequences of 64, and heads of 4, 8, 12 .. columns: {shape:?}"
             )));
         }
         let fits = |group: &usize| {

@@ -276,7 +276,7 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use nerd_model::program::specimens::{TOKENS, networks, operations};
-    use nerd_model::transformer::Positions;
+    use nerd_model::transformer::{Init, Positions};
 
     use super::*;
 
@@ -313,6 +313,29 @@ mod tests {
         let plans = networks().into_iter().map(|s| Plan::new(s.program, TOKENS, true).expect("a plan"));
         let all: Vec<String> = plans.map(|plan| letters(&plan)).collect();
         assert_eq!(all, ["LsNFMANFGANFMANFGANFLH", "LsGLsGLsGLH", "LsCLsCLH", "LsCLsCLH", "LsNBLsGANBLsGANLS", "LsNFMANFGANFMANFGANFLH"]);
+    }
+
+    #[test]
+    fn what_has_no_kernel_is_refused() {
+        let refused = |build: fn(&mut Program, Slot)| {
+            let mut p = Program::new(3);
+            let x = p.linear("first", p.tokens(), 42, [Init::Constant(0.0); 2]);
+            build(&mut p, x);
+            let y = p.predictions();
+            p.linear("last", y, 2, [Init::Constant(0.0); 2]);
+            Plan::new(p, TOKENS, true).err().map(|e| e.to_string())
+        };
+        let all: [fn(&mut Program, Slot); 3] = [
+            // Heads of seven columns; a slot that two steps read which add to no slope; norms of two widths.
+            |p, x| _ = p.then(x, 14, Op::Attend { heads: 2, band: None }),
+            |p, x| _ = [Activation::Gelu, Activation::Relu].map(|f| p.then(x, 42, Op::Activate(f))),
+            |p, x| _ = (p.normed("a", "b", x, 10, Init::Constant(0.0)), p.normed("c", "d", Slot(3), 8, Init::Constant(0.0))),
+        ];
+        for (i, build) in all.into_iter().enumerate() {
+            let said = refused(build);
+            assert!(said.as_ref().is_some_and(|said| !said.contains('\n')), "{i}: {said:?}");
+        }
+        assert_eq!(refused(|_, _| {}), None);
     }
 
     #[test]

@@ -31,8 +31,8 @@ extern "C" __global__ void cell_forward(const float* u, const float* ub, const f
     if (k + 1 < T) before[(token + 1) * e + m] = h;
 }
 
-// du and dv of token k (one array, of an LSTM) from the slope behind its state, and what goes back to the state before it: dc whole, of dh what
-// does not go through v. Beyond the newest token there is none.
+// du and dv of token k (one array, of an LSTM) from the slope behind its state, and what goes back to the state before it: dc whole, of dh
+// what does not go through v. Beyond the newest token there is none.
 extern "C" __global__ void cell_backward(const float* behind, const float* before, const float* kept, float* du, float* dv, float* dh,
                                          float* dc, int k, int e, int lstm, int rows) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x;
