@@ -19,6 +19,7 @@ pub struct Attention {
     turns: Vec<(f32, f32)>,
     /// Keys or values of a head turned on their side, `[d][width]`.
     lying: Vec<f32>,
+    #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the way back"))]
     row: Vec<f32>,
 }
 

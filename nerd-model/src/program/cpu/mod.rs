@@ -27,7 +27,6 @@ pub struct Loaded {
     flat: Vec<f32>,
     starts: Vec<usize>,
     /// By step, `diag(scale) W` where there is a scale.
-    #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the way back"))]
     folded: Vec<Vec<f32>>,
     /// By step, its matrix in panels, and the transpose of that once it is asked for.
     panels: Vec<Option<Matrix>>,
