@@ -17,9 +17,10 @@ use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
-use nerd_sim::dataset::{GenerateConfig, begin, record};
+use nerd_sim::dataset::{GenerateConfig, Recording, begin, record};
 use nerd_sim::instruments::{Glide, Hold, Timed};
 use nerd_sim::prelude::*;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
@@ -276,17 +277,20 @@ impl Experiment for Motions {
         let finest = 4 * self.substeps;
         let bar = progress::bar("solvers", entries.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
-        let recording = record(&system, &mut *Setting::Implicit(finest).solver(&system)?, &config, 0, self.starts)?;
+        // One by one: a batch of a few motions would keep a core or two busy.
+        let one = |env: usize| Ok(record(&system, &mut *Setting::Implicit(finest).solver(&system)?, &config, env as u64, 1)?);
+        let recordings: Vec<Recording> = (0..self.starts).into_par_iter().map(one).collect::<Result<_>>()?;
+        let torques: Vec<f64> = recordings.iter().flat_map(|own| own.torques.iter().copied()).collect();
         let start = begin(&system, &config, 0, self.starts)?;
         let d = system.robot.state_dim();
-        let at = |frame: usize, env: usize| points(&system, &recording.states[(env * (self.frames + 1) + frame + 1) * d..][..d]);
+        let at = |frame: usize, env: usize| points(&system, &recordings[env].states[(frame + 1) * d..][..d]);
         let looked = (1..=self.frames / self.look()).map(|k| k * self.look() - 1);
         let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
             for (k, entry) in entries.iter().enumerate() {
                 bar.set(k as u64 + 1);
-                rows.extend(self.rows(entry, &start, &recording.torques, &truth)?);
+                rows.extend(self.rows(entry, &start, &torques, &truth)?);
             }
             Ok(rows)
         })?;
