@@ -116,6 +116,11 @@ impl Plan {
         if self.program.steps.iter().filter(meets).count() > 1 && !matches!(step.op, Op::Linear { .. } | Op::Norm | Op::Place(_)) {
             return refuse("what several steps read, or add to, is read by norms and products alone");
         }
+        // On the way back a product asks for what it read, which must still be there.
+        let changes = |later: &Step| later.to == from && matches!(later.op, Op::Linear { add: true, .. } | Op::Place(_));
+        if matches!(step.op, Op::Linear { .. }) && self.program.steps[i + 1..].iter().any(changes) {
+            return refuse("what a later step changes is read by norms alone");
+        }
         match step.op {
             Op::Linear { weight, scale, bias, add } => {
                 let folded = scale.map(|scale| self.fold(weight, scale));
@@ -325,11 +330,17 @@ mod tests {
             p.linear("last", y, 2, [Init::Constant(0.0); 2]);
             Plan::new(p, TOKENS, true).err().map(|e| e.to_string())
         };
-        let all: [fn(&mut Program, Slot); 3] = [
-            // Heads of seven columns; a slot that two steps read which add to no slope; norms of two widths.
+        let all: [fn(&mut Program, Slot); 4] = [
+            // Heads of seven columns; a slot that two steps read which add to no slope; norms of two widths; a product that
+            // reads what a later step adds to.
             |p, x| _ = p.then(x, 14, Op::Attend { heads: 2, band: None }),
             |p, x| _ = [Activation::Gelu, Activation::Relu].map(|f| p.then(x, 42, Op::Activate(f))),
             |p, x| _ = (p.normed("a", "b", x, 10, Init::Constant(0.0)), p.normed("c", "d", Slot(3), 8, Init::Constant(0.0))),
+            |p, x| {
+                let y = p.linear("other", x, 42, [Init::Constant(0.0); 2]);
+                let z = p.then(y, 42, Op::Activate(Activation::Gelu));
+                p.residual("back", z, x, Init::Constant(0.0));
+            },
         ];
         for (i, build) in all.into_iter().enumerate() {
             let said = refused(build);
