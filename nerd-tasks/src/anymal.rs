@@ -56,9 +56,13 @@ impl Formulas for Anymal {
     }
 
     fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
-        let low = sight.q(1).below(N::from(LOWEST));
-        let radii: Vec<f64> = sight.system().robot.contact_points.iter().map(|point| point.radius).collect();
-        let others = radii.into_iter().enumerate().filter(|(_, radius)| *radius > FOOT + 1e-3);
-        others.fold(low, |over, (point, radius)| over.or(sight.distance(point).below(N::from(radius + MARGIN))))
+        let mut over = sight.q(1).below(N::from(LOWEST));
+        for point in 0..sight.system().robot.contact_points.len() {
+            let radius = sight.system().robot.contact_points[point].radius;
+            if radius > FOOT + 1e-3 {
+                over = over.or(sight.distance(point).below(N::from(radius + MARGIN)));
+            }
+        }
+        over
     }
 }

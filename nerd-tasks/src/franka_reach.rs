@@ -52,7 +52,7 @@ impl Formulas for FrankaReach {
         if *self == Self::Position {
             return sight.controlled(action, torques);
         }
-        let gains: Vec<f64> = sight.system().joint_specs().map(|joint| joint.gain.unwrap_or(joint.torque)).collect();
+        let gains = sight.system().joint_specs().map(|joint| joint.gain.unwrap_or(joint.torque));
         torques.iter_mut().zip(gains).zip(action).for_each(|((tau, gain), a)| *tau = N::from(gain) * *a);
     }
 

@@ -32,7 +32,9 @@ pub trait Engine: Send {
         policy: &Policy,
         law: (usize, f64, f64),
         noise: (u64, u64),
-    ) -> Result<Taken, PpoError>;
+    ) -> Result<Taken, PpoError> {
+        rollout(environments, running, self, policy, law, noise)
+    }
 
     /// A rollout of this policy begins; the one before it is forgotten.
     ///
@@ -81,17 +83,6 @@ pub struct OnCpu {
 }
 
 impl Engine for OnCpu {
-    fn roll(
-        &mut self,
-        environments: &mut dyn Environments,
-        running: &mut Running,
-        policy: &Policy,
-        law: (usize, f64, f64),
-        noise: (u64, u64),
-    ) -> Result<Taken, PpoError> {
-        rollout(environments, running, self, policy, law, noise)
-    }
-
     fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
         // What the last rollout took of memory serves this one.
         let Self { rollout, policy: known, rewards, terminated, truncated, cut } = self;

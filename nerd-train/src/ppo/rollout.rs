@@ -105,17 +105,17 @@ pub struct Stepped {
 ///
 /// # Errors
 /// If the solver cannot step, or the engine's device fails.
-pub fn rollout(
+pub fn rollout<E: Engine + ?Sized>(
     environments: &mut dyn Environments,
     running: &mut Running,
-    engine: &mut dyn Engine,
+    engine: &mut E,
     policy: &Policy,
     (horizon, gamma, lambda): (usize, f64, f64),
     (seed, first): (u64, u64),
 ) -> Result<Taken, PpoError> {
     let (mut taken, mut actions, mut reached) = (Taken::default(), Vec::new(), Vec::new());
     let mut thought = 0.0;
-    let mut timed = |work: &mut dyn FnMut(&mut dyn Engine) -> Result<(), PpoError>| {
+    let mut timed = |work: &mut dyn FnMut(&mut E) -> Result<(), PpoError>| {
         let started = Instant::now();
         let done = work(engine);
         thought += started.elapsed().as_secs_f64();

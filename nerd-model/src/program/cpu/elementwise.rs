@@ -31,7 +31,7 @@ pub fn erf(x: f32) -> f32 {
 }
 
 /// Where `e^(-x^2)`, 1e-11 there, counts as nothing. Were it let go on to 1e-38, slopes times it would be numbers of less than that, for
-/// which a processor takes a hundred times as long: 40 % of the training of chains.
+/// which a processor takes far longer.
 const FADED: f32 = 5.0;
 
 /// [`erf`] and `e^(-x^2)`, which it is made of and its slope is proportional to.

@@ -31,20 +31,6 @@ FN double along(double a, double b, double x) {
 }
 FN double between(Draws& d, const double* range) { return along(range[0], range[1] - range[0], one(d)); }
 
-// Quaternions x y z w of unit length.
-FN void product(const double* a, const double* b, double* out) {
-    out[0] = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1];
-    out[1] = a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0];
-    out[2] = a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3];
-    out[3] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
-}
-FN void turned(const double* q, const double* v, double* out) {
-    const double a = 2 * (q[1] * v[2] - q[2] * v[1]), b = 2 * (q[2] * v[0] - q[0] * v[2]), c = 2 * (q[0] * v[1] - q[1] * v[0]);
-    out[0] = v[0] + q[3] * a + q[1] * c - q[2] * b;
-    out[1] = v[1] + q[3] * b + q[2] * a - q[0] * c;
-    out[2] = v[2] + q[3] * c + q[0] * b - q[1] * a;
-}
-
 BIG void draw_root(Draws& d, double* state) {
     double *p = state, w[3], v[3], n[3], length = 0, turn[4], spin[3], speed[3];
     for (int k = 0; k < 3; k++) p[k] = between(d, PLACES + 2 * k);
@@ -57,9 +43,9 @@ BIG void draw_root(Draws& d, double* state) {
     const double half = between(d, TILTS) / 2;
     for (int k = 0; k < 3; k++) turn[k] = n[k] / length * sin(half);
     turn[3] = cos(half);
-    product(POSE, turn, state + 3);
-    turned(state + 3, w, spin);
-    turned(state + 3, v, speed);
+    multiply(POSE, turn, state + 3);
+    rotate(state + 3, w, 1, spin);
+    rotate(state + 3, v, 1, speed);
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
         state[NQ + k] = spin[k];

@@ -101,3 +101,28 @@ FN double wrapped(double x) {
     const double y = fmod(x, 2 * pi);
     return y >= pi ? y - 2 * pi : y < -pi ? y + 2 * pi : y;
 }
+
+// conj(a) b of quaternions x y z w of any length, as one of unit length.
+FN void from_to(const double* a, const double* b, double* out) {
+    out[0] = a[3] * b[0] - a[0] * b[3] - a[1] * b[2] + a[2] * b[1];
+    out[1] = a[3] * b[1] + a[0] * b[2] - a[1] * b[3] - a[2] * b[0];
+    out[2] = a[3] * b[2] - a[0] * b[1] + a[1] * b[0] - a[2] * b[3];
+    out[3] = a[3] * b[3] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const double n = 1 / sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3]);
+    for (int k = 0; k < 4; k++) out[k] *= n;
+}
+
+// v turned by a quaternion of unit length, or back by its inverse.
+FN void rotate(const double* q, const double* v, double sign, double* out) {
+    const double x = sign * q[0], y = sign * q[1], z = sign * q[2], w = q[3];
+    const double a = 2 * (y * v[2] - z * v[1]), b = 2 * (z * v[0] - x * v[2]), c = 2 * (x * v[1] - y * v[0]);
+    out[0] = v[0] + w * a + y * c - z * b;
+    out[1] = v[1] + w * b + z * a - x * c;
+    out[2] = v[2] + w * c + x * b - y * a;
+}
+
+// a b, of unit length.
+FN void multiply(const double* a, const double* b, double* out) {
+    const double conjugate[4] = {-a[0], -a[1], -a[2], a[3]};
+    from_to(conjugate, b, out);
+}
