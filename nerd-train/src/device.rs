@@ -177,20 +177,13 @@ pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: 
 
 #[cfg(feature = "cuda")]
 fn on_cuda(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
-    no_chain(&weights.config)?;
+    if weights.config.architecture == Architecture::Chain {
+        crate::error::refuse!("--device cuda answers for a chain in whole frames alone");
+    }
     Ok(cuda::stream(weights, Precision::F32, envs)?)
 }
 
 #[cfg(not(feature = "cuda"))]
 fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
     crate::error::refuse!("--device cuda needs a build with `--features cuda`")
-}
-
-/// A chain is trained through frames that have no kernels for the way back, and its network is asked in whole frames alone.
-#[cfg(feature = "cuda")]
-pub(crate) fn no_chain(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
-    match network.architecture {
-        Architecture::Chain => crate::error::refuse!("--device cuda trains no chain, whose frames have no way back there; leave it out"),
-        _ => Ok(()),
-    }
 }

@@ -11,6 +11,8 @@
 //! ```
 
 mod data;
+pub mod device;
+mod draw;
 mod judge;
 mod learner;
 mod loss;
@@ -19,7 +21,13 @@ mod unroll;
 mod view;
 
 pub use data::Motions;
+#[cfg(feature = "cuda")]
+pub(crate) use draw::draws;
 pub use judge::distance;
+#[cfg(feature = "cuda")]
+pub(crate) use judge::missed;
+#[cfg(feature = "cuda")]
+pub(crate) use learner::{BETA, fits};
 pub use learner::{ChainLearner, ROLLOUTS};
 pub use loss::Loss;
 pub use scales::scales;

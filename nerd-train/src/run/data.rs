@@ -6,9 +6,10 @@ use nerd_model::chain::{Chain, ChainSolver};
 use nerd_model::normalizer::Normalizer;
 use nerd_sim::dataset::GenerateConfig;
 
-use super::engine::engine;
+use super::engine::{engine, unrolled};
 use super::{Run, memory};
 use crate::chain::{ChainLearner, Motions, scales};
+use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerState};
 use crate::prepare::{moments, normalize, read};
@@ -111,9 +112,12 @@ impl Run {
         match (matter, &judge.motions) {
             (Matter::Motions(motions, velocity), Some(validation)) => {
                 let frames = self.config.unrolled().unwrap_or(1);
-                memory::unrolled(&self.network, frames)?;
                 let scale = ChainSolver::scale(&judge.normalizer).map_err(Error::Refused)?;
                 let sets = [motions, validation.clone()];
+                if self.config.device == Device::Cuda {
+                    return unrolled((&self.system, &self.ranks), (self.learner, self.config.f32), state, sets, (scale, velocity), frames);
+                }
+                memory::unrolled(&self.network, frames)?;
                 let learner = ChainLearner::new(self.chain()?, self.learner, state, sets, (scale, velocity), frames)?;
                 Ok(Box::new(learner.among(&self.ranks)))
             }

@@ -80,7 +80,7 @@ impl Run {
         }
         let parent = config.from.as_deref().map(|folder| parent(folder, &system, network, form)).transpose()?;
         let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
-        let arithmetic = arithmetic(config, &network)?;
+        let arithmetic = arithmetic(config)?;
         let (config, ranks) = (config.clone(), Arc::default());
         Ok(Self { config, system, base, form, network, learner, trainer, recording, parent, actors, arithmetic, ranks })
     }
