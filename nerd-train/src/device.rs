@@ -9,6 +9,9 @@ use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
 use nerd_model::pick::learned;
 use nerd_model::transformer::{Architecture, Stream, Weights};
+#[cfg(not(feature = "cuda"))]
+use nerd_sim::articulated::Articulated;
+use nerd_sim::articulated::ArticulatedConfig;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 #[cfg(feature = "cuda")]
@@ -173,6 +176,16 @@ pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: 
     }
     let config = setting.articulated(system).ok_or_else(|| Error::Refused(format!("{setting} has no kernels; step it on the CPU")))?;
     Ok(Box::new(CudaArticulated::new(config, real)))
+}
+
+/// The articulated truth on a GPU, in 64 bits.
+pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
+    let config = ArticulatedConfig::accurate(system);
+    #[cfg(feature = "cuda")]
+    return Box::new(CudaArticulated::new(config, Real::F64));
+    // What needs a card was refused before.
+    #[cfg(not(feature = "cuda"))]
+    Box::new(Articulated::new(config))
 }
 
 #[cfg(feature = "cuda")]
