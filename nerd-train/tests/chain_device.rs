@@ -9,7 +9,7 @@ use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
 use nerd_train::chain::device::{numbers, row, unroll_program};
-use nerd_train::chain::{Loss, Motions, View, scales};
+use nerd_train::chain::{Loss, Motions, View, join, scales};
 
 const ROLLOUTS: usize = 24;
 /// Frame whose loss is counted, counted from 0; the share of it that the program takes, too.
@@ -54,7 +54,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     let starts: Vec<(usize, usize, View)> = (0..ROLLOUTS).map(|k| (k % 6, 2 * k, View::new(0.4 * k as f64, k % 2 == 0))).collect();
     let said: Vec<f32> = some(ROLLOUTS * chain.rods * OUTPUTS, 0.3).into_iter().map(|x| x as f32).collect();
     let by_tokens: Vec<f32> = some(ROLLOUTS * chain.rods * INPUTS, 0.01).into_iter().map(|x| x as f32).collect();
-    let behinds = some(ROLLOUTS * numbers(&chain), 0.02);
+    let behinds = some(ROLLOUTS * numbers(&chain), 5.0);
     let head = [ROLLOUTS, motions.len(), motions.frames, FRAME];
     let mut input: Vec<u8> = head.iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
     let rows = starts.iter().flat_map(|(motion, frame, view)| row(*motion, *frame, true, view));
@@ -95,11 +95,13 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         behind.gripper.numbers_mut().zip(given).for_each(|(x, g)| *x = *g);
         let vectors = behind.along.iter_mut().chain(&mut behind.rates).flat_map(|v| v.iter_mut());
         vectors.zip(&given[12..]).for_each(|(x, g)| *x = *g);
-        let cost = loss.of(&chain, (&moved, &truth(FRAME + 1)), FRAME + 1, WEIGHT, &mut behind);
+        let mut all = Rods::zeros(chain.rods);
+        let cost = loss.of(&chain, (&moved, &truth(FRAME + 1)), FRAME + 1, WEIGHT, &mut all);
+        join(&mut all, &behind, 1 + i);
         let mut front = Rods::zeros(chain.rods);
-        let wanted = chain.advance_back(&own, of_said, &behind, &mut front);
+        let wanted = chain.advance_back(&own, of_said, &all, &mut front);
         let mut glided = look.tokens_back(&chain, &own, &by_tokens[i * chain.rods * INPUTS..][..chain.rods * INPUTS], &mut front);
-        glided.numbers_mut().zip(behind.gripper.numbers()).for_each(|(x, g)| *x += g);
+        glided.numbers_mut().zip(all.gripper.numbers()).for_each(|(x, g)| *x += g);
         let led = chain.glide_back(&glided);
         front.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
 
@@ -113,7 +115,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
             apart(b, &flat(&moved)),
             apart(&seen, &told),
             apart(&judged[2 * i..][..1], &[cost]),
-            apart(c, &flat(&behind)),
+            apart(c, &flat(&all)),
             apart(&by_said[i * said_wide..][..said_wide], &wanted),
             apart(d, &flat(&front)),
         ];

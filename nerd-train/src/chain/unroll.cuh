@@ -247,6 +247,19 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     return total;
 }
 
+// Adds slopes from behind a frame, of so many later ones, to its own: at most as much as if each of them were as large as its own.
+FN void join(const double* behind, int later, double* slope) {
+    OF_BLOCK double squares[2];
+    EACH(c, 2) {
+        squares[c] = 0;
+        for (int i = 0; i < CHAIN; i++) squares[c] += c ? behind[i] * behind[i] : slope[i] * slope[i];
+    }
+    SYNC;
+    const double share = least(later * sqrt(squares[0]) / most(sqrt(squares[1]), 1e-300), 1);
+    EACH(i, CHAIN) slope[i] += share * behind[i];
+    SYNC;
+}
+
 // Whether a rollout is near enough to the truth to be carried on. `ends` are written over.
 FN int near(const double* chain, const double* wanted, double* ends, double* true_ends) {
     nodes(chain, ends);

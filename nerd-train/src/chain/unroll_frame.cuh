@@ -45,19 +45,23 @@ KERNEL unroll_advance(const Rollout* rollouts, const double* truths, const doubl
     store(after, at + (long long)gridDim.x * CHAIN, CHAIN);
 }
 
-// The slope of frame k's loss onto those behind it, of all later ones; then the frame is looked at once more.
+// The slope of frame k's loss with those behind it, of so many later ones; then the frame is looked at once more.
 KERNEL unroll_behind(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int k,
-                     int last, double weight, double* behinds, double* losses, float* tokens, double* touches) {
+                     int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
     __shared__ double chain[CHAIN], other[CHAIN], slope[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
     const Rollout& r = rollouts[blockIdx.x];
     const Motions m = {truths, torques, scenes, frames};
     const double* at = chains + ((long long)k * gridDim.x + blockIdx.x) * CHAIN;
     double* behind = behinds + (long long)blockIdx.x * CHAIN;
-    EACH(i, CHAIN) slope[i] = last ? 0 : behind[i];
+    EACH(i, CHAIN) slope[i] = 0;
     load(at + (long long)gridDim.x * CHAIN, chain, CHAIN);
     truth(r, m, k + 1, other);
     const double total = loss(chain, other, ends, true_ends, k + 1, weight, slope);
-    EACH(one, 1) losses[blockIdx.x] = (last ? 0 : losses[blockIdx.x]) + total;
+    EACH(one, 1) losses[blockIdx.x] = (later ? losses[blockIdx.x] : 0) + total;
+    if (later) {
+        load(behind, other, CHAIN);
+        join(other, later, slope);
+    }
     store(slope, behind, CHAIN);
     load(at, chain, CHAIN);
     led(r, m, k, chain, other);
@@ -125,15 +129,15 @@ template <class T> std::vector<T> take(long long n) {
 template <class T> void give(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
 // From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; what is said,
 // and slopes by tokens and by chains behind. To standard output chains before and after, tokens, by rollout the loss and whether it is near;
-// slopes with those of the loss, by what was said, and by chains before.
+// slopes of the loss joined by those behind, by what was said, and by chains before.
 int main() {
     const auto head = take<int>(4);
     const int n = head[0], motions = head[1], frames = head[2], k = head[3];
     const auto rollouts = take<double>(7 * n), states = take<double>((long long)motions * (frames + 1) * STATE);
     const auto torques = take<double>((long long)motions * frames * 6), scenes = take<double>(motions * SCENE);
     const auto said = take<float>(n * RODS * OUTPUTS), by_tokens = take<float>(n * RODS * INPUTS);
-    auto slopes = take<double>(n * CHAIN);
-    std::vector<double> truths(motions * (frames + 1) * CHAIN), before(n * CHAIN), after(n * CHAIN), wanted(CHAIN), out(2 * n);
+    const auto behinds = take<double>(n * CHAIN);
+    std::vector<double> slopes(n * CHAIN), truths(motions * (frames + 1) * CHAIN), before(n * CHAIN), after(n * CHAIN), wanted(CHAIN), out(2 * n);
     std::vector<double> fronts(n * CHAIN), glided(GRIPPER), ends(6 * RODS), others(6 * RODS), touches(4 * RODS);
     std::vector<float> tokens(n * RODS * LDX), by_said(n * RODS * OUTPUTS);
     for (int i = 0; i < motions * (frames + 1); i++) rods(states.data() + i * STATE, truths.data() + i * CHAIN);
@@ -148,6 +152,7 @@ int main() {
         advance(chain, glided.data(), numbers, next);
         truth(r, m, k + 1, wanted.data());
         out[2 * i] = loss(next, wanted.data(), ends.data(), others.data(), k + 1, 0.7, slope);
+        join(behinds.data() + i * CHAIN, 1 + i, slope);
         out[2 * i + 1] = near(next, wanted.data(), ends.data(), others.data());
         said_back(chain, numbers, slope, by_said.data() + i * RODS * OUTPUTS);
         nodes(chain, ends.data());

@@ -200,15 +200,15 @@ impl Way {
         }
         self.along(END, &[chains, Int(self.frames), Ptr(self.nears.ptr)])?;
         for k in (0..self.frames).rev() {
-            let last = k + 1 == self.frames;
+            let later = self.frames - 1 - k;
             let heard = [Double(self.weight), behinds, Ptr(self.losses.ptr), tokens, touches];
-            self.along("unroll_behind", &[&[chains, Int(k), Int(usize::from(last))][..], &heard].concat())?;
+            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &heard].concat())?;
             net.windows(w, n)?;
             self.each("unroll_said", &[chains, Int(k), said, behinds, Ptr(net.slope())])?;
             net.backward(w, self.of_frame.ptr, Some(self.by_tokens.ptr))?;
             self.along("unroll_back", &[chains, Int(k), said, touches, Ptr(self.by_tokens.ptr), behinds])?;
             let p = self.of_frame.len;
-            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(last))];
+            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
             d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
         }
         d.launch("unroll_total", (1, 1), (256, 1), 0, &[Ptr(self.losses.ptr), Int(n), Ptr(all.at(self.of_frame.len))])
