@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Operand};
+use nerd_model::device::whole_program;
 use nerd_model::program::Op::{self, Attend};
 use nerd_model::program::{Activation, Slot, Step, Weight};
 
@@ -20,6 +21,9 @@ const LOSSES: usize = 264;
 /// Floats of partial sums of rows, and most rows of them.
 const SUMS: usize = 1 << 17;
 const CHUNKS: usize = 256;
+
+/// Windows of fewer tokens would leave most of a block idle.
+const FEW: usize = 8;
 
 /// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
 pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
@@ -45,6 +49,8 @@ pub(super) struct Network {
     /// By part: of a norm reciprocal deviations; of a cell states found, what is kept, and what states say to the gates.
     pub asides: Vec<Vec<Buffer<f32>>>,
     partial: Buffer<f32>,
+    /// Threads of a block that makes a whole pass of a window, of a small program.
+    whole: Option<usize>,
     staging: Vec<f32>,
     pub back: Option<Back>,
 }
@@ -60,7 +66,11 @@ impl Network {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
         let source = Source::of(&plan);
-        let device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
+        let mut device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
+        let whole = if plan.tokens < FEW { None } else { whole_program(&plan.program, plan.tokens) };
+        if let Some(whole) = &whole {
+            device.add(&whole.text, &["whole_pass"])?;
+        }
         let n = rows * plan.tokens;
         let zeros = |len: usize| device.zeros::<f32>(len.next_multiple_of(4));
         let aside = |part: &Part| -> Result<Vec<_>, DeviceError> {
@@ -87,6 +97,7 @@ impl Network {
             turns: device.upload(&plan.attention.map_or(Vec::new(), |a| a.turns(&plan.program.frequencies)))?,
             asides: plan.parts.iter().map(aside).collect::<Result<_, _>>()?,
             partial: zeros(partial)?,
+            whole: whole.map(|whole| whole.threads),
             staging: Vec::new(),
             back: if train { Some(Back::new(&device)?) } else { None },
             rows,
@@ -148,8 +159,13 @@ impl Network {
         self.run(w, 0..parts, &self.addresses(), rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
     }
 
-    /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`.
+    /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`. Of a small program nothing
+    /// else is kept.
     pub fn predict(&self, w: u64, rows: usize, last: Option<u64>) -> Result<(), DeviceError> {
+        if let (Some(threads), None) = (self.whole, last) {
+            let args = [w, self.at(Slot(0)), self.predictions().ptr].map(Ptr);
+            return self.device.launch("whole_pass", (rows, 1), (threads, 1), 0, &args);
+        }
         let (mut at, mut n, mut first, all) = (self.addresses(), rows * self.plan.tokens, 0, self.plan.parts.len());
         let attend = |_, qkv, out| self.attention(rows, qkv, out);
         if let Some(last) = last {
