@@ -7,7 +7,7 @@ use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
 use nerd_train::ppo::gae::{Steps, advantages};
 use nerd_train::ppo::rollout::{Rollout, Running, rollout};
-use nerd_train::ppo::update::{Adam, Data, gradient};
+use nerd_train::ppo::update::{Adam, Data, Learning, gradient};
 use nerd_train::ppo::{Activation, Engine, Environments, OnCpu, Policy, PpoConfig, RunningMoments, Shape, Stack, Trainer, folder, play};
 
 fn config(text: &str) -> PpoConfig {
@@ -44,7 +44,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         let data = Data::new(&policy, &rollout, &returns, values);
         let batch: Vec<u32> = (0..n as u32).step_by(2).collect();
-        let found = gradient(&policy, &data, &batch, &config).flat;
+        let found = gradient(&policy, &Learning::new(&policy), &data, &batch, &config).flat;
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
         for k in 0..params.len() {
             let at = |h: f64| {
@@ -63,7 +63,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
 
 /// The loss as the header of `loss.rs` has it, without a thought for speed.
 fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u32], c: &PpoConfig) -> f64 {
-    let (shape, sizes) = (&policy.shape, policy.shape.network().sizes);
+    let (shape, sizes) = (&policy.shape, policy.shape.widths());
     let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
     let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();
     let normal = |x: f64| policy.returns.normalize(0, x);
@@ -77,8 +77,8 @@ fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u3
             let f = |y: f64| match shape.activation {
                 _ if l + 2 == sizes.len() => y,
                 Activation::Tanh => y.tanh(),
-                Activation::Relu => y.max(0.0),
                 Activation::Elu => y.max(0.0) + y.min(0.0).exp_m1(),
+                other => unreachable!("{other:?} is not among those asked for"),
             };
             x = y.map(f).collect();
             at = bias + w[1];

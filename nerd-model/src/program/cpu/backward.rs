@@ -2,9 +2,9 @@
 //!
 //! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
-use super::elementwise::{multiply, normalize_back, relu_back, sum_rows};
-use super::{Loaded, Matrix, Memory, cell, neighbours, taken};
-use crate::program::{Activation, Op, Step, Weight};
+use super::elementwise::{normalize_back, sum_rows};
+use super::{Loaded, Matrix, Memory, activate, cell, neighbours, taken};
+use crate::program::{Op, Step, Weight};
 
 impl Loaded {
     /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
@@ -75,10 +75,7 @@ impl Loaded {
             Op::Neighbours(apart) => neighbours::backward(&dy, self.program.width(from), tokens, apart, &mut dx),
             Op::Activate(f) => {
                 std::mem::swap(&mut dx, &mut dy);
-                match f {
-                    Activation::Gelu => multiply(&mut dx, x),
-                    Activation::Relu => relu_back(&mut dx, y),
-                }
+                activate::backward(f, x, y, &mut dx);
             }
             Op::Cell { weight, bias, lstm } => {
                 // The bias stands behind its matrix.

@@ -3,6 +3,7 @@
 //! Matrices are cut in panels when weights are loaded, with the norms' weights before them folded in (`diag(w) W`); element-wise work
 //! runs with the widest vectors the processor has. Equal to burn's [`super::Network`] to rounding (`tests/program.rs`).
 
+mod activate;
 mod attend;
 #[cfg(feature = "autodiff")]
 mod backward;
@@ -11,13 +12,13 @@ pub mod elementwise;
 mod matrix;
 mod neighbours;
 #[cfg(feature = "autodiff")]
-pub mod product;
+mod product;
 
 pub(crate) use matrix::{Lanes, Matrix};
 
-use super::{Activation, Op, Program, Slot, Weight};
+use super::{Op, Program, Slot, Weight};
 use attend::Attention;
-use elementwise::{gelu, gelu_and_slope, normalize, relu};
+use elementwise::normalize;
 
 /// A program with weights.
 pub struct Loaded {
@@ -180,15 +181,7 @@ impl Loaded {
                 }
             },
             Op::Neighbours(apart) => neighbours::forward(&x, width, pass.tokens().unwrap_or(1), apart, &mut y),
-            // The slope takes the place of what it is of.
-            Op::Activate(Activation::Gelu) if keep => gelu_and_slope(&mut x, &mut y),
-            Op::Activate(f) => {
-                std::mem::swap(&mut x, &mut y);
-                match f {
-                    Activation::Gelu => gelu(&mut y),
-                    Activation::Relu => relu(&mut y),
-                }
-            }
+            Op::Activate(f) => activate::forward(f, keep, &mut x, &mut y),
             Op::Cell { bias, lstm, .. } => {
                 let panels = self.panels[i].as_ref().expect("panels of every product");
                 cell::forward(&x, pass.tokens().unwrap_or(1), panels, self.tensor(bias), lstm, aside, &mut y);
