@@ -13,8 +13,8 @@ use nerd_tasks::{Episodes, named};
 
 use super::replay::Replay;
 use crate::error::Result;
-use crate::ppo::{Actor, folder};
 use crate::ppo::rollout::Running;
+use crate::ppo::{Actor, folder};
 use crate::shipped::{model, root};
 
 /// Seed of motions that no data have.
