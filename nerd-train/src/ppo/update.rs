@@ -95,7 +95,7 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
             let said = gradient(policy, &learning, &data, batch, config);
             data.compare_with(batch, &said);
             norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
-            learning.network.load(&policy.flat);
+            learning.load(policy);
             let terms = said.terms.over(batch.len() as f64);
             sums.add(&terms);
             batches += 1.0;
@@ -204,7 +204,14 @@ struct Room {
 impl Learning {
     /// Of a policy as it is now.
     pub fn new(policy: &Policy) -> Self {
-        Self { network: policy.network(), idle: Mutex::default() }
+        let learning = Self { network: policy.network(), idle: Mutex::default() };
+        learning.network.turn();
+        learning
+    }
+
+    fn load(&mut self, policy: &Policy) {
+        self.network.load(&policy.flat);
+        self.network.turn();
     }
 
     fn idle(&self) -> MutexGuard<'_, Vec<Room>> {

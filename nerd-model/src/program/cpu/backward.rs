@@ -7,6 +7,18 @@ use super::{Loaded, Matrix, Memory, activate, cell, neighbours, taken};
 use crate::program::{Op, Step, Weight};
 
 impl Loaded {
+    /// Turns the matrices that the way back asks for. Threads that ask for one at the same time would wait for each other.
+    pub fn turn(&self) {
+        (0..self.program.steps.len()).filter(|i| self.program.steps[*i].from != self.program.tokens()).for_each(|i| _ = self.turned(i));
+    }
+
+    /// Of a linear step, `W'^T`.
+    fn turned(&self, i: usize) -> Option<&Matrix> {
+        let Step { to, op: Op::Linear { weight, scale, .. }, .. } = self.program.steps[i] else { return None };
+        let folded = if scale.is_some() { &self.folded[i] } else { self.tensor(weight) };
+        Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(to), folded)))
+    }
+
     /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
     /// if that is asked for, or else nothing.
     pub fn backward(&self, tokens: usize, behind: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
@@ -42,13 +54,11 @@ impl Loaded {
                 if let Some(bias) = bias {
                     sum_rows(&dy, &mut gradient[range(bias)]);
                 }
-                if from != self.program.tokens() || by_tokens {
-                    let folded = if scale.is_some() { &self.folded[i] } else { w };
-                    let back = self.back[i].get_or_init(|| Matrix::of_transpose(outer, folded));
-                    match first {
-                        true => back.product(&dy, &mut dx),
-                        false => back.add_product(&dy, &mut dx),
-                    }
+                let asked = from != self.program.tokens() || by_tokens;
+                match asked.then(|| self.turned(i)).flatten() {
+                    Some(back) if first => back.product(&dy, &mut dx),
+                    Some(back) => back.add_product(&dy, &mut dx),
+                    None => {}
                 }
                 if let Some(scale) = scale {
                     let mut norms = vec![0.0; inner];

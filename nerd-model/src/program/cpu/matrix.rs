@@ -29,16 +29,21 @@ impl Matrix {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
         // As few columns of zeros as may be; among equals the shape that loads least for a sum.
-        let vectors = [3, 4, 2].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        let wide = [3, 4, 2].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        let vectors = if outer > lanes { wide } else { 1 };
         let width = vectors * lanes;
         let mut panels = std::mem::take(&mut self.panels);
         panels.clear();
         panels.reserve(inner * outer.next_multiple_of(width));
-        for first in (0..outer).step_by(width) {
-            for row in values.chunks_exact(outer) {
-                let row = &row[first..outer.min(first + width)];
-                panels.extend_from_slice(row);
-                panels.resize(panels.len() + width - row.len(), 0.0);
+        if outer == width {
+            panels.extend_from_slice(values);
+        } else {
+            for first in (0..outer).step_by(width) {
+                for row in values.chunks_exact(outer) {
+                    let row = &row[first..outer.min(first + width)];
+                    panels.extend_from_slice(row);
+                    panels.resize(panels.len() + width - row.len(), 0.0);
+                }
             }
         }
         *self = Self { inner, outer, vectors, panels };
@@ -98,6 +103,7 @@ impl WithSimd for Product<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         // Tiles of sums that leave registers for a row of the panel and an entry of x.
         match (S::F32_LANES, self.matrix.vectors) {
+            (_, 1) => self.panels::<S, 12, 1>(simd),
             (16.., 2) => self.panels::<S, 12, 2>(simd),
             (16.., 4) => self.panels::<S, 6, 4>(simd),
             (16.., _) => self.panels::<S, 8, 3>(simd),

@@ -132,6 +132,12 @@ impl Loaded {
         }
         memory.values[0].clear();
         memory.values[0].extend_from_slice(tokens);
+        // An activation takes the memory of what it is of; this is where that finds it again.
+        for step in self.program.steps.iter().filter(|step| matches!(step.op, Op::Activate(_))) {
+            if memory.values[step.from.0].capacity() == 0 {
+                memory.values.swap(step.from.0, step.to.0);
+            }
+        }
         if self.mixing.is_none() {
             self.narrow(memory, &pass);
         }
