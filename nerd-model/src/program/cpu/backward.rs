@@ -24,7 +24,10 @@ impl Loaded {
     pub fn backward(&self, tokens: usize, behind: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
         let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
-        slopes[self.program.predictions().0] = behind.to_vec();
+        let mut last = taken(&mut memory.spare, behind.len());
+        last.clear();
+        last.extend_from_slice(behind);
+        slopes[self.program.predictions().0] = last;
         for i in (0..self.program.steps.len()).rev() {
             self.back(i, tokens, &mut slopes, memory, &mut gradient, by_tokens);
         }
@@ -42,7 +45,8 @@ impl Loaded {
         // What is read twice has a gradient already.
         let mut dx = std::mem::take(&mut slopes[from.0]);
         let first = dx.is_empty();
-        if first && to != from && !matches!(op, Op::Activate(_)) {
+        let asked = from != self.program.tokens() || by_tokens;
+        if asked && first && to != from && !matches!(op, Op::Activate(_)) {
             dx = taken(spare, dy.len() / self.program.width(to) * self.program.width(from));
         }
         match op {
@@ -54,7 +58,6 @@ impl Loaded {
                 if let Some(bias) = bias {
                     sum_rows(&dy, &mut gradient[range(bias)]);
                 }
-                let asked = from != self.program.tokens() || by_tokens;
                 match asked.then(|| self.turned(i)).flatten() {
                     Some(back) if first => back.product(&dy, &mut dx),
                     Some(back) => back.add_product(&dy, &mut dx),
