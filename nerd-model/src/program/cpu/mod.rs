@@ -164,13 +164,14 @@ impl Loaded {
         match op {
             Op::Linear { bias, add, .. } => {
                 let panels = self.panels[i].as_ref().expect("panels of every product");
-                if let Some(bias) = bias {
-                    y.clear();
-                    (0..x.len() / width).for_each(|_| y.extend_from_slice(self.tensor(bias)));
-                }
-                match add || bias.is_some() {
-                    true => panels.add_product(&x, &mut y),
-                    false => panels.product(&x, &mut y),
+                match bias.map(|bias| self.tensor(bias)) {
+                    Some(bias) if add => {
+                        y.chunks_exact_mut(bias.len()).for_each(|y| y.iter_mut().zip(bias).for_each(|(y, b)| *y += b));
+                        panels.add_product(&x, &mut y);
+                    }
+                    Some(bias) => panels.biased_product(&x, bias, &mut y),
+                    None if add => panels.add_product(&x, &mut y),
+                    None => panels.product(&x, &mut y),
                 }
             }
             Op::Place(table) => {
