@@ -28,11 +28,21 @@ const FEW: usize = 8;
 /// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
 pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
 
+/// An activation's kernels, forward and back.
+pub(super) fn kernels(f: Activation) -> [&'static str; 2] {
+    match f {
+        Activation::Gelu => ["gelu_forward", "gelu_backward"],
+        Activation::Relu => ["relu_forward", "relu_backward"],
+        Activation::Tanh => ["tanh_forward", "tanh_backward"],
+        Activation::Elu => ["elu_forward", "elu_backward"],
+    }
+}
+
 /// A matrix product's rows, inner size and columns.
 pub(super) type Size = (usize, usize, usize);
 
 /// A program on a device, with memory for `rows` windows.
-pub(super) struct Network {
+pub(crate) struct Network {
     pub device: Device,
     pub plan: Plan,
     pub rows: usize,
@@ -52,7 +62,7 @@ pub(super) struct Network {
     /// Threads of a block that makes a whole pass of a window, of a small program.
     whole: Option<usize>,
     staging: Vec<f32>,
-    pub back: Option<Back>,
+    pub(super) back: Option<Back>,
 }
 
 impl Network {
@@ -155,8 +165,14 @@ impl Network {
 
     /// All parts over whole windows, but for a head.
     pub fn windows(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
-        let parts = self.plan.parts.len() - usize::from(self.plan.head().is_some());
-        self.run(w, 0..parts, &self.addresses(), rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
+        self.windows_at(self.at(Slot(0)), w, rows)
+    }
+
+    /// The same of tokens that stand elsewhere, padded as here.
+    pub fn windows_at(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
+        let (parts, mut at) = (self.plan.parts.len() - usize::from(self.plan.head().is_some()), self.addresses());
+        at[0] = tokens;
+        self.run(w, 0..parts, &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
     }
 
     /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`. Of a small program nothing
@@ -230,8 +246,8 @@ impl Network {
                 self.each("neighbours_forward", n * to, &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)])
             }
             Op::Activate(f) => {
-                let (quads, kernel) = ((n * to).div_ceil(4), if f == Activation::Gelu { "gelu_forward" } else { "relu_forward" });
-                self.each(kernel, quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
+                let quads = (n * to).div_ceil(4);
+                self.each(kernels(f)[0], quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
             }
             Op::Cell { weight, bias, lstm } => {
                 let matrices = [weight, bias].map(|weight| self.tensor(w, weight));
@@ -265,10 +281,10 @@ impl Network {
         [0, 1, 2].map(|k| self.tensor(w, Weight(bias.0 + k)))
     }
 
-    /// Gradients of what is added to all rows, from the slope at `dy`: of the places in a window, and of a bias.
-    pub fn sum_rows(&self, dy: u64, width: usize, bias: Option<u64>, table: Option<u64>) -> Result<(), DeviceError> {
+    /// Gradients of what is added to all tokens of so many windows, from the slope at `dy`: of the places in a window, and of a bias.
+    pub fn sum_rows(&self, dy: u64, (rows, width): (usize, usize), bias: Option<u64>, table: Option<u64>) -> Result<(), DeviceError> {
         let tokens = self.plan.tokens;
-        let (rows, wide) = if table.is_some() { (self.rows, tokens * width) } else { (self.rows * tokens, width) };
+        let (rows, wide) = if table.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };
         let chunks = rows.min(SUMS / wide).clamp(1, CHUNKS);
         let args = [Ptr(dy), Int(rows), Int(wide), Ptr(self.partial.ptr)];
         self.device.launch("row_partial", (wide.div_ceil(128), chunks), (128, 1), 0, &args)?;
