@@ -128,10 +128,10 @@ impl Writer<'_> {
     fn activated(&self, i: usize) -> Option<&'static str> {
         let (step, next) = (self.program.steps[i], self.program.steps.get(i + 1)?);
         let readers = self.program.steps.iter().filter(|other| other.from == step.to).count();
+        let alone = next.from == step.to && readers == 1 && i + 2 < self.program.steps.len();
         match next.op {
-            Op::Activate(f) if next.from == step.to && readers == 1 && i + 2 < self.program.steps.len() => {
-                Some(if f == Activation::Gelu { "gelu" } else { "relu" })
-            }
+            Op::Activate(Activation::Gelu) if alone => Some("gelu"),
+            Op::Activate(Activation::Relu) if alone => Some("relu"),
             _ => None,
         }
     }
