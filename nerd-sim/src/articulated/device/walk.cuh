@@ -25,33 +25,29 @@ template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void onward(con
     if constexpr (AS_TEXT) rise<FROM, TO>(f);
     else for (int i = FROM; i < TO; i++) f(i);
 }
-template <int FROM, int TO, class F> FN void backward(const F& f) {
-    if constexpr (UNROLLED) fall<TO - 1, FROM>(f);
+template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void backward(const F& f) {
+    if constexpr (AS_TEXT) fall<TO - 1, FROM>(f);
     else for (int i = TO - 1; i >= FROM; i--) f(i);
 }
 
 // The DoF above k, and k with them.
-template <class K, class F> FN void above(K k, const F& f) {
-    if constexpr (UNROLLED) climb<ABOVE[K::n]>(f);
-    else for (int i = ABOVE[k]; i >= 0; i = ABOVE[i]) f(i);
-}
+template <int K, class F> FN void above(At<K>, const F& f) { climb<ABOVE[K]>(f); }
+template <class F> FN void above(int k, const F& f) { for (int i = ABOVE[k]; i >= 0; i = ABOVE[i]) f(i); }
 template <class K, class F> FN void upward(K k, const F& f) {
     f(k);
     above(k, f);
 }
 
-// The links from i to the root, and those above it.
+// The links above i, and i with them.
+template <int I, class F> FN void forebears(At<I>, const F& f) { ascend<PARENT[I]>(f); }
+template <class F> FN void forebears(int i, const F& f) { for (int k = PARENT[i]; k >= 0; k = PARENT[k]) f(k); }
 template <class I, class F> FN void lineage(I i, const F& f) {
-    if constexpr (UNROLLED) ascend<I::n>(f);
-    else for (int k = i; k >= 0; k = PARENT[k]) f(k);
-}
-template <class I, class F> FN void forebears(I i, const F& f) {
-    if constexpr (UNROLLED) ascend<PARENT[I::n]>(f);
-    else for (int k = PARENT[i]; k >= 0; k = PARENT[k]) f(k);
+    f(i);
+    forebears(i, f);
 }
 
 // The last DoF that moves a link: from it upward are all that do.
-ON constexpr int last_of(int link) {
+ON constexpr int last_dof(int link) {
     int last = -1;
     for (int i = link; i >= 0; i = PARENT[i]) {
         const int own = DOFS && i == 0 ? DOFS - 1 : DOF[i];
@@ -59,10 +55,7 @@ ON constexpr int last_of(int link) {
     }
     return last;
 }
-template <class I> FN auto last_dof(I link) {
-    if constexpr (UNROLLED) return At<last_of(I::n)>();
-    else return last_of(link);
-}
+template <int I> FN At<last_dof(I)> last_dof(At<I>) { return At<last_dof(I)>(); }
 
 ON constexpr bool pointed(int link) {
     for (int p = 0; p < NP; p++) if (POINT_LINK[p] == link) return true;
