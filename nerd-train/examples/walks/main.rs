@@ -60,7 +60,9 @@ const TEXTS: usize = 7;
 fn text(v: &Variant, system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
     let mut text = program(system, config, real, reach);
     if v.old {
-        for (new, old) in old!["linear.cuh", "surface.cuh", "tree.cuh", "along.cuh", "touch.cuh", "implicit.cuh", "explicit.cuh", "frame.cuh"] {
+        for (new, old) in
+            old!["linear.cuh", "surface.cuh", "tree.cuh", "along.cuh", "touch.cuh", "implicit.cuh", "explicit.cuh", "frame.cuh"]
+        {
             assert!(text.contains(new));
             text = text.replace(new, old);
         }
@@ -99,7 +101,14 @@ fn made(batch: &Batch, wanted: &[(ArticulatedConfig, Real)]) -> Outcome<Vec<Vec<
 }
 
 /// Final states, the best seconds of some rolls, environments given up.
-fn roll(device: &Device, block: usize, batch: &Batch, config: &ArticulatedConfig, frames: usize, times: usize) -> Outcome<(Vec<f64>, f64, usize)> {
+fn roll(
+    device: &Device,
+    block: usize,
+    batch: &Batch,
+    config: &ArticulatedConfig,
+    frames: usize,
+    times: usize,
+) -> Outcome<(Vec<f64>, f64, usize)> {
     let (system, n, reach) = (&batch.system, batch.len(), Reach::of(batch));
     let records = device.upload(&record(&batch.scenes[0], system, config, reach)?)?;
     let (states, torques) = (device.upload(&batch.states)?, device.zeros::<f64>(n * system.robot.joint_count())?);
