@@ -281,12 +281,13 @@ impl Device {
 /// The machine code's text of a source. What this process has compiled before is not compiled again.
 fn compiled(source: &str, options: CompileOptions) -> Result<Ptx, DeviceError> {
     static KNOWN: Mutex<Vec<(String, Ptx)>> = Mutex::new(Vec::new());
-    let known = || KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
-    if let Some((_, ptx)) = known().iter().find(|(text, _)| text == source) {
+    // Held while it compiles: threads that want the same wait for it.
+    let mut known = KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
+    if let Some((_, ptx)) = known.iter().find(|(text, _)| text == source) {
         return Ok(ptx.clone());
     }
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
-    known().push((source.into(), ptx.clone()));
+    known.push((source.into(), ptx.clone()));
     Ok(ptx)
 }
 

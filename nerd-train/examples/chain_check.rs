@@ -1,19 +1,26 @@
-//! Checks chains whose batch stays on the GPU at hand, among pegs: the learned one against the CPU's, and the analytic solver with its springs and
-//! whips. All checks are made; one that fails ends the program with an error.
+//! Checks chains whose batch stays on the GPU at hand, among pegs: the learned one against the CPU's, the analytic solver with its springs and
+//! whips, and updates of training. All checks are made; one that fails ends the program with an error.
 //!
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example chain_check
 //! ```
 
 use std::error::Error;
+use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
+use nerd_model::chain::{Chain, ChainSolver};
+use nerd_model::folder::Model;
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{Real, Roll};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::prelude::*;
+use nerd_train::chain::{ChainLearner, Motions, scales};
 use nerd_train::device::resident;
-use nerd_train::learner::cuda::Precision;
+use nerd_train::learner::cuda::{CudaUnroll, Precision};
+use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
+use nerd_train::ranks::Ranks;
 
 /// Leads, and frames in which they fall onto floor and pegs.
 const LEADS: usize = 64;
@@ -33,6 +40,7 @@ fn main() -> Caught<()> {
         (learned(), Precision::Tf32),
         (Setting::Implicit(1), Precision::F32),
         (Setting::Implicit(4), Precision::F32),
+        (Setting::Implicit(32), Precision::F32),
     ] {
         match pace(&setting, precision, &fallen, 4096) {
             Ok(pace) => demand(true, format!("{setting}, {precision:?}: {pace:.3} us a frame and environment, of 4096")),
@@ -66,7 +74,58 @@ fn main() -> Caught<()> {
             Err(error) => demand(false, format!("{setting}: {error}")),
         }
     }
+    match learned_alike() {
+        Ok((apart, said)) => demand(apart[0] < 1e-3 && apart[1] < 1e-2, said),
+        Err(error) => demand(false, format!("training: {error}")),
+    }
     if failed == 0 { Ok(()) } else { Err(format!("{failed} checks failed").into()) }
+}
+
+/// How far apart losses and gradient norms of the CPU's and the card's updates are, as shares; and what an update of many takes on the card.
+fn learned_alike() -> Caught<([f32; 2], String)> {
+    let system = System::named("lead-pegs")?;
+    let motions = |trajectories: usize| -> Caught<Arc<Motions>> {
+        let config = GenerateConfig { transitions: trajectories * FALL, frames: FALL, ..GenerateConfig::default() };
+        let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
+        Ok(Arc::new(Motions::record(&system, &solver, &config, &|_| ())?))
+    };
+    let (model, train) = (Model::load(Path::new("models/lead-pegs"), &system, None)?, motions(LEADS)?);
+    let (chain, scale) = (Chain::of(&system)?, ChainSolver::scale(&model.normalizer)?);
+    let (_, velocity) = scales(&chain, &train);
+    let sets = [train.clone(), train];
+    let config = LearnerConfig { batch: 24, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Adam };
+    let state = LearnerState::new(model.weights.clone());
+    let mut here = ChainLearner::new(chain, config, state.clone(), sets.clone(), (scale, velocity), 8)?;
+    let there = |batch: usize, precision: Precision, frames: usize| {
+        let config = LearnerConfig { batch, ..config };
+        CudaUnroll::new(&system, (config, precision), state.clone(), sets.clone(), (scale, velocity), frames, &Ranks::default())
+    };
+    let (mut device, mut apart, mut last) = (there(24, Precision::F32, 8)?, [0.0f32; 2], [0.0f32; 2]);
+    for _ in 0..6 {
+        here.update(1e-4)?;
+        device.update(1e-4)?;
+        let (a, b) = (here.progress()?, device.progress()?);
+        let off = [b.loss / a.loss - 1.0, b.gradient_norm / a.gradient_norm - 1.0];
+        apart.iter_mut().zip(off).for_each(|(apart, off)| *apart = apart.max(off.abs()));
+        last = [a.loss, b.loss];
+    }
+    let mut paces = Vec::new();
+    for (batch, frames) in [(512, 1), (512, 16), (512, 32), (2048, 32)] {
+        let mut device = there(batch, Precision::Tf32, frames)?;
+        (0..3).try_for_each(|_| device.update(1e-5))?;
+        device.progress()?;
+        let began = Instant::now();
+        (0..5).try_for_each(|_| device.update(1e-5))?;
+        device.progress()?;
+        paces.push(format!("{batch} through {frames} frames {:.2} ms", 200.0 * began.elapsed().as_secs_f64()));
+    }
+    let said = format!(
+        "six updates through 8 frames: losses {last:?}, {:.1e} apart, gradients' norms {:.1e}; an update of {}",
+        apart[0],
+        apart[1],
+        paces.join(", ")
+    );
+    Ok((apart, said))
 }
 
 /// Leads that lie across floor and pegs.

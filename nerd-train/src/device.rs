@@ -9,6 +9,9 @@ use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
 use nerd_model::pick::learned;
 use nerd_model::transformer::{Architecture, Stream, Weights};
+#[cfg(not(feature = "cuda"))]
+use nerd_sim::articulated::Articulated;
+use nerd_sim::articulated::ArticulatedConfig;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 #[cfg(feature = "cuda")]
@@ -175,22 +178,25 @@ pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: 
     Ok(Box::new(CudaArticulated::new(config, real)))
 }
 
+/// The articulated truth on a GPU, in 64 bits.
+pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
+    let config = ArticulatedConfig::accurate(system);
+    #[cfg(feature = "cuda")]
+    return Box::new(CudaArticulated::new(config, Real::F64));
+    // What needs a card was refused before.
+    #[cfg(not(feature = "cuda"))]
+    Box::new(Articulated::new(config))
+}
+
 #[cfg(feature = "cuda")]
 fn on_cuda(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
-    no_chain(&weights.config)?;
+    if weights.config.architecture == Architecture::Chain {
+        crate::error::refuse!("--device cuda answers for a chain in whole frames alone");
+    }
     Ok(cuda::stream(weights, Precision::F32, envs)?)
 }
 
 #[cfg(not(feature = "cuda"))]
 fn on_cuda(_weights: &Weights, _envs: usize) -> Result<Box<dyn Stream>> {
     crate::error::refuse!("--device cuda needs a build with `--features cuda`")
-}
-
-/// A chain is trained through frames that have no kernels for the way back, and its network is asked in whole frames alone.
-#[cfg(feature = "cuda")]
-pub(crate) fn no_chain(network: &nerd_model::transformer::TransformerConfig) -> Result<()> {
-    match network.architecture {
-        Architecture::Chain => crate::error::refuse!("--device cuda trains no chain, whose frames have no way back there; leave it out"),
-        _ => Ok(()),
-    }
 }

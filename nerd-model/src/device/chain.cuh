@@ -53,56 +53,83 @@ FN void write3(double* p, V3 v) { p[0] = v.x; p[1] = v.y; p[2] = v.z; }
 FN float* put(float* out, V3 v) { out[0] = (float)v.x; out[1] = (float)v.y; out[2] = (float)v.z; return out + 3; }
 FN float* put(float* out, double x) { *out = (float)x; return out + 1; }
 
+// A state as rods: the gripper, directions, their rates.
+BIG void rods(const double* state, double* chain) {
+    const double *q = state, *qd = state + HALF;
+    for (int k = 0; k < 3; k++) {
+        chain[k] = HOME[k] + q[k];
+        chain[3 + k] = qd[k];
+        chain[6 + k] = q[3 + k];
+        chain[9 + k] = qd[3 + k];
+    }
+    Axes a = axes(chain);
+    for (int k = 0; k < RODS; k++) {
+        turn(a, 2, q[6 + 2 * k], qd[6 + 2 * k]);
+        turn(a, 1, q[7 + 2 * k], qd[7 + 2 * k]);
+        write3(chain + GRIPPER + 3 * k, a.c[0]);
+        write3(chain + GRIPPER + 3 * (RODS + k), cross(a.w, a.c[0]));
+    }
+}
+
+// What is seen of the gripper's glide.
+struct Ahead { V3 change, velocity, swing, direction; };
+
+FN Ahead ahead(const double* gripper, const double* glided) {
+    V3 before, swing, direction, swung;
+    points(gripper, before, swing);
+    points(glided, direction, swung);
+    const V3 velocity = read3(glided + 3);
+    Ahead a = {(velocity - read3(gripper + 3)) * QUICK, velocity, (swung - swing) * 0.5, direction};
+    return a;
+}
+
+// The nearest surface at a place, as it is seen; 0, or LOST.
+FN int touch(const Surface* surface, int surfaces, V3 place, V3& normal, double& gap) {
+    double nearest = infinite();
+    normal = v3(0, 0, 0);
+    for (int c = 0; c < surfaces; c++) {
+        V3 n, at;
+        const double d = distance(surface[c], place, n, at);
+        if (!(d == d)) return LOST;
+        if (d < nearest) { nearest = d; normal = n; }
+    }
+    gap = nearest - RADIUS;
+    if (gap >= REACH) { gap = REACH; normal = v3(0, 0, 0); }
+    return 0;
+}
+
+// The token of a rod.
+FN void token(float* out, V3 along, V3 rate, V3 velocity, V3 normal, double gap, const Ahead& ahead) {
+    const double speed = dot(velocity, normal);
+    out = put(put(put(put(out, along), rate * 0.1), velocity * 0.5), normal);
+    out = put(put(put(out, 20.0 * gap), copysign(exp(-size(gap) / RADIUS), gap)), tanh(4.0 * gap / RADIUS));
+    out = put(put(out, 0.5 * speed), tanh((gap + speed * FRAME) / (0.75 * RADIUS)));
+    out = put(out, gap < REACH ? 1.0 : 0.0);
+    out = put(put(put(put(out, ahead.change), ahead.velocity), ahead.swing), ahead.direction);
+    for (int i = INPUTS; i < LDX; i++) out = put(out, 0.0);
+}
+
 // The tokens of its rods, and what the frame needs later; 0, or why there are none.
 BIG int tell(const double* state, const double* tau, const double* scene, double* memo, float* tokens) {
     Surface surface[NC + 1];
     int surfaces = 0;
     const double origin[3] = {0, 0, 0};
     for (int c = 0; c < NC && (int)scene[3 + COLLIDER * c]; c++) read(surface[surfaces++], scene + 3 + COLLIDER * c, origin);
-    const double *q = state, *qd = state + HALF;
-    double gripper[GRIPPER];
-    for (int k = 0; k < 3; k++) {
-        gripper[k] = HOME[k] + q[k];
-        gripper[3 + k] = qd[k];
-        gripper[6 + k] = q[3 + k];
-        gripper[9 + k] = qd[3 + k];
-    }
-    glide(gripper, tau, memo);
-    V3 before, swing, ahead[4];
-    points(gripper, before, swing);
-    points(memo, ahead[3], ahead[2]);
-    ahead[2] = (ahead[2] - swing) * 0.5;
-    ahead[1] = read3(memo + 3);
-    ahead[0] = (ahead[1] - read3(gripper + 3)) * QUICK;
-    Axes a = axes(gripper);
-    V3 node = read3(gripper), velocity = read3(gripper + 3);
+    double glided[GRIPPER];
+    rods(state, memo);
+    glide(memo, tau, glided);
+    const Ahead before = ahead(memo, glided);
+    V3 node = read3(memo), velocity = read3(memo + 3);
     for (int k = 0; k < RODS; k++) {
-        turn(a, 2, q[6 + 2 * k], qd[6 + 2 * k]);
-        turn(a, 1, q[7 + 2 * k], qd[7 + 2 * k]);
-        const V3 along = a.c[0], rate = cross(a.w, along);
-        write3(memo + GRIPPER + 3 * k, along);
-        write3(memo + GRIPPER + 3 * (RODS + k), rate);
+        const V3 along = read3(memo + GRIPPER + 3 * k), rate = read3(memo + GRIPPER + 3 * (RODS + k));
         node = node + along * LENGTH;
         velocity = velocity + rate * LENGTH;
-        V3 normal = v3(0, 0, 0);
-        double nearest = infinite();
-        for (int c = 0; c < surfaces; c++) {
-            V3 n, place;
-            const double d = distance(surface[c], node, n, place);
-            if (!(d == d)) return LOST;
-            if (d < nearest) { nearest = d; normal = n; }
-        }
-        double gap = nearest - RADIUS;
-        if (gap >= REACH) { gap = REACH; normal = v3(0, 0, 0); }
-        const double speed = dot(velocity, normal);
-        float* out = tokens + (long long)k * LDX;
-        out = put(put(put(put(out, along), rate * 0.1), velocity * 0.5), normal);
-        out = put(put(put(out, 20.0 * gap), copysign(exp(-size(gap) / RADIUS), gap)), tanh(4.0 * gap / RADIUS));
-        out = put(put(out, 0.5 * speed), tanh((gap + speed * FRAME) / (0.75 * RADIUS)));
-        out = put(out, gap < REACH ? 1.0 : 0.0);
-        for (int i = 0; i < 4; i++) out = put(out, ahead[i]);
-        for (int i = INPUTS; i < LDX; i++) out = put(out, 0.0);
+        V3 normal;
+        double gap;
+        if (touch(surface, surfaces, node, normal, gap)) return LOST;
+        token(tokens + (long long)k * LDX, along, rate, velocity, normal, gap, before);
     }
+    for (int k = 0; k < GRIPPER; k++) memo[k] = glided[k];
     return 0;
 }
 
@@ -110,10 +137,17 @@ FN V3 said3(const float* said, int first) {
     return v3(said[first] * STRETCH[first], said[first + 1] * STRETCH[first + 1], said[first + 2] * STRETCH[first + 2]);
 }
 
+// Direction and rate u of a rod after what was said of it, before they are put right.
+FN V3 said(const double* chain, int k, const float* row, V3& u) {
+    const V3 rate = read3(chain + GRIPPER + 3 * (RODS + k));
+    u = rate + said3(row, 0);
+    return read3(chain + GRIPPER + 3 * k) + (rate + u) * (0.5 * FRAME) + said3(row, 3);
+}
+
 // The state after what was said `[rod][OUTPUTS]`, in place of `state`; 0 or GONE.
-BIG int apply(double* state, const double* memo, const float* said) {
+BIG int apply(double* state, const double* memo, const float* numbers) {
     double gripper[GRIPPER], next[STATE];
-    for (int k = 0; k < GRIPPER; k++) gripper[k] = memo[k] + said[6 + k] * STRETCH[6 + k];
+    for (int k = 0; k < GRIPPER; k++) gripper[k] = memo[k] + numbers[6 + k] * STRETCH[6 + k];
     double *q = next, *qd = next + HALF;
     for (int k = 0; k < 3; k++) {
         q[k] = gripper[k] - HOME[k];
@@ -123,9 +157,9 @@ BIG int apply(double* state, const double* memo, const float* said) {
     }
     Axes a = axes(gripper);
     for (int k = 0; k < RODS; k++) {
-        const float* row = said + k * OUTPUTS;
-        const V3 rate = read3(memo + GRIPPER + 3 * (RODS + k)), u = rate + said3(row, 0);
-        const V3 raw = read3(memo + GRIPPER + 3 * k) + (rate + u) * (0.5 * FRAME) + said3(row, 3);
+        const float* row = numbers + k * OUTPUTS;
+        V3 u;
+        const V3 raw = said(memo, k, row, u);
         const V3 t = raw * (1 / norm(raw));
         const V3 own = v3(dot(a.c[0], t), dot(a.c[1], t), dot(a.c[2], t));
         const V3 r = u - t * dot(t, u) - cross(a.w, t);
@@ -144,44 +178,3 @@ BIG int apply(double* state, const double* memo, const float* said) {
     for (int k = HALF; k < STATE; k++) state[k] = next[k];
     return 0;
 }
-
-#ifdef __CUDACC_RTC__
-// Tokens of `n` environments; one that failed before says nothing more. Torques are held, or one set a frame.
-extern "C" __global__ void chain_tell(const double* states, const double* torques, const double* scenes, const int* scene_of, double* memos,
-                                      float* tokens, int* faults, const unsigned* done, int n, const int* held) {
-    const int env = blockIdx.x * blockDim.x + threadIdx.x;
-    if (env >= n || faults[env]) return;
-    const double* tau = torques + ((long long)(*held ? 0 : done[env]) * n + env) * HALF;
-    faults[env] = tell(states + (long long)env * STATE, tau, scenes + (long long)scene_of[env] * (3 + COLLIDER * NC),
-                       memos + (long long)env * MEMO, tokens + (long long)env * RODS * LDX);
-}
-
-extern "C" __global__ void chain_apply(double* states, const double* memos, const float* said, int* faults, unsigned* done, int n) {
-    const int env = blockIdx.x * blockDim.x + threadIdx.x;
-    if (env >= n || faults[env]) return;
-    faults[env] = apply(states + (long long)env * STATE, memos + (long long)env * MEMO, said + (long long)env * RODS * OUTPUTS);
-    if (!faults[env]) done[env]++;
-}
-#else
-#include <cstdio>
-// From standard input, n and scenes; states, torques, scenes, scene of each, what is said; to standard output, faults, tokens, states.
-int main() {
-    int head[2];
-    if (std::fread(head, 4, 2, stdin) != 2) return 1;
-    const int n = head[0], scenes = head[1], wide = 3 + COLLIDER * NC;
-    double *states = new double[n * STATE], *torques = new double[n * HALF], *scene = new double[scenes * wide], *memo = new double[MEMO];
-    float *said = new float[n * RODS * OUTPUTS], *tokens = new float[n * RODS * LDX];
-    int* of = new int[n];
-    size_t got = std::fread(states, 8, n * STATE, stdin) + std::fread(torques, 8, n * HALF, stdin) + std::fread(scene, 8, scenes * wide, stdin);
-    got += std::fread(of, 4, n, stdin) + std::fread(said, 4, n * RODS * OUTPUTS, stdin);
-    for (int env = 0; env < n; env++) {
-        int fault = tell(states + env * STATE, torques + env * HALF, scene + of[env] * wide, memo, tokens + env * RODS * LDX);
-        if (!fault) fault = apply(states + env * STATE, memo, said + env * RODS * OUTPUTS);
-        of[env] = fault;
-    }
-    std::fwrite(of, 4, n, stdout);
-    std::fwrite(tokens, 4, n * RODS * LDX, stdout);
-    std::fwrite(states, 8, n * STATE, stdout);
-    return got != (size_t)n * (STATE + HALF + 1 + RODS * OUTPUTS) + scenes * wide;
-}
-#endif

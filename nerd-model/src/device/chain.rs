@@ -17,6 +17,11 @@ pub fn memo(chain: &Chain) -> usize {
 
 /// The text for a chain, for scenes of at most so many colliders; `scale` is what 1 means of each number that is said.
 pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
+    chain_functions(chain, scale, system, colliders) + include_str!("chain_frame.cuh")
+}
+
+/// The same without kernels: what they are made of.
+pub fn chain_functions(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     let mut text = surfaces(colliders);
     for (name, n) in [("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)] {
         let _ = writeln!(text, "#define {name} {n}");

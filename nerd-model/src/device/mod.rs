@@ -19,7 +19,7 @@ use crate::folder::Model;
 use crate::form::View;
 use crate::turns::Turns;
 
-pub use chain::{chain_program, memo};
+pub use chain::{chain_functions, chain_program, memo};
 
 /// Numbers from one token to the next: cuBLAS likes rows aligned.
 pub fn padded(inputs: usize) -> usize {

@@ -79,6 +79,11 @@ impl Motions {
         self.scenes.is_empty()
     }
 
+    /// All states `[motion][F + 1][q, qd]`.
+    pub fn states(&self) -> &[f64] {
+        &self.states
+    }
+
     /// State `[q, qd]` before a frame, or after the last.
     pub fn state(&self, motion: usize, frame: usize) -> &[f64] {
         let d = self.states.len() / (self.len() * (self.frames + 1));

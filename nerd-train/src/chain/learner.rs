@@ -4,25 +4,22 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use nerd_model::chain::{Chain, OUTPUTS};
 use nerd_model::program::cpu::{Loaded, Memory};
-use nerd_sim::sampling::stream;
-use rand::RngExt;
 use rayon::prelude::*;
 
+use super::draw::{Draw, draws};
 use super::judge::missed;
 use super::loss::Loss;
-use super::{Motions, Rollout, Unroll, View};
+use super::{Motions, Rollout, Unroll};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
 use crate::ranks::Ranks;
 use crate::windows::Windows;
 
 /// Rollouts of a thread's pass: their activations in a frame stay near the processor.
 pub const ROLLOUTS: usize = 8;
-/// Share of rollouts that begin anew in an update, though they might be carried on.
-const ANEW: f64 = 0.1;
 /// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
-const ASTRAY: f64 = 0.03;
+pub(super) const ASTRAY: f64 = 0.03;
 /// Adam's: what a slope is like changes as rollouts grow longer, and is soon forgotten.
-const BETA: (f32, f32) = (0.9, 0.98);
+pub(crate) const BETA: (f32, f32) = (0.9, 0.98);
 
 /// Trains a chain's network on motions.
 pub struct ChainLearner {
@@ -42,6 +39,15 @@ pub struct ChainLearner {
     sums: (f64, f64, u32),
 }
 
+/// Refuses motions that are shorter than a rollout.
+pub(crate) fn fits(train: &Motions, validation: &Motions, frames: usize) -> Result<(), LearnError> {
+    if train.is_empty() || validation.is_empty() || train.frames < frames || frames == 0 {
+        let (motions, long) = (train.len(), train.frames);
+        return Err(LearnError::Mismatch(format!("{motions} motions of {long} frames hold no rollout of {frames}")));
+    }
+    Ok(())
+}
+
 impl ChainLearner {
     /// Continues `state` with rollouts of so many frames. `scale` is what 1 means of what is said, `velocity` the mean change of a node's
     /// velocity over a frame (m/s).
@@ -57,10 +63,7 @@ impl ChainLearner {
         frames: usize,
     ) -> Result<Self, LearnError> {
         config.check().map_err(|e| LearnError::Mismatch(e.to_string()))?;
-        if train.is_empty() || validation.is_empty() || train.frames < frames || frames == 0 {
-            let (motions, long) = (train.len(), train.frames);
-            return Err(LearnError::Mismatch(format!("{motions} motions of {long} frames hold no rollout of {frames}")));
-        }
+        fits(&train, &validation, frames)?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let loss = Loss::new(&scale, velocity, frames);
         let (rollouts, memory, ranks) = (vec![None; config.batch], Mutex::default(), Arc::default());
@@ -82,19 +85,14 @@ impl ChainLearner {
 
     /// This rank's of an update: carried on, or begun where its draws say.
     fn drawn(&mut self) -> Vec<Rollout> {
-        let mut rng = stream(self.config.seed, self.state.step);
-        let mut before = std::mem::take(&mut self.rollouts).into_iter();
-        let (unroll, round, mine) = (self.unroll(), self.chain.round(), self.ranks.part(self.config.batch));
-        let one = |row: usize| {
-            // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other, on whichever rank.
-            let (anew, mirrored) = (rng.random::<f64>() < ANEW, rng.random::<bool>());
-            let (motion, frame) = (rng.random_range(0..self.train.len()), rng.random_range(0..=self.train.frames - self.frames));
-            let yaw = rng.random::<f64>() * std::f64::consts::TAU;
-            let kept = mine.contains(&row).then(|| before.next().flatten())?;
-            let kept = kept.filter(|r| !anew && r.frame + self.frames <= self.train.frames);
-            Some(kept.unwrap_or_else(|| unroll.begin(motion, frame, View::new(if round { yaw } else { 0.0 }, round && mirrored))))
+        let (frames, total) = (self.frames, self.train.frames);
+        let draws = draws(&self.chain, &self.train, frames, self.config.seed, self.state.step, self.ranks.part(self.config.batch));
+        let (before, unroll) = (std::mem::take(&mut self.rollouts), self.unroll());
+        let one = |(before, draw): (Option<Rollout>, Draw)| {
+            let kept = before.filter(|r| !draw.anew && r.frame + frames <= total);
+            kept.unwrap_or_else(|| unroll.begin(draw.motion, draw.frame, draw.view))
         };
-        (0..self.config.batch).filter_map(one).collect()
+        before.into_iter().zip(draws).map(one).collect()
     }
 
     /// Whether a rollout is near enough to the truth to be carried on.

@@ -20,7 +20,7 @@ pub struct Loss {
     /// What the gripper's glide misses.
     pub gripper: [f64; 12],
     /// f.
-    share: f64,
+    pub share: f64,
 }
 
 impl Loss {

@@ -2,7 +2,7 @@
 //!
 //! An update rolls chains out through H predicted frames, adds up how far each frame is from the truth, and takes the slope of that back
 //! through all of them: network, features and step. Where an update ends most of the next ones begin, so that the network is taught on what
-//! it makes itself; a chain that is too far off begins anew, and so do some at random. H is `--sequence`: 1 at first, more in the
+//! it makes itself; a chain that is too far off begins anew, and so do some at random. Slopes through many frames are held back ([`join`]). H is `--sequence`: 1 at first, more in the
 //! later runs of a recipe.
 //!
 //! ```text
@@ -11,6 +11,8 @@
 //! ```
 
 mod data;
+pub mod device;
+mod draw;
 mod judge;
 mod learner;
 mod loss;
@@ -19,9 +21,15 @@ mod unroll;
 mod view;
 
 pub use data::Motions;
+#[cfg(feature = "cuda")]
+pub(crate) use draw::draws;
 pub use judge::distance;
+#[cfg(feature = "cuda")]
+pub(crate) use judge::missed;
+#[cfg(feature = "cuda")]
+pub(crate) use learner::{BETA, fits};
 pub use learner::{ChainLearner, ROLLOUTS};
 pub use loss::Loss;
 pub use scales::scales;
-pub use unroll::{Rollout, Unroll};
+pub use unroll::{Rollout, Unroll, join};
 pub use view::View;

@@ -63,7 +63,7 @@ impl Unroll<'_> {
         let mut gradient: Vec<f32> = Vec::new();
         let mut behind: Vec<Rods> = Vec::new();
         for (k, kept) in kept.into_iter().enumerate().rev() {
-            let own = self.backward(&kept, &behind, &mut memory[k], &mut gradient);
+            let own = self.backward(&kept, (&behind, self.frames - 1 - k), &mut memory[k], &mut gradient);
             behind = own;
         }
         (total, gradient)
@@ -92,11 +92,11 @@ impl Unroll<'_> {
         Kept { before, looks, said, slopes }
     }
 
-    /// Slopes by where the rollouts are before a frame from those `behind` it, of all later ones; nothing behind the last.
-    fn backward(&self, kept: &Kept, behind: &[Rods], memory: &mut Memory, gradient: &mut Vec<f32>) -> Vec<Rods> {
+    /// Slopes by where the rollouts are before a frame from those `behind` it, of so many later ones; nothing behind the last.
+    fn backward(&self, kept: &Kept, (behind, later): (&[Rods], usize), memory: &mut Memory, gradient: &mut Vec<f32>) -> Vec<Rods> {
         let (chain, width) = (self.chain, self.chain.rods * OUTPUTS);
         let (mut all, mut slopes, mut by_said) = (kept.slopes.clone(), Vec::with_capacity(kept.before.len()), Vec::new());
-        all.iter_mut().zip(behind).for_each(|(own, later)| add(own, later));
+        all.iter_mut().zip(behind).for_each(|(own, behind)| join(own, behind, later));
         for ((before, numbers), behind) in kept.before.iter().zip(kept.said.chunks_exact(width)).zip(&all) {
             let mut slope = Rods::zeros(chain.rods);
             by_said.extend(chain.advance_back(before, Said { numbers, scale: self.scale }, behind, &mut slope));
@@ -118,8 +118,16 @@ impl Unroll<'_> {
     }
 }
 
-fn add(to: &mut Rods, other: &Rods) {
-    to.gripper.numbers_mut().zip(other.gripper.numbers()).for_each(|(x, y)| *x += y);
-    let pairs = to.along.iter_mut().chain(&mut to.rates).zip(other.along.iter().chain(&other.rates));
-    pairs.for_each(|(x, y)| *x += y);
+/// Adds slopes from behind a frame, of so many later ones, to its own: at most as much as if each of them were as large as its own. Where a rod
+/// strikes, a frame stretches what comes into it, and without that one rollout of hundreds would decide an update.
+pub fn join(own: &mut Rods, behind: &Rods, later: usize) {
+    let norm = |rods: &Rods| (square(rods.gripper.numbers()) + square(rods.along.iter().chain(&rods.rates).flatten().copied())).sqrt();
+    let share = (later as f64 * norm(own) / norm(behind).max(1e-300)).min(1.0);
+    own.gripper.numbers_mut().zip(behind.gripper.numbers()).for_each(|(x, y)| *x += share * y);
+    let pairs = own.along.iter_mut().chain(&mut own.rates).zip(behind.along.iter().chain(&behind.rates));
+    pairs.for_each(|(x, y)| *x += y * share);
+}
+
+fn square(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.map(|x| x * x).sum()
 }

@@ -22,6 +22,11 @@ impl View {
         Self { yaw, mirror: if mirrored { -1.0 } else { 1.0 }, sin, cos }
     }
 
+    /// Mirror, sine and cosine of the turn, and the turn itself (rad).
+    pub fn numbers(&self) -> [f64; 4] {
+        [self.mirror, self.sin, self.cos, self.yaw]
+    }
+
     /// A direction or velocity.
     pub fn vector(&self, v: &Vector3<f64>) -> Vector3<f64> {
         let y = v.y * self.mirror;

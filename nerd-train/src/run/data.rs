@@ -1,14 +1,15 @@
 //! What a run learns from and is judged by, and what trains on it: windows of tokens, or motions of a chain.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nerd_model::chain::{Chain, ChainSolver};
 use nerd_model::normalizer::Normalizer;
 use nerd_sim::dataset::GenerateConfig;
 
-use super::engine::engine;
-use super::{Run, memory};
+use super::engine::{engine, unrolled};
+use super::{Run, RunConfig, memory};
 use crate::chain::{ChainLearner, Motions, scales};
+use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerState};
 use crate::prepare::{moments, normalize, read};
@@ -41,6 +42,28 @@ pub enum Matter {
     Windows([Arc<Windows>; 2]),
     /// Of a chain, and the mean change of a node's velocity over a frame (m/s).
     Motions(Arc<Motions>, f64),
+}
+
+/// Motions that a run before has read or recorded: those of a recipe have mostly the same.
+#[derive(Default)]
+pub struct Known(Mutex<Vec<(String, Arc<Motions>)>>);
+
+/// Sets that are kept: to train on, and to be judged by.
+const KEPT: usize = 2;
+
+impl Known {
+    /// Those known by `name`, or else what is made.
+    fn get(&self, name: impl std::fmt::Debug, make: impl FnOnce() -> Result<Motions>) -> Result<Arc<Motions>> {
+        let (name, mut all) = (format!("{name:?}"), self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Some((_, known)) = all.iter().find(|(known, _)| *known == name) {
+            return Ok(known.clone());
+        }
+        let made = Arc::new(make()?);
+        all.push((name, made.clone()));
+        let old = all.len().saturating_sub(KEPT);
+        all.drain(..old);
+        Ok(made)
+    }
 }
 
 impl Run {
@@ -83,19 +106,25 @@ impl Run {
         let (record, system) = (&self.config.record, &self.system);
         let truth = record.truth(system).name();
         let motions = match &self.config.data {
-            Some(folder) => Motions::read(system, &truth, folder)?,
-            None => record.motions(system, &self.recording)?,
+            Some(folder) => self.known.get(folder, || Ok(Motions::read(system, &truth, folder)?))?,
+            None => self.recorded(&self.recording)?,
         };
-        let validation = record.motions(system, &self.validation(self.config.rollouts.max(1) * record.frames))?;
+        let validation = self.recorded(&self.validation(self.config.rollouts.max(1) * record.frames))?;
         let (own, velocity) = scales(&self.chain()?, &motions);
         let normalizer = self.parent.as_ref().map_or(own, |p| p.normalizer.clone());
         Ok(Data {
             sha256: motions.sha256.clone(),
             transitions: motions.len() * motions.frames,
             windows: motions.len() * motions.frames,
-            judge: Judge { normalizer, motions: Some(Arc::new(validation)) },
-            matter: Matter::Motions(Arc::new(motions), velocity),
+            judge: Judge { normalizer, motions: Some(validation) },
+            matter: Matter::Motions(motions, velocity),
         })
+    }
+
+    fn recorded(&self, config: &GenerateConfig) -> Result<Arc<Motions>> {
+        let RunConfig { record, device, .. } = &self.config;
+        let truth = record.truth(&self.system).name();
+        self.known.get((&self.config.robot, truth, config), || record.motions(&self.system, config, *device))
     }
 
     fn validation(&self, transitions: usize) -> GenerateConfig {
@@ -111,9 +140,12 @@ impl Run {
         match (matter, &judge.motions) {
             (Matter::Motions(motions, velocity), Some(validation)) => {
                 let frames = self.config.unrolled().unwrap_or(1);
-                memory::unrolled(&self.network, frames)?;
                 let scale = ChainSolver::scale(&judge.normalizer).map_err(Error::Refused)?;
                 let sets = [motions, validation.clone()];
+                if self.config.device == Device::Cuda {
+                    return unrolled((&self.system, &self.ranks), (self.learner, self.config.f32), state, sets, (scale, velocity), frames);
+                }
+                memory::unrolled(&self.network, frames)?;
                 let learner = ChainLearner::new(self.chain()?, self.learner, state, sets, (scale, velocity), frames)?;
                 Ok(Box::new(learner.among(&self.ranks)))
             }

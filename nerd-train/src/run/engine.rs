@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use nerd_model::transformer::TransformerConfig;
+use nerd_model::chain::OUTPUTS;
+use nerd_sim::system::System;
 
 use super::RunConfig;
+use crate::chain::Motions;
 use crate::device::Device;
 use crate::error::Result;
 use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState};
@@ -12,15 +14,11 @@ use crate::ranks::Ranks;
 use crate::windows::Windows;
 
 /// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
-#[cfg_attr(not(feature = "cuda"), expect(unused_variables, reason = "only CUDA asks which network it is"))]
-pub fn arithmetic(config: &RunConfig, network: &TransformerConfig) -> Result<String> {
+pub fn arithmetic(config: &RunConfig) -> Result<String> {
     match config.device {
         Device::Cpu => Ok("f32 on the CPU".into()),
         #[cfg(feature = "cuda")]
-        Device::Cuda => {
-            crate::device::no_chain(network)?;
-            Ok(if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into())
-        }
+        Device::Cuda => Ok(if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into()),
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => no_cuda(),
     }
@@ -41,13 +39,32 @@ pub fn engine(
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use crate::learner::cuda::{CudaLearner, Precision};
-            crate::device::no_chain(&state.weights.config)?;
             let precision = if exact { Precision::F32 } else { Precision::Tf32 };
             Ok(Box::new(CudaLearner::among(ranks, learner, precision, state, &training, &validation)?))
         }
         #[cfg(not(feature = "cuda"))]
         Device::Cuda => no_cuda(),
     }
+}
+
+/// The same of a chain, on CUDA: on motions, through so many frames.
+#[cfg_attr(not(feature = "cuda"), expect(unused_variables, reason = "without CUDA it is refused"))]
+pub fn unrolled(
+    (system, ranks): (&Arc<System>, &Arc<Ranks>),
+    (learner, exact): (LearnerConfig, bool),
+    state: LearnerState,
+    sets: [Arc<Motions>; 2],
+    scales: ([f64; OUTPUTS], f64),
+    frames: usize,
+) -> Result<Box<dyn Learner>> {
+    #[cfg(feature = "cuda")]
+    {
+        use crate::learner::cuda::{CudaUnroll, Precision};
+        let precision = if exact { Precision::F32 } else { Precision::Tf32 };
+        Ok(Box::new(CudaUnroll::new(system, (learner, precision), state, sets, scales, frames, ranks)?))
+    }
+    #[cfg(not(feature = "cuda"))]
+    no_cuda()
 }
 
 #[cfg(not(feature = "cuda"))]

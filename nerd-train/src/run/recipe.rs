@@ -130,13 +130,13 @@ impl Recipe {
             return Run::new(one)?.among(ranks)?.train();
         }
         self.runs.iter().try_for_each(RunConfig::check)?;
-        let mut last = None;
+        let (mut last, known) = (None, Arc::default());
         for run in &self.runs {
             if let Some(done) = run.made()? {
                 last = Some(done);
                 continue;
             }
-            last = Run::new(run)?.among(ranks)?.train()?;
+            last = Run::new(run)?.among(ranks)?.knowing(&known).train()?;
             if last.is_none() || run.finish {
                 break;
             }

@@ -12,6 +12,7 @@ use nerd_sim::truth::Truth;
 
 use crate::bounds::{self, FRAMES, SEEDS};
 use crate::chain::Motions;
+use crate::device::{Device, truth_on_card};
 use crate::error::{Error, Result, refuse};
 use crate::ppo::Policies;
 use crate::prepare::{Prepared, generate_among};
@@ -19,6 +20,10 @@ use crate::progress::bar;
 use crate::ranks::Ranks;
 use crate::settings::settings;
 use crate::shipped;
+
+/// Motions of a chain that one thread records, on the CPU and on a card.
+const ON_CPU: usize = 16;
+const ON_CARD: usize = 256;
 
 settings! {
     /// What is recorded. The defaults are the paper's.
@@ -136,12 +141,16 @@ impl RecordConfig {
         Ok(manifest)
     }
 
-    /// Records in memory, as motions of a chain.
-    pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig) -> Result<Motions> {
+    /// Records in memory, as motions of a chain; on a card in 64 bits, some motions a thread.
+    pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig, device: Device) -> Result<Motions> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let done = AtomicUsize::new(0);
         let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-        let motions = Motions::record(system, &|| self.truth(system).solver(system), config, &tell)?;
+        let on_card = device == Device::Cuda && self.truth(system) == Truth::Articulated;
+        let most = if on_card { ON_CARD } else { ON_CPU };
+        let config = GenerateConfig { shard_trajectories: config.shard_trajectories.min(most), ..config.clone() };
+        let solver = || if on_card { truth_on_card(system) } else { self.truth(system).solver(system) };
+        let motions = Motions::record(system, &solver, &config, &tell)?;
         bar.finish();
         Ok(motions)
     }

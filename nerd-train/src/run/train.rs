@@ -14,7 +14,7 @@ use nerd_sim::prelude::*;
 use serde_json::{Value, json};
 
 use super::card::{Identity, export, history, resume};
-use super::data::{Data, Judge};
+use super::data::{Data, Judge, Known};
 use super::engine::arithmetic;
 use super::{RecordConfig, RunConfig, claimed, memory};
 use crate::best::Best;
@@ -44,6 +44,8 @@ pub struct Run {
     actors: Option<String>,
     arithmetic: String,
     pub(super) ranks: Arc<Ranks>,
+    /// Of the runs before it.
+    pub(super) known: Arc<Known>,
 }
 
 impl Run {
@@ -80,9 +82,9 @@ impl Run {
         }
         let parent = config.from.as_deref().map(|folder| parent(folder, &system, network, form)).transpose()?;
         let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
-        let arithmetic = arithmetic(config, &network)?;
-        let (config, ranks) = (config.clone(), Arc::default());
-        Ok(Self { config, system, base, form, network, learner, trainer, recording, parent, actors, arithmetic, ranks })
+        let arithmetic = arithmetic(config)?;
+        let (config, ranks, known) = (config.clone(), Arc::default(), Arc::default());
+        Ok(Self { config, system, base, form, network, learner, trainer, recording, parent, actors, arithmetic, ranks, known })
     }
 
     /// The same as a run of several processes, of which this is one.
@@ -96,6 +98,12 @@ impl Run {
         }
         self.ranks = ranks.clone();
         Ok(self)
+    }
+
+    /// The same, with what the runs before it have read or recorded.
+    pub(super) fn knowing(mut self, known: &Arc<Known>) -> Self {
+        self.known = known.clone();
+        self
     }
 
     /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.

@@ -14,12 +14,14 @@ mod forward;
 mod muon;
 mod network;
 mod neural;
+mod optimiser;
 mod plan;
 mod program;
 mod source;
 mod step;
 mod stream;
 mod trainer;
+mod unroll;
 
 use std::sync::Arc;
 
@@ -35,6 +37,7 @@ pub use neural::{CudaNeural, Network as Learned, neural};
 pub use program::CudaProgram;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
+pub use unroll::CudaUnroll;
 
 use super::LearnError;
 use plan::Plan;

@@ -1,31 +1,31 @@
 //! [`CudaLearner`]: one update is one replay of a captured graph.
 //!
 //! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`. A rank of several gathers its rows of the
-//! batch, and behind the backward pass the gradients of all are added up. What changes between updates (count,
-//! learning rate, bias corrections, decay of the average) lives in `Scalars` on the device, so nothing is asked
-//! of it while a run goes on.
+//! batch, and behind the backward pass the gradients of all are added up.
 
 use std::ops::Range;
 
-use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_model::transformer::TransformerConfig;
 
 use super::Precision;
-use super::muon::Muon;
 use super::network::Network;
+use super::optimiser::Optimiser;
 use super::plan::Plan;
-use super::step::{Choice, Data, NORM_BLOCKS, Scalars, Step, gather};
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
+use super::step::{Choice, Data, Step, gather};
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, validation_rows};
 use crate::ranks::Ranks;
 use crate::windows::Windows;
 use nerd_cuda::Arg::Ptr;
 use nerd_cuda::{Buffer, Device, Graph, Sums};
+
+/// Adam's second beta.
+const BETA: f64 = 0.999;
 
 /// The CUDA engine of the [`Learner`] trait.
 pub struct CudaLearner {
     graph: Graph,
     step: Step,
     shape: TransformerConfig,
-    lr: f32,
     validation: Data,
     total: Buffer<f64>,
 }
@@ -62,10 +62,7 @@ impl CudaLearner {
             return Self::new(config, precision, state, train, validation);
         }
         let ordinal = nerd_cuda::take(ranks.local())?;
-        let join = |device: &Device| -> Result<Option<Sums>, LearnError> {
-            let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
-            Ok(Some(Sums::join(device, &ranks.share(0, || id)?, ranks.rank(), ranks.world())?))
-        };
+        let join = |device: &Device| joined(ranks, device);
         Self::part((ordinal, ranks.part(config.batch)), config, precision, state, (train, validation), join)
     }
 
@@ -100,28 +97,11 @@ impl CudaLearner {
         let data = |w: &Windows| -> Result<Data, LearnError> {
             Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, windows: w.len(), per: w.per_trajectory(), frames: w.frames })
         };
-        let scalars = Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() };
         let (total, validation) = (d.zeros(1)?, data(validation)?);
-        let step = Step {
-            config,
-            rows,
-            sums,
-            train: data(train)?,
-            weights: d.upload(&state.weights.flat)?,
-            average: d.upload(&state.average)?,
-            m: d.upload(&state.m)?,
-            v: d.upload(&state.v)?,
-            gradients: d.zeros(network.plan.parameters() + 1)?,
-            norms: d.zeros(NORM_BLOCKS)?,
-            scalars: d.upload(&[scalars])?,
-            muon: match config.optimizer {
-                Optimizer::Adam => None,
-                Optimizer::Muon => Some(Muon::new(d, &shape)?),
-            },
-            network,
-        };
+        let optimiser = Optimiser::new(d, config, &state, BETA, sums)?;
+        let step = Step { config, rows, train: data(train)?, optimiser, network };
         let graph = step.capture()?;
-        Ok(Self { graph, step, shape, lr: 0.0, validation, total })
+        Ok(Self { graph, step, shape, validation, total })
     }
 
     /// Goes on with another arithmetic of the matrix products.
@@ -144,8 +124,9 @@ impl CudaLearner {
     /// [`LearnError::Device`] if the device fails.
     pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
         self.step.gradient()?;
-        let mut g = vec![0.0; self.step.gradients.len];
-        self.device().read(&self.step.gradients, &mut g)?;
+        let gradients = &self.step.optimiser.gradients;
+        let mut g = vec![0.0; gradients.len];
+        self.device().read(gradients, &mut g)?;
         let squares = g.pop().unwrap_or(f32::NAN);
         Ok((squares * self.step.mean(), g))
     }
@@ -155,7 +136,7 @@ impl CudaLearner {
     /// # Errors
     /// [`LearnError::Mismatch`] if there are more or fewer of them, [`LearnError::Device`] if the device fails.
     pub fn set_weights(&mut self, flat: &[f32]) -> Result<(), LearnError> {
-        let weights = &self.step.weights;
+        let weights = &self.step.optimiser.weights;
         if flat.len() != weights.len {
             return Err(LearnError::Mismatch(format!("{} weights for a network of {}", flat.len(), weights.len)));
         }
@@ -176,17 +157,7 @@ impl CudaLearner {
     }
 
     fn set_lr(&mut self, lr: f32) -> Result<(), LearnError> {
-        if lr.to_bits() != self.lr.to_bits() {
-            self.device().set_word(self.step.scalars.ptr + std::mem::offset_of!(Scalars, lr) as u64, lr.to_bits())?;
-            self.lr = lr;
-        }
-        Ok(())
-    }
-
-    fn scalars(&self) -> Result<Scalars, LearnError> {
-        let mut s = [Scalars::default()];
-        self.device().read(&self.step.scalars, &mut s)?;
-        Ok(s[0])
+        self.step.optimiser.set_lr(&self.step.network.device, lr)
     }
 }
 
@@ -205,17 +176,11 @@ impl Learner for CudaLearner {
     }
 
     fn progress(&mut self) -> Result<Progress, LearnError> {
-        let s = self.scalars()?;
-        if s.bad_step != u64::MAX {
-            return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
-        }
-        self.device().write(&self.step.scalars, &[Scalars { count: 0, loss_sum: 0.0, norm_sum: 0.0, ..s }])?;
-        let count = s.count.max(1) as f64;
-        Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
+        self.step.optimiser.progress(self.device())
     }
 
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
-        let Step { network: net, average, gradients, .. } = &self.step;
+        let Step { network: net, optimiser: Optimiser { average, gradients, .. }, .. } = &self.step;
         let (w, outputs, tokens) = (average.ptr, net.plan.outputs(), net.plan.tokens);
         let chosen = validation_rows(self.validation.windows, windows);
         let (count, numbers) = (chosen.len(), net.device.upload(&chosen)?);
@@ -236,13 +201,15 @@ impl Learner for CudaLearner {
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {
-        let Step { weights, average, m, v, .. } = &self.step;
-        let read = |b: &Buffer<f32>| -> Result<Vec<f32>, LearnError> {
-            let mut x = vec![0.0; b.len];
-            self.device().read(b, &mut x)?;
-            Ok(x)
-        };
-        let weights = Weights { config: self.shape, flat: read(weights)? };
-        Ok(LearnerState { step: self.scalars()?.step, weights, average: read(average)?, m: read(m)?, v: read(v)? })
+        self.step.optimiser.state(self.device())
     }
+}
+
+/// Makes this rank's sums over all of them; none where it is alone.
+pub(super) fn joined(ranks: &Ranks, device: &Device) -> Result<Option<Sums>, LearnError> {
+    if ranks.world() == 1 {
+        return Ok(None);
+    }
+    let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
+    Ok(Some(Sums::join(device, &ranks.share(0, || id)?, ranks.rank(), ranks.world())?))
 }

@@ -7,7 +7,7 @@ extern "C" __global__ void square_partial(const float* g, u64 n, float* partial)
 
 // One block of 256: norm, clip factor, bias corrections, decay of the average, progress; counts the update.
 extern "C" __global__ void finish(const float* partial, int count, const float* squares, float mean, float clip,
-                                  double average, Scalars* s) {
+                                  double average, double beta, Scalars* s) {
     __shared__ double part[256];
     double sum = 0.0;
     for (int i = threadIdx.x; i < count; i += 256) sum += partial[i];
@@ -27,7 +27,7 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     const double t = (double)(s->step + 1), k = (double)s->step;
     s->scale = (float)fmin(1.0, clip / (norm + 1e-6));
     s->rate = (float)(s->lr / (1.0 - pow(0.9, t)));
-    s->root = (float)(1.0 / sqrt(1.0 - pow(0.999, t)));
+    s->root = (float)(1.0 / sqrt(1.0 - pow(beta, t)));
     // See `blend` in learner/mod.rs for the sixteen.
     const double growing = (1.0 + k) / (10.0 + k);
     s->blend = (float)(growing < average ? 1.0 - growing : (s->step + 1) % 16 == 0 ? 1.0 - pow(average, 16.0) : 0.0);
@@ -37,15 +37,15 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
-// Clip, Adam and the moving average, of what is not Muon's; `hidden` may be null. A run whose loss was not finite leaves the weights as
+// Clip, Adam (with this second beta) and the moving average, of what is not Muon's; `hidden` may be null. A run whose loss was not finite leaves the weights as
 // they were.
 extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const Scalars* s, u64 n,
-                                const unsigned char* hidden) {
+                                const unsigned char* hidden, double beta) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= n || s->bad_step != ~0ull || (hidden && hidden[i])) return;
     const float d = g[i] * s->scale;
     const float mean = m[i] + 0.1f * (d - m[i]);
-    const float second = 0.999f * v[i] + 0.001f * d * d;
+    const float second = (float)beta * v[i] + (float)(1.0 - beta) * d * d;
     const float x = w[i] - s->rate * mean / (sqrtf(second) * s->root + 1e-8f);
     m[i] = mean;
     v[i] = second;

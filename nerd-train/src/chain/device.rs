@@ -1,0 +1,37 @@
+//! Rollouts and the slope of their loss as a program for a device: the text of the kernels around the network, forward and back.
+//!
+//! They are [`super::Unroll`], [`super::View`] and [`super::Loss`] in 64 bits, on the kernels of a chain's frames.
+
+use std::fmt::Write;
+
+use nerd_model::chain::{Chain, OUTPUTS};
+use nerd_model::device::chain_functions;
+use nerd_sim::system::System;
+
+use super::learner::ASTRAY;
+use super::{Loss, View};
+
+/// Numbers of a rollout, as the host tells it: motion, frame that an update begins with, whether it begins anew, view.
+pub const ROLLOUT: usize = 7;
+
+/// A rollout's numbers.
+pub fn row(motion: usize, frame: usize, anew: bool, view: &View) -> [f64; ROLLOUT] {
+    let [mirror, sin, cos, yaw] = view.numbers();
+    [motion as f64, frame as f64, f64::from(u8::from(anew)), mirror, sin, cos, yaw]
+}
+
+/// Numbers of a chain: the gripper's twelve, directions of rods, their rates.
+pub fn numbers(chain: &Chain) -> usize {
+    12 + 6 * chain.rods
+}
+
+/// The text for a chain, for scenes of at most so many colliders; `scale` is what 1 means of each number that is said.
+pub fn unroll_program(chain: &Chain, scale: &[f64; OUTPUTS], loss: &Loss, system: &System, colliders: usize) -> String {
+    let mut text = chain_functions(chain, scale, system, colliders);
+    for (name, x) in [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)] {
+        let _ = writeln!(text, "#define {name} {x:e}");
+    }
+    let led: Vec<String> = loss.gripper.iter().map(|x| format!("{x:e}")).collect();
+    let _ = writeln!(text, "TABLE double BY_LED[] = {{{}}};", led.join(", "));
+    text + include_str!("unroll.cuh") + include_str!("unroll_frame.cuh")
+}

@@ -1,0 +1,141 @@
+//! Weights, their moments and their gradient on a device, and what an update makes of them.
+
+use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
+use nerd_cuda::{Buffer, Device, Sums};
+use nerd_model::transformer::{TransformerConfig, Weights};
+
+use super::muon::{Muon, Vectors};
+use crate::learner::{LearnError, LearnerConfig, LearnerState, Optimizer, Progress};
+
+/// Blocks of the gradient norm's first stage.
+const NORM_BLOCKS: usize = 528;
+
+/// Mirror of the struct in `kernels/common.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Default)]
+struct Scalars {
+    step: u64,
+    bad_step: u64,
+    count: u64,
+    loss_sum: f64,
+    norm_sum: f64,
+    lr: f32,
+    bad_loss: f32,
+    scale: f32,
+    rate: f32,
+    root: f32,
+    blend: f32,
+}
+
+/// What learns: what changes between updates (count, learning rate, bias corrections, decay of the average) is on the device, so nothing is
+/// asked of it while a run goes on.
+pub(super) struct Optimiser {
+    pub weights: Buffer<f32>,
+    pub average: Buffer<f32>,
+    /// Gradients, and behind them the squared error.
+    pub gradients: Buffer<f32>,
+    m: Buffer<f32>,
+    v: Buffer<f32>,
+    norms: Buffer<f32>,
+    scalars: Buffer<Scalars>,
+    muon: Option<Muon>,
+    /// Over ranks.
+    sums: Option<Sums>,
+    config: LearnerConfig,
+    shape: TransformerConfig,
+    /// Adam's second beta.
+    beta: f64,
+    lr: f32,
+}
+
+impl Optimiser {
+    /// Takes up a state; `beta` is Adam's second.
+    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64, sums: Option<Sums>) -> Result<Self, LearnError> {
+        let (shape, scalars) = (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
+        let muon = match config.optimizer {
+            Optimizer::Adam => None,
+            Optimizer::Muon => Some(Muon::new(d, &shape)?),
+        };
+        Ok(Self {
+            weights: d.upload(&state.weights.flat)?,
+            average: d.upload(&state.average)?,
+            gradients: d.zeros(state.weights.flat.len() + 1)?,
+            m: d.upload(&state.m)?,
+            v: d.upload(&state.v)?,
+            norms: d.zeros(NORM_BLOCKS)?,
+            scalars: d.upload(&[scalars])?,
+            muon,
+            sums,
+            config,
+            shape,
+            beta,
+            lr: 0.0,
+        })
+    }
+
+    fn parameters(&self) -> usize {
+        self.weights.len
+    }
+
+    /// Where its numbers stand.
+    pub fn scalars(&self) -> u64 {
+        self.scalars.ptr
+    }
+
+    /// Adds up the gradients and squared errors of all ranks.
+    pub fn sum(&self, d: &Device) -> Result<(), LearnError> {
+        self.sums.as_ref().map_or(Ok(()), |sums| Ok(sums.sum(d, &self.gradients)?))
+    }
+
+    /// Makes an update of the gradient of all ranks; `mean` leads from the squared error behind it to the loss.
+    pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
+        let (p, s, beta) = (self.parameters(), Ptr(self.scalars.ptr), Double(self.beta));
+        let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));
+        d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
+        let found = [Ptr(self.norms.ptr), Int(NORM_BLOCKS), Ptr(self.gradients.at(p)), Float(mean)];
+        let wanted = [Float(self.config.clip), Double(self.config.average), beta, s];
+        d.launch("finish", (1, 1), (256, 1), 0, &[found, wanted].concat())?;
+        let hidden = Ptr(self.muon.as_ref().map_or(0, |muon| muon.entries.ptr));
+        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), hidden, beta])?;
+        let Some(muon) = &self.muon else { return Ok(()) };
+        let [weights, gradients, m, average] = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
+        Ok(muon.update(d, &Vectors { weights, gradients, m, average, scalars: self.scalars.ptr })?)
+    }
+
+    /// The rate of the next updates.
+    pub fn set_lr(&mut self, d: &Device, lr: f32) -> Result<(), LearnError> {
+        if lr.to_bits() != self.lr.to_bits() {
+            d.set_word(self.scalars.ptr + std::mem::offset_of!(Scalars, lr) as u64, lr.to_bits())?;
+            self.lr = lr;
+        }
+        Ok(())
+    }
+
+    fn told(&self, d: &Device) -> Result<Scalars, LearnError> {
+        let mut s = [Scalars::default()];
+        d.read(&self.scalars, &mut s)?;
+        Ok(s[0])
+    }
+
+    /// See [`crate::learner::Learner::progress`].
+    pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
+        let s = self.told(d)?;
+        if s.bad_step != u64::MAX {
+            return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
+        }
+        d.write(&self.scalars, &[Scalars { count: 0, loss_sum: 0.0, norm_sum: 0.0, ..s }])?;
+        let count = s.count.max(1) as f64;
+        Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
+    }
+
+    /// See [`crate::learner::Learner::state`].
+    pub fn state(&self, d: &Device) -> Result<LearnerState, LearnError> {
+        let read = |b: &Buffer<f32>| -> Result<Vec<f32>, LearnError> {
+            let mut x = vec![0.0; b.len];
+            d.read(b, &mut x)?;
+            Ok(x)
+        };
+        let weights = Weights { config: self.shape, flat: read(&self.weights)? };
+        Ok(LearnerState { step: self.told(d)?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
+    }
+}
