@@ -123,7 +123,9 @@ impl Device {
     /// Kernels that do not compile or load.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
         let (major, minor) = self.context.compute_capability().map_err(failed("compute capability"))?;
-        let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}")], ..Default::default() };
+        // Lambdas bear no word for where they run: NVRTC 13.0 takes them for the host's, which it refuses, 13.5 does not.
+        let here = "--device-as-default-execution-space".into();
+        let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}"), here], ..Default::default() };
         let ptx = compiled(source, options)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
         for name in kernels {

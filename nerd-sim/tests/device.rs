@@ -261,6 +261,34 @@ fn springs_pull_as_the_solver_has_them() {
     }
 }
 
+/// What stands written out for small robots has loops for large ones; both are the solver.
+#[test]
+fn loops_move_as_what_is_written_out() {
+    let Some(compiler) = cpp::compiler() else {
+        println!("skipped: no compiler of C++ on this machine");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, config) in [
+        ("anymal", ArticulatedConfig::implicit(4, Friction::Coulomb)),
+        ("ant", ArticulatedConfig::explicit(16, Friction::Coulomb)),
+        ("franka", ArticulatedConfig::implicit(4, Friction::Coulomb)),
+    ] {
+        let system = System::named(name).expect("built in");
+        let scene = if name == "franka" { "free" } else { "ground" };
+        let (batch, torques) = batch(&system, scene, 40, Start::Sample);
+        let text = program(&system, &config, Real::F64, Reach::of(&batch));
+        let [known, wanted] = [1, 0].map(|on| format!("#define UNROLLED {on}\n"));
+        assert!(text.contains(&known));
+        let [written, looped] = [text.clone(), text.replace(&known, &wanted)].map(|text| {
+            let made = cpp::compile(compiler, &text, folder.path(), name);
+            apart(&run(&made, &batch, &config, &torques, 3), batch.clone(), config, &torques, 3)
+        });
+        println!("{name}: states {:.1e} written out, {:.1e} in loops; forces {:.1e}, {:.1e}", written[0], looped[0], written[1], looped[1]);
+        assert!(written[0] < 1e-9 && looped[0] < 1e-9, "{name}: states {:e} and {:e} apart", written[0], looped[0]);
+    }
+}
+
 #[test]
 fn kernels_move_as_the_solver_does() {
     let Some(compiler) = cpp::compiler() else {

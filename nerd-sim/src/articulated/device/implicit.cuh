@@ -32,28 +32,53 @@ BIG bool damp(Work& w, real h) {
     return true;
 }
 
+// w of a joint's touch, or of a point's, by the factor of the mass matrix alone.
+FN real eased(const Tree& t, const Touch& touch) {
+    real x[NV];
+    for (int k = 0; k < NV; k++) x[k] = 0;
+    x[touch.dof] = dot(touch.normal, touch.x);
+    real way = x[touch.dof];
+    solve(t, x);
+    return way * x[touch.dof];
+}
+template <class I> FN real eased(const Tree& t, const Touch& touch, I link) {
+    V3 a[NV];
+    real x[NV], sum = 0;
+    columns(t, link, touch.x, a);
+    const auto last = last_dof(link);
+    upward(last, [&](auto k) { x[k] = dot(touch.normal, a[k]); });
+    // n^T J M^-1 J^T n = |L^-T J^T n|^2, and what no DoF above it shares stays zero.
+    upward(last, [&](auto i) {
+        x[i] *= t.factor[LOWER(i, i)];
+        above(i, [&](auto j) { x[j] -= t.factor[LOWER(i, j)] * x[i]; });
+        sum += x[i] * x[i];
+    });
+    return sum;
+}
+
 // How far ahead each force must look to be stable.
 BIG bool weigh(Work& w, real h) {
-    bool factored = false;
+    bool fresh = false;
+    for (int n = 0; n < w.touches; n++) fresh = fresh || w.weight[w.touch[n].index] < 0;
+    if (fresh) {
+        if (!plain(w)) return false;
+        const auto known = [&](const Touch& t, real weight) { w.weight[t.index] = weight > 0 ? weight : infinite(); };
+        if (ALONG) {
+            for (int n = 0; n < w.touches; n++) {
+                const Touch& t = w.touch[n];
+                if (w.weight[t.index] < 0) known(t, (real)eased(w.along, t.link, t.dof, t.x, t.normal));
+            }
+        } else {
+            points(w, [&](const Touch& t, auto link) { if (w.weight[t.index] < 0) known(t, eased(w.tree, t, link)); });
+            for (int n = 0; n < w.touches; n++) {
+                const Touch& t = w.touch[n];
+                if (w.weight[t.index] < 0) known(t, eased(w.tree, t));
+            }
+        }
+    }
     for (int n = 0; n < w.touches; n++) {
         Touch& t = w.touch[n];
-        real weight = w.weight[t.index];
-        if (weight < 0) {
-            if (!factored && !plain(w)) return false;
-            factored = true;
-            if (ALONG) {
-                weight = (real)eased(w.along, t.link, t.dof, t.x, t.normal);
-            } else {
-                for (int k = 0; k < NV; k++) w.right[k] = 0;
-                Columns c;
-                columns(w, t, c);
-                for (int k = 0; k < c.n; k++) w.right[c.dof[k]] += dot(t.normal, c.a[k]);
-                solve(w.tree, w.right);
-                weight = 0;
-                for (int k = 0; k < c.n; k++) weight += w.right[c.dof[k]] * dot(t.normal, c.a[k]);
-            }
-            w.weight[t.index] = weight = weight > 0 ? weight : infinite();
-        }
+        const real weight = w.weight[t.index];
         const real vn = dot(t.normal, t.velocity);
         if (vn >= 0 && !t.sticky) t.damping = 0;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
@@ -65,68 +90,92 @@ BIG bool weigh(Work& w, real h) {
     return true;
 }
 
-// Accelerations with the touches that have not parted. 0: nothing changed by them, 1: something did, -1: no inertia.
-BIG int press(Work& w, real h, real settled) {
+// What a touch does at its present drag: a force, and how it resists along its normal and across, times h.
+struct Push { V3 force; real along, across; };
+FN Push push(const Touch& t, real h) {
+    const V3 n = t.normal;
+    if (t.held) { Push p = {n * t.hold, 0, 0}; return p; }
+    const real vn = dot(n, t.velocity);
+    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (t.velocity - n * vn) * t.across,
+              (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
+    return p;
+}
+
+// h D a of a column a.
+FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * dot(n, a)) + a * p.across; }
+
+// w.qdd, accelerations with the touches that have not parted, by the matrix; false at what has no inertia.
+BIG bool pressed(Work& w, real h) {
     Tree& tr = w.tree;
-    for (int k = 0; k < NV; k++) w.qdd[k] = w.right[k];
-    if (ALONG) {
-        inertias(tr, w.along);
-        for (int i = 0; i < NJ; i++) w.along.joints[i] = w.along.dampers[i];
-        for (int i = 0; i < NL; i++) for (int k = 0; k < 6; k++) w.along.force[i][k] = 0;
-    } else {
-        for (int k = 0; k < SIZE; k++) tr.factor[k] = tr.mass[k];
+    real here[HERE], *l = UNROLLED && GATHERED ? here : tr.factor;
+    real x[NV], stiff[NV];
+    for (int k = 0; k < NV; k++) { w.qdd[k] = w.right[k]; stiff[k] = 0; }
+    for (int k = 0; k < w.touches; k++) {
+        const Touch& t = w.touch[k];
+        if (t.link >= 0 || t.parted) continue;
+        const Push p = push(t, h);
+        w.qdd[t.dof] += dot(t.x, p.force);
+        stiff[t.dof] += dot(t.x, resisted(p, t.normal, t.x));
     }
-    Columns c;
+    entries([&](int k) { l[k] = tr.mass[k]; });
+    onward<0, NV>([&](auto k) { x[k] = w.qdd[k]; l[LOWER(k, k)] += stiff[k]; });
+    points(w, [&](const Touch& t, auto link) {
+        if (t.parted) return;
+        const Push p = push(t, h);
+        V3 a[NV];
+        columns(tr, link, t.x, a);
+        upward(last_dof(link), [&](auto i) {
+            x[i] += dot(a[i], p.force);
+            const V3 d = resisted(p, t.normal, a[i]);
+            upward(i, [&](auto j) { l[LOWER(i, j)] += dot(a[j], d); });
+        });
+    });
+    if (UNROLLED && !GATHERED) {
+        entries([&](int k) { here[k] = tr.factor[k]; });
+        l = here;
+    }
+    if (!factorise(tr, l)) return false;
+    half(l, x);
+    rest(l, x);
+    onward<0, NV>([&](auto k) { w.qdd[k] = x[k]; });
+    return true;
+}
+
+// The same along the tree.
+BIG bool pressed_along(Work& w, real h) {
+    Tree& tr = w.tree;
+    inertias(tr, w.along);
+    for (int k = 0; k < NV; k++) w.qdd[k] = w.right[k];
+    for (int i = 0; i < NJ; i++) w.along.joints[i] = w.along.dampers[i];
+    for (int i = 0; i < NL; i++) for (int k = 0; k < 6; k++) w.along.force[i][k] = 0;
     for (int k = 0; k < w.touches; k++) {
         const Touch& t = w.touch[k];
         if (t.parted) continue;
-        const V3 n = t.normal;
-        if (!ALONG || t.link < 0) columns(w, t, c);
-        if (t.held) {
-            for (int i = 0; i < c.n; i++) w.qdd[c.dof[i]] += dot(c.a[i], n) * t.hold;
+        const Push p = push(t, h);
+        if (t.link >= 0) {
+            resist(w.along, t.link, t.x, t.normal, p.force, p.along, p.across);
             continue;
         }
-        const real vn = dot(n, t.velocity);
-        const V3 force = n * -(t.stiffness * t.gap + t.damping * vn) - (t.velocity - n * vn) * t.across;
-        const real along = t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping, across = t.ahead[2] * t.across;
-        if (ALONG && t.link >= 0) {
-            resist(w.along, t.link, t.x, n, force, (double)along * h, (double)across * h);
-            continue;
-        }
-        for (int i = 0; i < c.n; i++) {
-            const V3 a = c.a[i];
-            const int row = c.dof[i];
-            w.qdd[row] += dot(a, force);
-            const V3 d = (n * ((along - across) * dot(n, a)) + a * across) * h;
-            if (ALONG) {
-                w.along.joints[row - DOFS] += dot(a, d);
-                continue;
-            }
-            for (int j = 0; j < c.n; j++)
-                if (row >= c.dof[j]) tr.factor[LOWER(row, c.dof[j])] += dot(c.a[j], d);
-        }
+        w.qdd[t.dof] += dot(t.x, p.force);
+        w.along.joints[t.dof - DOFS] += dot(t.x, resisted(p, t.normal, t.x));
     }
-    if (ALONG) {
-        if (!factorise(tr, w.along, w.along.joints)) return -1;
-        for (int k = 0; k < NV; k++) w.along.x[k] = w.qdd[k];
-        solve(tr, w.along);
-        for (int k = 0; k < NV; k++) w.qdd[k] = (real)w.along.x[k];
-    } else {
-        if (!factorise(tr)) return -1;
-        solve(tr, w.qdd);
-    }
+    if (!factorise(tr, w.along, w.along.joints)) return false;
+    for (int k = 0; k < NV; k++) w.along.x[k] = w.qdd[k];
+    solve(tr, w.along);
+    for (int k = 0; k < NV; k++) w.qdd[k] = (real)w.along.x[k];
+    return true;
+}
+
+// Whether w.qdd changes anything of the touches: each one's drag is then that of its force and slip at the end, and what would pull has parted.
+BIG bool judge(Work& w, real h, real settled) {
+    Motion twist[NL];
+    if (!ALONG) twists(w.tree, w.qdd, twist);
     bool changed = false;
     for (int k = 0; k < w.touches; k++) {
         Touch& t = w.touch[k];
         if (t.parted || t.held || (t.sticky && !t.bounded)) continue;
         const V3 n = t.normal;
-        V3 change = v3(0, 0, 0);
-        if (ALONG && t.link >= 0) {
-            change = reached(w.along, t.link, t.x) * h;
-        } else {
-            columns(w, t, c);
-            for (int i = 0; i < c.n; i++) change = change + c.a[i] * (h * w.qdd[c.dof[i]]);
-        }
+        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h;
         const real vn = dot(n, t.velocity), dn = dot(n, change);
         const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
         if (t.bounded) {
@@ -162,8 +211,8 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
             for (int k = 0; k < NV; k++) w.right[k] = -tr.tau[k];
             for (int i = 0; i < NJ; i++) w.right[DOFS + i] += (real)tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i];
         }
-        const int changed = press(w, h, settled);
-        if (changed < 0) return -1;
+        if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
+        const bool changed = judge(w, h, settled);
         if (ALONG) {
             // A chain may whip: then the rate of the substep before says little of this one's middle.
             real jump = 0;

@@ -4,13 +4,15 @@
 #ifdef __CUDACC_RTC__
 #define FN static __device__ __forceinline__
 #define BIG static __device__ __noinline__
-#define TABLE static __device__ const
+#define TABLE static __device__ constexpr
+#define ON __device__
 #else
 #include <cmath>
 using std::sqrt; using std::sin; using std::cos; using std::exp; using std::expm1;
 #define FN static inline
 #define BIG static
-#define TABLE static const
+#define TABLE static constexpr
+#define ON
 #endif
 
 typedef REAL real;
@@ -64,6 +66,7 @@ FN Wrench operator*(const Inertia& b, Motion m) {
     V3 turned = v3(b.i[0] * w.x + b.i[3] * w.y + b.i[4] * w.z, b.i[3] * w.x + b.i[1] * w.y + b.i[5] * w.z, b.i[4] * w.x + b.i[5] * w.y + b.i[2] * w.z);
     return wrench(turned + cross(b.moment, m.lin), m.lin * b.mass - cross(b.moment, w));
 }
+FN Inertia none() { Inertia b = {0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}}; return b; }
 FN void add(Inertia& a, const Inertia& b) {
     a.mass += b.mass;
     a.moment = a.moment + b.moment;
@@ -73,8 +76,8 @@ FN void add(Inertia& a, const Inertia& b) {
 // Quaternions x y z w.
 struct Q4 { real x, y, z, w; };
 FN Q4 read4(const double* p) {
-    double n = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2] + p[3] * p[3]);
-    Q4 q = {(real)(p[0] / n), (real)(p[1] / n), (real)(p[2] / n), (real)(p[3] / n)};
+    const double n = 1 / sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2] + p[3] * p[3]);
+    Q4 q = {(real)(p[0] * n), (real)(p[1] * n), (real)(p[2] * n), (real)(p[3] * n)};
     return q;
 }
 FN M3 matrix(Q4 q) {
@@ -92,6 +95,24 @@ FN void turn(double* q, V3 v) {
     double z = a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, w = a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z;
     double n = 1.0 / sqrt(x * x + y * y + z * z + w * w);
     q[0] = x * n; q[1] = y * n; q[2] = z * n; q[3] = w * n;
+}
+
+// Sine and cosine of an angle.
+FN void swing(real angle, real& s, real& c) {
+#ifdef __CUDACC_RTC__
+    sincos(angle, &s, &c);
+#else
+    s = sin(angle); c = cos(angle);
+#endif
+}
+
+// 1 / sqrt(x).
+FN real upright(real x) {
+#if defined __CUDACC_RTC__ && QUICK
+    return rsqrt(x);
+#else
+    return 1 / sqrt(x);
+#endif
 }
 
 // To [-pi, pi).

@@ -17,9 +17,10 @@ use crate::drive::Drive;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-const KERNELS: [&str; 8] = [
+const KERNELS: [&str; 9] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
+    include_str!("walk.cuh"),
     include_str!("tree.cuh"),
     include_str!("along.cuh"),
     include_str!("touch.cuh"),
@@ -31,6 +32,8 @@ const ALONE: &str = include_str!("alone.cuh");
 
 /// Numbers of a collider in a scene's record.
 const COLLIDER: usize = 20;
+/// The most steps of a factorisation that are written one by one into the text.
+const WALKS: usize = 4000;
 /// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is no number, a state that is none.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
@@ -88,7 +91,10 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let sizes = [("NL", robot.links.len()), ("NV", robot.nv()), ("NQ", robot.nq()), ("NJ", robot.joint_count())];
     let more = [("DOFS", robot.root_dofs()), ("COORDS", robot.root_coords()), ("NP", robot.contact_points.len()), ("NC", reach.colliders)];
     sizes.into_iter().chain(more).for_each(|(name, n)| define(name, count(n)));
-    define("DEPTH", count(depth(robot)));
+    define("UNROLLED", flag(walks(robot) <= WALKS && !along(robot)));
+    define("GATHERED", flag(true));
+    define("LINKED", "UNROLLED".into());
+    define("QUICK", flag(false));
     define("PRESSED", count(robot.joints().map(|j| usize::from(j.friction > 0.0) + 2 * usize::from(j.limit.is_some())).sum()));
     define("SUBSTEPS", count(config.substeps));
     define("CONTACT_SUBSTEPS", count(config.contact_substeps));
@@ -119,14 +125,13 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     text
 }
 
-/// The most DoF above a link, its own among them.
-fn depth(robot: &Robot) -> usize {
+/// What a factorisation of the mass matrix takes: for each DoF, the square of how many are above it and itself.
+fn walks(robot: &Robot) -> usize {
     let mut depths: Vec<usize> = Vec::new();
-    for link in &robot.links {
-        let own = if link.joint.is_some() { 1 } else { robot.root_dofs() };
-        depths.push(own + link.parent.map_or(0, |p| depths[p]));
+    for above in Factor::new(robot).above() {
+        depths.push(1 + above.map_or(0, |k| depths[k]));
     }
-    depths.into_iter().max().unwrap_or(1)
+    depths.iter().map(|d| d * d).sum()
 }
 
 fn links(text: &mut String, robot: &Robot) {

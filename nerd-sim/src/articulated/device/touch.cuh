@@ -94,58 +94,85 @@ FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     t.stiffness = part * m[0]; t.damping = part * m[1]; t.friction_damping = part * m[2]; t.friction = m[3];
 }
 
+// Points of a word of the mask of those that may touch.
+constexpr int WORD = 32, WORDS = NP / WORD + 1;
+
+// Which points may be beyond a plane in some part of the substep: for all of them together little work, and none for those that are far.
+// A distance that is no number may be anywhere.
+FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
+    const V3 n = plane.normal;
+    onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {
+        const int link = POINT_LINK[point];
+        const V3 p = t.position[link] + t.rotation[link] * read3(POINT + 3 * point);
+        const real d = dot(n, p) - plane.offset, way = (real)0.5 * h * dot(n, at(t.velocity[link], p));
+        // With room for rounding; `press` decides.
+        if (!(d - RADIUS[point] - size(way) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
+    });
+}
+
+// What a point that may touch does; false if a distance is none.
+FN bool meet(Work& w, int point, real h) {
+    const Tree& tr = w.tree;
+    if (FACED) {
+        const Facing& f = w.facing[point];
+        if (f.near) press(w, point, 0, f.normal, from(w, f.place), h);
+        return true;
+    }
+    const int link = POINT_LINK[point];
+    const V3 p = tr.position[link] + tr.rotation[link] * read3(POINT + 3 * point);
+    V3 n, nearest;
+    if (w.surfaces == 1) {
+        const real d = distance(w.surface[0], p, n, nearest);
+        if (!(d == d)) return false;
+        press(w, point, 0, n, nearest, h);
+        return true;
+    }
+    const real reach = RADIUS[point] + h * norm(at(tr.velocity[link], p));
+    real d[NC + 1];
+    for (int c = 0; c < w.surfaces; c++) {
+        d[c] = distance(w.surface[c], p, n, nearest);
+        if (!(d[c] == d[c])) return false;
+    }
+    for (int c = 0; c < w.surfaces; c++) {
+        if (!(d[c] < reach)) continue;
+        distance(w.surface[c], p, n, nearest);
+        // A place of a surface that a nearer collider covers is no surface.
+        bool covered = false;
+        for (int o = 0; o < w.surfaces && d[c] > 0 && !covered; o++) {
+            const bool nearer = d[o] < reach && (d[o] < d[c] || (d[o] == d[c] && o < c));
+            V3 m, place;
+            covered = nearer && distance(w.surface[o], nearest, m, place) < (real)1e-6;
+        }
+        if (!covered) press(w, point, c, n, nearest, h);
+    }
+    return true;
+}
+
 // All points and joints that are beyond their surface in some part of the substep in whose middle they are now; false if a distance
 // is none.
 BIG bool find(Work& w, real h, const double* drives) {
     Tree& tr = w.tree;
     velocities(tr, tr.qd);
     w.touches = 0;
-    for (int i = 0; i < NJ; i++) w.pull[i] = SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]);
-    for (int point = 0; point < NP && w.surfaces > 0; point++) {
-        if (FACED) {
-            const Facing& f = w.facing[point];
-            if (f.near) press(w, point, 0, f.normal, from(w, f.place), h);
-            continue;
-        }
-        const int link = POINT_LINK[point];
-        const V3 p = tr.position[link] + tr.rotation[link] * read3(POINT + 3 * point);
-        V3 n, nearest;
-        if (w.surfaces == 1) {
-            const real d = distance(w.surface[0], p, n, nearest);
-            if (!(d == d)) return false;
-            press(w, point, 0, n, nearest, h);
-            continue;
-        }
-        const real reach = RADIUS[point] + h * norm(at(tr.velocity[link], p));
-        real d[NC + 1];
-        for (int c = 0; c < w.surfaces; c++) {
-            d[c] = distance(w.surface[c], p, n, nearest);
-            if (!(d[c] == d[c])) return false;
-        }
-        for (int c = 0; c < w.surfaces; c++) {
-            if (!(d[c] < reach)) continue;
-            distance(w.surface[c], p, n, nearest);
-            // A place of a surface that a nearer collider covers is no surface.
-            bool covered = false;
-            for (int o = 0; o < w.surfaces && d[c] > 0 && !covered; o++) {
-                const bool nearer = d[o] < reach && (d[o] < d[c] || (d[o] == d[c] && o < c));
-                V3 m, place;
-                covered = nearer && distance(w.surface[o], nearest, m, place) < (real)1e-6;
-            }
-            if (!covered) press(w, point, c, n, nearest, h);
-        }
+    onward<0, NJ>([&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
+    unsigned mask[WORDS];
+    const bool flat = !FACED && w.surfaces == 1 && w.surface[0].kind == 1;
+    for (int k = 0; k < WORDS; k++) mask[k] = flat ? 0 : ~0u;
+    if (flat) near(tr, w.surface[0], h, mask);
+    for (int k = 0; k < WORDS && w.surfaces > 0; k++) {
+        unsigned left = mask[k];
+        for (int point = k * WORD; left && point < NP; point++, left >>= 1)
+            if (left & 1 && !meet(w, point, h)) return false;
     }
     const int points = NP * w.surfaces;
-    for (int i = 0; i < NJ; i++) {
-        const real v = tr.qd[DOFS + i];
-        if (DRY[i] > 0) {
-            // Pressed with its friction at a coefficient of 1.
-            Touch& t = next(w);
-            t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
-            t.stiffness = 1; t.damping = 0; t.friction_damping = DRY[i] / CREEP; t.friction = 1;
-            t.gap = -DRY[i]; t.velocity = v3(0, v, 0);
-        }
-    }
+    onward<0, NJ>([&](auto i) {
+        if (!(DRY[i] > 0)) return;
+        // Pressed with its friction at a coefficient of 1.
+        Touch& t = next(w);
+        t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
+        t.stiffness = 1; t.damping = 0; t.friction_damping = DRY[i] / CREEP; t.friction = 1;
+        t.gap = -DRY[i]; t.velocity = v3(0, tr.qd[DOFS + i], 0);
+    });
     for (int i = 0; i < DRIVES; i++) {
         const double* d = drives + 5 * i;
         const real v = tr.qd[DOFS + i], effort = (real)d[4];
@@ -156,9 +183,9 @@ BIG bool find(Work& w, real h, const double* drives) {
         t.gap = (real)(tr.q[COORDS + i] - d[2]); t.velocity = v3(v - (real)d[3], 0, 0);
         t.bounds[0] = v < -TOP[i] ? 0 : -effort; t.bounds[1] = v > TOP[i] ? 0 : effort;
     }
-    for (int i = 0; i < NJ; i++) {
+    onward<0, NJ>([&](auto i) {
         const real* limit = LIMIT + 4 * i;
-        if (!(limit[2] > 0 || limit[3] > 0)) continue;
+        if (!(limit[2] > 0 || limit[3] > 0)) return;
         for (int end = 0; end < 2; end++) {
             const real side = end ? -1 : 1;
             const real v = side * tr.qd[DOFS + i];
@@ -170,25 +197,33 @@ BIG bool find(Work& w, real h, const double* drives) {
             t.sticky = true;
             t.gap = gap; t.velocity = v3(v, 0, 0);
         }
-    }
+    });
     return true;
 }
 
-// The columns of a touch's Jacobian: all DoF above it, from the link down to the root. DEPTH is the most that a link has.
-struct Columns { int n; int dof[DEPTH]; V3 a[DEPTH]; };
-FN void columns(const Work& w, const Touch& t, Columns& c) {
-    c.n = 0;
-    if (t.link < 0) {
-        c.dof[0] = t.dof; c.a[0] = t.x; c.n = 1;
-        return;
-    }
-    for (int i = t.link; i >= 0; i = PARENT[i]) {
+// The columns of a point's Jacobian: a[k] of each DoF from the link upward.
+template <class I> FN void columns(const Tree& t, I link, V3 x, V3* a) {
+    upward(last_dof(link), [&](auto k) { a[k] = v3(0, 0, 0); });
+    lineage(link, [&](auto i) {
         if (DOFS && i == 0) {
-            for (int k = 0; k < 6; k++) { c.dof[c.n] = k; c.a[c.n++] = k < 3 ? cross(unit(k), t.x) : unit(k - 3); }
+            for (int k = 0; k < 6; k++) a[k] = k < 3 ? cross(unit(k), x) : unit(k - 3);
         } else {
-            c.dof[c.n] = DOF[i]; c.a[c.n++] = at(w.tree.axis[i], t.x);
+            // Joints that follow one share its column.
+            const int k = DOF[i];
+            a[k] = a[k] + at(t.axis[i], x);
         }
-    }
+    });
+}
+
+// f(touch, link) for every point that touches.
+template <class F> FN void points(Work& w, const F& f) {
+    if constexpr (UNROLLED && GATHERED)
+        onward<0, NL>([&](auto link) {
+            if constexpr (pointed(link.n))
+                for (int k = 0; k < w.touches; k++) if (w.touch[k].link == link) f(w.touch[k], link);
+        });
+    else
+        for (int k = 0; k < w.touches; k++) if (w.touch[k].link >= 0) f(w.touch[k], w.touch[k].link);
 }
 
 // Friction over slip.

@@ -5,6 +5,7 @@
 #define LOWER(i, j) ((i) * ((i) + 1) / 2 + (j))
 constexpr int SIZE = NV * (NV + 1) / 2;
 constexpr int KEPT = ALONG && HELD ? 1 : SIZE;   // no matrix where the tree is all that is ever asked
+constexpr int HERE = UNROLLED ? SIZE : 1;        // entries that a walk has in registers
 
 struct Tree {
     double q[NQ];
@@ -17,67 +18,80 @@ struct Tree {
     real tau[NV];        // bias
     real mass[KEPT];
     real factor[KEPT];   // diagonal inverted
-    real given[NV];      // diagonal of what was factorised
     int lost;
 };
 
 FN V3 unit(int k) { return v3(k == 0, k == 1, k == 2); }
 FN Motion rootward(int k) { return k < 3 ? motion(unit(k), v3(0, 0, 0)) : motion(v3(0, 0, 0), unit(k - 3)); }
 
+// What a joint's turn has of 1, sine and cosine; most robots' axes leave many of them zero.
+FN real turned(int entry, int i, real s, real c) {
+    const real *own = TURN + 27 * i + entry;
+    return own[0] + (own[9] != 0 ? own[9] * s : 0) + (own[18] != 0 ? own[18] * c : 0);
+}
+
 BIG void kinematics(Tree& t) {
     M3 base;
     if (DOFS) base = matrix(read4(t.q + 3));
     else for (int k = 0; k < 9; k++) base.m[k] = BASE[k];
     if (DOFS) { t.rotation[0] = base; t.position[0] = t.shift; }
-    for (int i = DOFS ? 1 : 0; i < NL; i++) {
+    onward<DOFS ? 1 : 0, NL, LINKED>([&](auto i) {
         const int p = PARENT[i];
         const M3 parent = p < 0 ? base : t.rotation[p];
         V3 position = (p < 0 ? v3(0, 0, 0) : t.position[p]) + parent * read3(PLACE + 3 * i);
         const real value = (real)(t.q[COORDS + JOINT[i]] * RATIO[i] + OFFSET[i]);
         real s = 0, c = 1;
-        if (!SLIDES[i]) { s = sin(value); c = cos(value); }
+        if (!SLIDES[i]) swing(value, s, c);
         M3 own;
-        for (int k = 0; k < 9; k++) own.m[k] = TURN[27 * i + k] + TURN[27 * i + 9 + k] * s + TURN[27 * i + 18 + k] * c;
-        t.rotation[i] = parent * own;
-        const V3 axis = t.rotation[i] * read3(AXIS + 3 * i);
+        for (int k = 0; k < 9; k++) own.m[k] = turned(k, i, s, c);
+        const M3 rotation = parent * own;
+        const V3 axis = rotation * read3(AXIS + 3 * i);
         if (SLIDES[i]) {
             position = position + axis * value;
             t.axis[i] = motion(v3(0, 0, 0), axis * RATIO[i]);
         } else {
             t.axis[i] = motion(axis, cross(position, axis)) * RATIO[i];
         }
+        t.rotation[i] = rotation;
         t.position[i] = position;
-    }
+    });
 }
 
 FN Motion root(const real* qd) { return motion(v3(qd[0], qd[1], qd[2]), v3(qd[3], qd[4], qd[5])); }
 
-BIG void velocities(Tree& t, const real* qd) {
-    for (int i = 0; i < NL; i++) {
-        if (DOFS && i == 0) { t.velocity[0] = root(qd); continue; }
+// Twists of the links.
+FN void twists(const Tree& t, const real* qd, Motion* twist) {
+    onward<0, NL, LINKED>([&](auto i) {
+        if (DOFS && i == 0) {
+            twist[0] = root(qd);
+            return;
+        }
+        const int p = PARENT[i];
         const Motion own = t.axis[i] * qd[DOF[i]];
-        t.velocity[i] = PARENT[i] < 0 ? own : t.velocity[PARENT[i]] + own;
-    }
+        twist[i] = p < 0 ? own : twist[p < 0 ? 0 : p] + own;
+    });
 }
+
+BIG void velocities(Tree& t, const real* qd) { twists(t, qd, t.velocity); }
 
 // Torques at zero acceleration into t.tau, those of wrenches from outside taken off; fills t.velocity.
 BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
-    Motion acceleration[NL];
+    Motion velocity[NL], acceleration[NL];
     Wrench force[NL];
     const Motion base = motion(v3(0, 0, 0), gravity * (real)-1);
-    for (int i = 0; i < NL; i++) {
+    onward<0, NL, LINKED>([&](auto i) {
         if (DOFS && i == 0) {
-            t.velocity[0] = root(qd);
+            velocity[0] = root(qd);
             acceleration[0] = base;
         } else {
             const int p = PARENT[i];
             const Motion rate = t.axis[i] * qd[DOF[i]];
-            const Motion v = p < 0 ? rate : t.velocity[p] + rate;
-            acceleration[i] = (p < 0 ? base : acceleration[p]) + cross(v, rate);
-            t.velocity[i] = v;
+            velocity[i] = p < 0 ? rate : velocity[p < 0 ? 0 : p] + rate;
+            acceleration[i] = (p < 0 ? base : acceleration[p < 0 ? 0 : p]) + cross(velocity[i], rate);
         }
-        const Motion v = t.velocity[i], a = acceleration[i];
-        const M3& r = t.rotation[i];
+        const Motion v = velocity[i], a = acceleration[i];
+        t.velocity[i] = v;
+        const M3 r = t.rotation[i];
         M3 body;
         for (int k = 0; k < 9; k++) body.m[k] = BODY[9 * i + k];
         const V3 c = t.position[i] + r * read3(COM + 3 * i);
@@ -85,17 +99,20 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
         const V3 w = back(r, v.ang), wd = back(r, a.ang);
         force[i] = wrench(r * (body * wd + cross(w, body * w)) + cross(c, f), f);
         if (external) force[i] = wrench(force[i].ang - external[i].ang, force[i].lin - external[i].lin);
-    }
-    for (int k = 0; k < NV; k++) t.tau[k] = 0;
-    for (int i = NL - 1; i >= 0; i--) {
+    });
+    real tau[NV];
+    onward<0, NV>([&](auto k) { tau[k] = 0; });
+    backward<0, NL, LINKED>([&](auto i) {
         if (DOFS && i == 0) {
-            t.tau[0] = force[0].ang.x; t.tau[1] = force[0].ang.y; t.tau[2] = force[0].ang.z;
-            t.tau[3] = force[0].lin.x; t.tau[4] = force[0].lin.y; t.tau[5] = force[0].lin.z;
+            tau[0] = force[0].ang.x; tau[1] = force[0].ang.y; tau[2] = force[0].ang.z;
+            tau[3] = force[0].lin.x; tau[4] = force[0].lin.y; tau[5] = force[0].lin.z;
         } else {
-            t.tau[DOF[i]] += dot(t.axis[i], force[i]);
+            tau[DOF[i]] += dot(t.axis[i], force[i]);
         }
-        if (PARENT[i] >= 0) force[PARENT[i]] = force[PARENT[i]] + force[i];
-    }
+        const int p = PARENT[i];
+        if (p >= 0) force[p < 0 ? 0 : p] = force[p < 0 ? 0 : p] + force[i];
+    });
+    onward<0, NV>([&](auto k) { t.tau[k] = tau[k]; });
 }
 
 FN Inertia body(const Tree& t, int i) {
@@ -117,66 +134,92 @@ FN Inertia body(const Tree& t, int i) {
     return b;
 }
 
-FN void enter(Tree& t, int i, int j, real value) {
+// Every entry of the factor that may be other than zero, as its place in a lower triangle.
+template <class F> FN void entries(const F& f) {
+    onward<0, NV>([&](auto i) { upward(i, [&](auto j) { f(LOWER(i, j)); }); });
+}
+
+FN void enter(real* mass, int i, int j, real value) {
     // On the diagonal, of a joint that follows one above it, both triangles meet.
-    if (i == j) t.mass[LOWER(i, i)] += 2 * value;
-    else t.mass[i > j ? LOWER(i, j) : LOWER(j, i)] += value;
+    if (i == j) mass[LOWER(i, i)] += 2 * value;
+    else mass[i > j ? LOWER(i, j) : LOWER(j, i)] += value;
 }
 
 BIG void crba(Tree& t) {
     Inertia composite[NL];
-    for (int k = 0; k < SIZE; k++) t.mass[k] = 0;
-    for (int i = 0; i < NL; i++) composite[i] = body(t, MASS_OF[i]);
-    for (int j = NL - 1; j >= (DOFS ? 1 : 0); j--) {
+    real here[HERE], *mass = UNROLLED ? here : t.mass;
+    entries([&](int k) { mass[k] = 0; });
+    onward<0, NL>([&](auto i) { composite[i] = none(); });
+    backward<DOFS ? 1 : 0, NL>([&](auto j) {
+        add(composite[j], body(t, MASS_OF[j]));
         const Wrench momentum = composite[j] * t.axis[j];
-        const int row = DOF[j];
-        t.mass[LOWER(row, row)] += dot(t.axis[j], momentum) + ARMATURE[j];
-        for (int i = PARENT[j]; i >= 0; i = PARENT[i]) {
-            if (DOFS && i == 0) for (int k = 0; k < 6; k++) enter(t, row, k, dot(rootward(k), momentum));
-            else enter(t, row, DOF[i], dot(t.axis[i], momentum));
-        }
-        if (PARENT[j] >= 0) add(composite[PARENT[j]], composite[j]);
-    }
-    if (DOFS)
+        const int row = DOF[j], p = PARENT[j];
+        mass[LOWER(row, row)] += dot(t.axis[j], momentum) + ARMATURE[j];
+        forebears(j, [&](auto i) {
+            if (DOFS && i == 0) for (int k = 0; k < 6; k++) enter(mass, row, k, dot(rootward(k), momentum));
+            else enter(mass, row, DOF[i], dot(t.axis[i], momentum));
+        });
+        if (p >= 0) add(composite[p < 0 ? 0 : p], composite[j]);
+    });
+    if (DOFS) {
+        add(composite[0], body(t, MASS_OF[0]));
         for (int k = 0; k < 6; k++) {
             const Wrench momentum = composite[0] * rootward(k);
-            for (int l = k; l < 6; l++) t.mass[LOWER(l, k)] = dot(rootward(l), momentum);
-        }
-}
-
-// L^T L in place of t.factor, whose entries are a mass matrix; false at t.lost where that is not positive definite.
-BIG bool factorise(Tree& t) {
-    real* l = t.factor;
-    for (int k = 0; k < NV; k++) t.given[k] = l[LOWER(k, k)];
-    for (int k = NV - 1; k >= 0; k--) {
-        const real square = l[LOWER(k, k)];
-        if (!(square > (real)1e-12 * t.given[k])) { t.lost = k; return false; }
-        const real inverse = 1 / sqrt(square);
-        l[LOWER(k, k)] = inverse;
-        for (int i = ABOVE[k]; i >= 0; i = ABOVE[i]) l[LOWER(k, i)] *= inverse;
-        for (int i = ABOVE[k]; i >= 0; i = ABOVE[i]) {
-            const real own = l[LOWER(k, i)];
-            for (int j = i; j >= 0; j = ABOVE[j]) l[LOWER(i, j)] -= own * l[LOWER(k, j)];
+            for (int l = k; l < 6; l++) mass[LOWER(l, k)] = dot(rootward(l), momentum);
         }
     }
-    return true;
+    if (UNROLLED) entries([&](int k) { t.mass[k] = mass[k]; });
+}
+
+// L^T L in place of entries of a mass matrix, the diagonal of L inverted; false at t.lost where that is not positive definite.
+FN bool factorise(Tree& t, real* l) {
+    real given[NV];
+    int lost = -1;
+    onward<0, NV>([&](auto k) { given[k] = l[LOWER(k, k)]; });
+    backward<0, NV>([&](auto k) {
+        const real square = l[LOWER(k, k)];
+        // What follows is of no use then, and does no harm.
+        if (!(square > (real)1e-12 * given[k]) && lost < 0) lost = k;
+        const real inverse = upright(square);
+        l[LOWER(k, k)] = inverse;
+        above(k, [&](auto i) { l[LOWER(k, i)] *= inverse; });
+        above(k, [&](auto i) {
+            const real own = l[LOWER(k, i)];
+            upward(i, [&](auto j) { l[LOWER(i, j)] -= own * l[LOWER(k, j)]; });
+        });
+    });
+    t.lost = lost;
+    return lost < 0;
 }
 
 BIG bool refill(Tree& t) {
-    for (int k = 0; k < SIZE; k++) t.factor[k] = t.mass[k];
-    return factorise(t);
+    real here[HERE], *l = UNROLLED ? here : t.factor;
+    entries([&](int k) { l[k] = t.mass[k]; });
+    const bool sound = factorise(t, l);
+    if (UNROLLED) entries([&](int k) { t.factor[k] = l[k]; });
+    return sound;
+}
+
+// L^-T x in place, then L^-1 x.
+FN void half(const real* l, real* x) {
+    backward<0, NV>([&](auto i) {
+        x[i] *= l[LOWER(i, i)];
+        above(i, [&](auto j) { x[j] -= l[LOWER(i, j)] * x[i]; });
+    });
+}
+FN void rest(const real* l, real* x) {
+    onward<0, NV>([&](auto i) {
+        above(i, [&](auto j) { x[i] -= l[LOWER(i, j)] * x[j]; });
+        x[i] *= l[LOWER(i, i)];
+    });
 }
 
 BIG void solve(const Tree& t, real* x) {
-    const real* l = t.factor;
-    for (int i = NV - 1; i >= 0; i--) {
-        x[i] *= l[LOWER(i, i)];
-        for (int j = ABOVE[i]; j >= 0; j = ABOVE[j]) x[j] -= l[LOWER(i, j)] * x[i];
-    }
-    for (int i = 0; i < NV; i++) {
-        for (int j = ABOVE[i]; j >= 0; j = ABOVE[j]) x[i] -= l[LOWER(i, j)] * x[j];
-        x[i] *= l[LOWER(i, i)];
-    }
+    real own[NV];
+    onward<0, NV>([&](auto k) { own[k] = x[k]; });
+    half(t.factor, own);
+    rest(t.factor, own);
+    onward<0, NV>([&](auto k) { x[k] = own[k]; });
 }
 
 // The pose after a time at local velocities.

@@ -1,0 +1,240 @@
+// A substep that looks ahead, as articulated/implicit.rs, where the equations are.
+
+// The share of a spring with z = h^2 k w that keeps it stable.
+FN real foresight(real z) { return most((real)0.5 - (real)0.5 / z, 0); }
+
+// The inverse of the mass matrix alone.
+FN bool plain(Work& w) { return ALONG ? spread(w.tree, w.along) : refill(w.tree); }
+
+// Dampings of the joints, and shares of their dampers and springs.
+BIG bool damp(Work& w, real h) {
+    bool factored = false;
+    for (int i = 0; i < NJ; i++) {
+        w.braked[i] = DAMPING[i]; w.damper[i] = (real)0.5; w.spring[i] = 0;
+        if (h * most(DAMPING[i], h * SPRING[i]) <= LEAST[i]) continue;
+        if (!factored && !plain(w)) return false;
+        factored = true;
+        real ease;
+        if (ALONG) {
+            ease = (real)w.along.alone[i + FIRST];
+        } else {
+            for (int k = 0; k < NV; k++) w.right[k] = 0;
+            w.right[DOFS + i] = 1;
+            solve(w.tree, w.right);
+            ease = w.right[DOFS + i];
+        }
+        const real soft = h * h * SPRING[i] * ease;
+        w.braked[i] = most(DAMPING[i], h * SPRING[i] * least(soft, CALM));
+        const real z = h * w.braked[i] * ease;
+        w.damper[i] = z > 1 ? -1 / expm1(-z) - 1 / z : (real)0.5;
+        w.spring[i] = foresight(soft);
+    }
+    return true;
+}
+
+// How far ahead each force must look to be stable.
+BIG bool weigh(Work& w, real h) {
+    bool factored = false;
+    for (int n = 0; n < w.touches; n++) {
+        Touch& t = w.touch[n];
+        real weight = w.weight[t.index];
+        if (weight < 0) {
+            if (!factored && !plain(w)) return false;
+            factored = true;
+            if (ALONG) {
+                weight = (real)eased(w.along, t.link, t.dof, t.x, t.normal);
+            } else {
+                for (int k = 0; k < NV; k++) w.right[k] = 0;
+                Columns c;
+                columns(w, t, c);
+                for (int k = 0; k < c.n; k++) w.right[c.dof[k]] += dot(t.normal, c.a[k]);
+                solve(w.tree, w.right);
+                weight = 0;
+                for (int k = 0; k < c.n; k++) weight += w.right[c.dof[k]] * dot(t.normal, c.a[k]);
+            }
+            w.weight[t.index] = weight = weight > 0 ? weight : infinite();
+        }
+        const real vn = dot(t.normal, t.velocity);
+        if (vn >= 0 && !t.sticky) t.damping = 0;
+        const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
+        t.across = drag(normal, norm(t.velocity - t.normal * vn), t.friction_damping, t.friction);
+        t.ahead[0] = foresight(h * h * t.stiffness * weight);
+        t.ahead[1] = most(1 - 1 / (h * t.damping * weight), (real)0.5);
+        t.ahead[2] = most(1 - 1 / (h * t.across * weight), (real)0.5);
+    }
+    return true;
+}
+
+// Accelerations with the touches that have not parted. 0: nothing changed by them, 1: something did, -1: no inertia.
+BIG int press(Work& w, real h, real settled) {
+    Tree& tr = w.tree;
+    for (int k = 0; k < NV; k++) w.qdd[k] = w.right[k];
+    if (ALONG) {
+        inertias(tr, w.along);
+        for (int i = 0; i < NJ; i++) w.along.joints[i] = w.along.dampers[i];
+        for (int i = 0; i < NL; i++) for (int k = 0; k < 6; k++) w.along.force[i][k] = 0;
+    } else {
+        for (int k = 0; k < SIZE; k++) tr.factor[k] = tr.mass[k];
+    }
+    Columns c;
+    for (int k = 0; k < w.touches; k++) {
+        const Touch& t = w.touch[k];
+        if (t.parted) continue;
+        const V3 n = t.normal;
+        if (!ALONG || t.link < 0) columns(w, t, c);
+        if (t.held) {
+            for (int i = 0; i < c.n; i++) w.qdd[c.dof[i]] += dot(c.a[i], n) * t.hold;
+            continue;
+        }
+        const real vn = dot(n, t.velocity);
+        const V3 force = n * -(t.stiffness * t.gap + t.damping * vn) - (t.velocity - n * vn) * t.across;
+        const real along = t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping, across = t.ahead[2] * t.across;
+        if (ALONG && t.link >= 0) {
+            resist(w.along, t.link, t.x, n, force, (double)along * h, (double)across * h);
+            continue;
+        }
+        for (int i = 0; i < c.n; i++) {
+            const V3 a = c.a[i];
+            const int row = c.dof[i];
+            w.qdd[row] += dot(a, force);
+            const V3 d = (n * ((along - across) * dot(n, a)) + a * across) * h;
+            if (ALONG) {
+                w.along.joints[row - DOFS] += dot(a, d);
+                continue;
+            }
+            for (int j = 0; j < c.n; j++)
+                if (row >= c.dof[j]) tr.factor[LOWER(row, c.dof[j])] += dot(c.a[j], d);
+        }
+    }
+    if (ALONG) {
+        if (!factorise(tr, w.along, w.along.joints)) return -1;
+        for (int k = 0; k < NV; k++) w.along.x[k] = w.qdd[k];
+        solve(tr, w.along);
+        for (int k = 0; k < NV; k++) w.qdd[k] = (real)w.along.x[k];
+    } else {
+        if (!factorise(tr)) return -1;
+        solve(tr, w.qdd);
+    }
+    bool changed = false;
+    for (int k = 0; k < w.touches; k++) {
+        Touch& t = w.touch[k];
+        if (t.parted || t.held || (t.sticky && !t.bounded)) continue;
+        const V3 n = t.normal;
+        V3 change = v3(0, 0, 0);
+        if (ALONG && t.link >= 0) {
+            change = reached(w.along, t.link, t.x) * h;
+        } else {
+            columns(w, t, c);
+            for (int i = 0; i < c.n; i++) change = change + c.a[i] * (h * w.qdd[c.dof[i]]);
+        }
+        const real vn = dot(n, t.velocity), dn = dot(n, change);
+        const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
+        if (t.bounded) {
+            t.held = !(t.bounds[0] <= normal && normal <= t.bounds[1]);
+            t.hold = most(t.bounds[0], least(t.bounds[1], normal));
+            changed = changed || t.held;
+            continue;
+        }
+        t.parted = normal < 0;
+        const V3 seen = t.velocity + change * t.ahead[2];
+        const V3 slip = seen - n * dot(n, seen);
+        t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
+        const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
+        changed = changed || t.parted || size(across / t.across - 1) > settled;
+        t.across = across;
+    }
+    return changed;
+}
+
+// w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.
+BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real settled) {
+    Tree& tr = w.tree;
+    for (int i = 0; i < NJ; i++) {
+        const real share = w.damper[i] * h * w.braked[i] + w.spring[i] * h * h * SPRING[i];
+        if (ALONG) w.along.dampers[i] = share;
+        else tr.mass[LOWER(DOFS + i, DOFS + i)] += share;
+    }
+    bool stale = true, corrected = false, quiet = false, found = true;
+    for (int pass = 0; pass < PASSES; pass++) {
+        if (stale) {
+            for (int k = 0; k < NV; k++) w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k];
+            bias(tr, w.middle, w.gravity, 0);
+            for (int k = 0; k < NV; k++) w.right[k] = -tr.tau[k];
+            for (int i = 0; i < NJ; i++) w.right[DOFS + i] += (real)tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i];
+        }
+        const int changed = press(w, h, settled);
+        if (changed < 0) return -1;
+        if (ALONG) {
+            // A chain may whip: then the rate of the substep before says little of this one's middle.
+            real jump = 0;
+            for (int k = DOFS; k < NV; k++) jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k]));
+            jump *= h;
+            found = jump <= FAR_OFF;
+            // What changed because a point has parted is no whip.
+            if (!(jump - jump == 0) || (corrected && quiet && !found)) return 0;
+            correct = correct || jump > (corrected ? FAR_OFF : OFF);
+            quiet = !changed;
+        }
+        for (int k = 0; k < NV; k++) w.rate[k] = w.qdd[k];
+        if (DOFS) {
+            // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+            const V3 turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
+            w.rate[3] += turned.x; w.rate[4] += turned.y; w.rate[5] += turned.z;
+        }
+        if (!changed && !correct) return 1;
+        // The rate that an unbounded drive would give says nothing of the middle.
+        const bool wait = DRIVEN && changed;
+        stale = correct && !wait;
+        correct = correct && wait;
+        corrected = corrected || stale;
+    }
+    return found;
+}
+
+// A frame of so many substeps, each in halves while it is too long to be solved.
+BIG int implicit(Work& w, const double* scene, const double* tau, const double* drives, double* forces, int substeps) {
+    Tree& tr = w.tree;
+    const int whole = 1 << HALVINGS;
+    int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
+    real shared = 0;               // the length for which dampers are known
+    tr.shift = v3(0, 0, 0);
+    for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
+    for (int substep = 0; substep < substeps;) {
+        const bool first = substep == 0 && done == 0;
+        const real h = (real)(FRAME / substeps / (1 << halved));
+        if (ALONG) for (int k = 0; k < NQ; k++) w.before[k] = tr.q[k];
+        drift(tr, (real)0.5 * h);
+        kinematics(tr);
+        see(w, scene);
+        if (!find(w, h, drives)) return LOST;
+        if (!ALONG) crba(tr);
+        if (shared != h) {
+            if (!damp(w, h)) return 1 + tr.lost;
+            shared = h;
+        }
+        if (!weigh(w, h)) return 1 + tr.lost;
+        if (first) for (int k = 0; k < NV; k++) w.rate[k] = 0;
+        const int found = accelerate_ahead(w, tau, h, first, SETTLED / substeps);
+        if (found < 0) return 1 + tr.lost;
+        if (!found && halved < HALVINGS) {
+            for (int k = 0; k < NQ; k++) tr.q[k] = w.before[k];
+            halved++;
+            continue;
+        }
+        for (int k = 0; k < NV; k++) tr.qd[k] += h * w.rate[k];
+        if (forces)
+            for (int k = 0; k < w.touches; k++) {
+                const Touch& t = w.touch[k];
+                if (t.link < 0) continue;
+                const real share = h / (real)FRAME;
+                double* f = forces + 3 * (t.index / w.surfaces);
+                f[0] += t.force.x * share; f[1] += t.force.y * share; f[2] += t.force.z * share;
+            }
+        drift(tr, (real)0.5 * h);
+        // The second half of something is its end.
+        done += whole >> halved;
+        while (halved > 0 && done % (2 * whole >> halved) == 0) halved--;
+        if (done == whole) { done = 0; substep++; }
+    }
+    return 0;
+}

@@ -1,0 +1,199 @@
+// What touches in a substep: points on surfaces, joints beyond limits, dry friction, drives. As articulated/touches.rs.
+// NP points with POINT_LINK, POINT, RADIUS; NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
+// TOP, SPRING and SLACK (stiffness, and where it pulls to).
+
+constexpr int SCENE = 3 + COLLIDER * NC;     // numbers of a scene: gravity, colliders
+constexpr int DRIVES = DRIVEN ? NJ : 0;
+constexpr int PAIRS = FACED && !NC ? NP : NP * NC;
+constexpr int MOST = PAIRS + PRESSED + DRIVES + 1;   // PRESSED: dry friction, both ends of a range
+constexpr int WEIGHTS = PAIRS + 3 * NJ + 1;
+
+// The plane that a point faces all through a draft, wherever it goes; its place in world axes.
+struct Facing { bool near; V3 normal; double place[3]; };
+
+struct Touch {
+    int index;
+    int link;             // of a point; -1: of a joint
+    int dof;              // of a joint
+    V3 x;                 // where, or the joint's column
+    V3 normal, velocity, force;
+    real gap, stiffness, damping, friction_damping, friction, across;
+    real ahead[3];
+    bool sticky, bounded, parted, held;
+    real bounds[2], hold;
+};
+
+struct Work {
+    Tree tree;
+    Surface surface[NC + 1];
+    int surfaces;
+    Facing facing[FACED ? NP + 1 : 1];
+    V3 gravity;
+    Touch touch[MOST];
+    int touches;
+    real weight[WEIGHTS]; // w, found once a frame; negative: not yet
+    real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as touches.rs
+    double before[ALONG ? NQ : 1];
+    Along along;
+    real rate[NV], middle[NV], right[NV], qdd[NV];
+};
+
+FN double stands(const Work& w, int k) { return DOFS ? w.tree.q[k] : STAND[k]; }
+
+// A place of the world from where the root stands now.
+FN V3 from(const Work& w, const double* p) {
+    return v3((real)(p[0] - stands(w, 0)), (real)(p[1] - stands(w, 1)), (real)(p[2] - stands(w, 2)));
+}
+
+// The scene from where the root stands now.
+FN void survey(Work& w, const double* scene) {
+    const double o[3] = {stands(w, 0), stands(w, 1), stands(w, 2)};
+    w.surfaces = 0;
+    for (int c = 0; c < NC; c++) {
+        const double* s = scene + 3 + COLLIDER * c;
+        if (!(int)s[0]) break;
+        Surface& u = w.surface[w.surfaces++];
+        read(u, s, o);
+    }
+}
+
+// What a substep meets: the scene, or one material, of which are the planes that points face.
+FN void see(Work& w, const double* scene) {
+    w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
+    if (!FACED) return survey(w, scene);
+    w.surfaces = 1;
+    for (int k = 0; k < 4; k++) w.surface[0].material[k] = FACES[k];
+}
+
+// Of a gap in the middle of a substep and its change to the end: the part of the substep in which it is negative, and its mean there.
+FN bool inside(real& gap, real half, real& part) {
+    const real low = gap - size(half), high = gap + size(half);
+    if (!(low < 0)) return false;
+    part = 1;
+    if (high > 0) { part = low / (low - high); gap = (real)0.5 * low; }
+    return true;
+}
+
+FN Touch& next(Work& w) {
+    Touch& t = w.touch[w.touches++];
+    t.sticky = t.bounded = t.parted = t.held = false;
+    t.friction_damping = t.friction = t.across = 0;
+    t.force = v3(0, 0, 0);
+    return t;
+}
+
+FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
+    const int link = POINT_LINK[point];
+    const V3 x = w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * point) - n * RADIUS[point];
+    const V3 velocity = at(w.tree.velocity[link], x);
+    real gap = dot(n, x - nearest), part;
+    if (!inside(gap, (real)0.5 * h * dot(n, velocity), part)) return;
+    Touch& t = next(w);
+    const real* m = w.surface[c].material;
+    t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.velocity = velocity; t.gap = gap;
+    t.stiffness = part * m[0]; t.damping = part * m[1]; t.friction_damping = part * m[2]; t.friction = m[3];
+}
+
+// All points and joints that are beyond their surface in some part of the substep in whose middle they are now; false if a distance
+// is none.
+BIG bool find(Work& w, real h, const double* drives) {
+    Tree& tr = w.tree;
+    velocities(tr, tr.qd);
+    w.touches = 0;
+    for (int i = 0; i < NJ; i++) w.pull[i] = SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]);
+    for (int point = 0; point < NP && w.surfaces > 0; point++) {
+        if (FACED) {
+            const Facing& f = w.facing[point];
+            if (f.near) press(w, point, 0, f.normal, from(w, f.place), h);
+            continue;
+        }
+        const int link = POINT_LINK[point];
+        const V3 p = tr.position[link] + tr.rotation[link] * read3(POINT + 3 * point);
+        V3 n, nearest;
+        if (w.surfaces == 1) {
+            const real d = distance(w.surface[0], p, n, nearest);
+            if (!(d == d)) return false;
+            press(w, point, 0, n, nearest, h);
+            continue;
+        }
+        const real reach = RADIUS[point] + h * norm(at(tr.velocity[link], p));
+        real d[NC + 1];
+        for (int c = 0; c < w.surfaces; c++) {
+            d[c] = distance(w.surface[c], p, n, nearest);
+            if (!(d[c] == d[c])) return false;
+        }
+        for (int c = 0; c < w.surfaces; c++) {
+            if (!(d[c] < reach)) continue;
+            distance(w.surface[c], p, n, nearest);
+            // A place of a surface that a nearer collider covers is no surface.
+            bool covered = false;
+            for (int o = 0; o < w.surfaces && d[c] > 0 && !covered; o++) {
+                const bool nearer = d[o] < reach && (d[o] < d[c] || (d[o] == d[c] && o < c));
+                V3 m, place;
+                covered = nearer && distance(w.surface[o], nearest, m, place) < (real)1e-6;
+            }
+            if (!covered) press(w, point, c, n, nearest, h);
+        }
+    }
+    const int points = NP * w.surfaces;
+    for (int i = 0; i < NJ; i++) {
+        const real v = tr.qd[DOFS + i];
+        if (DRY[i] > 0) {
+            // Pressed with its friction at a coefficient of 1.
+            Touch& t = next(w);
+            t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
+            t.stiffness = 1; t.damping = 0; t.friction_damping = DRY[i] / CREEP; t.friction = 1;
+            t.gap = -DRY[i]; t.velocity = v3(0, v, 0);
+        }
+    }
+    for (int i = 0; i < DRIVES; i++) {
+        const double* d = drives + 5 * i;
+        const real v = tr.qd[DOFS + i], effort = (real)d[4];
+        Touch& t = next(w);
+        t.index = points + 2 * NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(1, 0, 0); t.normal = v3(1, 0, 0);
+        t.stiffness = (real)d[0]; t.damping = (real)d[1];
+        t.sticky = t.bounded = true;
+        t.gap = (real)(tr.q[COORDS + i] - d[2]); t.velocity = v3(v - (real)d[3], 0, 0);
+        t.bounds[0] = v < -TOP[i] ? 0 : -effort; t.bounds[1] = v > TOP[i] ? 0 : effort;
+    }
+    for (int i = 0; i < NJ; i++) {
+        const real* limit = LIMIT + 4 * i;
+        if (!(limit[2] > 0 || limit[3] > 0)) continue;
+        for (int end = 0; end < 2; end++) {
+            const real side = end ? -1 : 1;
+            const real v = side * tr.qd[DOFS + i];
+            real gap = side * (real)(tr.q[COORDS + i] - (double)limit[end]), part;
+            if (!inside(gap, (real)0.5 * h * v, part)) continue;
+            Touch& t = next(w);
+            t.index = points + i; t.link = -1; t.dof = DOFS + i; t.x = v3(side, 0, 0); t.normal = v3(1, 0, 0);
+            t.stiffness = part * limit[2]; t.damping = part * limit[3];
+            t.sticky = true;
+            t.gap = gap; t.velocity = v3(v, 0, 0);
+        }
+    }
+    return true;
+}
+
+// The columns of a touch's Jacobian: all DoF above it, from the link down to the root. DEPTH is the most that a link has.
+struct Columns { int n; int dof[DEPTH]; V3 a[DEPTH]; };
+FN void columns(const Work& w, const Touch& t, Columns& c) {
+    c.n = 0;
+    if (t.link < 0) {
+        c.dof[0] = t.dof; c.a[0] = t.x; c.n = 1;
+        return;
+    }
+    for (int i = t.link; i >= 0; i = PARENT[i]) {
+        if (DOFS && i == 0) {
+            for (int k = 0; k < 6; k++) { c.dof[c.n] = k; c.a[c.n++] = k < 3 ? cross(unit(k), t.x) : unit(k - 3); }
+        } else {
+            c.dof[c.n] = DOF[i]; c.a[c.n++] = at(w.tree.axis[i], t.x);
+        }
+    }
+}
+
+// Friction over slip.
+FN real drag(real normal, real speed, real friction_damping, real friction) {
+    const real length = HUBER ? (speed <= 1 ? (real)0.5 * speed * speed : speed - (real)0.5) : speed;
+    const real limit = friction * normal;
+    return friction_damping * length <= limit ? friction_damping : limit / length;
+}
