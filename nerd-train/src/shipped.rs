@@ -36,6 +36,13 @@ pub fn model(truth: Truth, robot: &str) -> PathBuf {
     })
 }
 
+/// Folder of the model that comes with the project for a task: `models/TASK` if there is one, trained on along its policies' motions, or else its
+/// robot's.
+pub fn model_of_task(task: &str, robot: &str) -> PathBuf {
+    let own = models().join(task);
+    if own.join("config.json").exists() { own } else { model(Truth::default(), robot) }
+}
+
 /// Folders of models or policies in one, by how their names begin, in order; none if it is not there.
 ///
 /// # Errors

@@ -18,7 +18,7 @@ pub struct ArenaArgs {
     /// Solver: neural, or one of the truths, articulated (preset accurate) and rapier (16 steps)
     #[arg(long, value_enum, default_value_t = SolverName::Articulated)]
     pub solver: SolverName,
-    /// Folder of the model of `neural` [default: models/ROBOT]
+    /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Where `neural` or `articulated` is computed [default: cpu]
@@ -44,7 +44,7 @@ impl ArenaArgs {
             SolverName::Rapier => Truth::Rapier,
             SolverName::Neural => {
                 let robot = named(task)?.robot();
-                let folder = self.model.unwrap_or_else(|| shipped::model(Truth::Articulated, robot));
+                let folder = self.model.unwrap_or_else(|| shipped::model_of_task(task, robot));
                 return Ok(Arena::Model { folder, device: self.device.unwrap_or_default() });
             }
         };

@@ -22,7 +22,7 @@ impl Policies {
         let tasks = if self.task.is_empty() { known.map(String::from).collect() } else { self.task.clone() };
         let mut runs = Vec::new();
         for task in tasks {
-            let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
+            let (model, truth) = self.host(&task)?;
             let learned = Arena::Model { folder: model, device: self.device };
             for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", Arena::Truth(truth), &self.truth_seeds)] {
                 let config = PpoConfig::choose(&task, &arena, Some(&self.recipe), None)?;
@@ -41,7 +41,7 @@ impl Policies {
         let mut inputs = Inputs::default();
         for run in self.plan()? {
             let robot = nerd_tasks::named(&run.task)?.robot();
-            let (model, truth) = self.host(robot)?;
+            let (model, truth) = self.host(&run.task)?;
             inputs.add(Input::robot(&*System::named(robot)?));
             inputs.add(truth_of(&run.task, truth)?);
             inputs.add(Input::model(&model)?);

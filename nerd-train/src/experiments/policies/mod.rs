@@ -43,7 +43,7 @@ settings! {
         recipe: String = "small".into(), Words(&["small", "paper"]);
         /// With --fresh: folder of the policies' runs; the same command goes on with those that are not done
         runs: PathBuf = "out/fresh".into(), Text;
-        /// Folder of the learned simulator's model [default: models/ROBOT]; the truth is the one it learned
+        /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it learned
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
         truth_only: bool = false, Flag;
@@ -105,9 +105,10 @@ impl Policies {
         Ok(found)
     }
 
-    /// Folder of the model that a robot's policies are played in, and the truth that it learned.
-    fn host(&self, robot: &str) -> Result<(PathBuf, Truth)> {
-        let folder = self.model.clone().unwrap_or_else(|| shipped::model(Truth::default(), robot));
+    /// Folder of the model that a task's policies are played in, and the truth that it learned.
+    fn host(&self, task: &str) -> Result<(PathBuf, Truth)> {
+        let robot = nerd_tasks::named(task)?.robot();
+        let folder = self.model.clone().unwrap_or_else(|| shipped::model_of_task(task, robot));
         let alone = self.truth_only && self.model.is_none() && !folder.exists();
         let truth = if alone { Truth::default() } else { ModelConfig::truth_of(&folder)? };
         Ok((folder, truth))
@@ -116,7 +117,7 @@ impl Policies {
     fn row(&self, path: &Path) -> Result<Row> {
         let (config, policy) = folder::load(path)?;
         let task = config.task;
-        let (model, truth) = self.host(nerd_tasks::named(&task)?.robot())?;
+        let (model, truth) = self.host(&task)?;
         let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
         let real = play(Arena::Truth(truth))?;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
@@ -169,7 +170,7 @@ impl Experiment for Policies {
         for path in &self.folders()? {
             let task = folder::load(path)?.0.task;
             let robot = nerd_tasks::named(&task)?.robot();
-            let (model, truth) = self.host(robot)?;
+            let (model, truth) = self.host(&task)?;
             inputs.add(Input::robot(&*System::named(robot)?));
             inputs.add(truth_of(&task, truth)?);
             if !self.truth_only {
