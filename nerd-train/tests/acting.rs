@@ -11,6 +11,8 @@ use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, RunningMoments, Shape};
 /// Environments, numbers of an observation and of an action (odd, so that the two numbers of a draw can be of two rows), steps.
 const N: usize = 37;
 const SEEN: usize = 5;
+/// How far apart rows are on the card.
+const PADDED: usize = 8;
 const A: usize = 3;
 const HORIZON: usize = 6;
 /// Discount and lambda, the step that is answered, its noise, and parts that sums are made in.
@@ -35,18 +37,18 @@ template <class T> vector<T> take(size_t n) { vector<T> x(n); if (fread(x.data()
 template <class T> void give(const vector<T>& x) { fwrite(x.data(), sizeof(T), x.size(), stdout); }
 #define RUN(threads, call) for (INDEX = 0; INDEX < (u64)(threads) + 5; INDEX++) call
 int main() {
-    auto sizes = take<int>(5);
-    const int n = sizes[0], seen = sizes[1], a = sizes[2], horizon = sizes[3], parts = sizes[4], steps = n * horizon;
+    auto sizes = take<int>(6);
+    const int n = sizes[0], seen = sizes[1], a = sizes[2], horizon = sizes[3], parts = sizes[4], padded = sizes[5], steps = n * horizon;
     auto key = take<u64>(5);
     auto law = take<double>(10);
     auto rows = take<double>(steps * seen), mean_of = take<double>(seen), inverse = take<double>(seen);
     auto rewards = take<double>(steps), values = take<double>(steps + n), cut = take<double>(steps);
     auto said = take<float>(n * (a + 1)), parameter = take<float>(a);
     auto ends = take<unsigned char>(steps);
-    vector<float> inputs(steps * seen), means(n * a), spreads(n * a), actions(n * a), surprise(n), kept(n * a);
+    vector<float> inputs(steps * padded), means(n * a), spreads(n * a), actions(n * a), surprise(n), kept(n * a);
     vector<float> advantages(steps), wanted(steps), known(steps);
     vector<double> worth(n), both(2 * steps), partial(parts * seen), first(seen), second(seen);
-    RUN(steps * seen, normalize(rows.data(), mean_of.data(), inverse.data(), inputs.data(), steps * seen, seen));
+    RUN(steps * seen, normalize(rows.data(), mean_of.data(), inverse.data(), inputs.data(), steps * seen, seen, padded));
     RUN(n, act(said.data(), parameter.data(), key[0], key[1], key[2], key[3], key[4], law[0], law[1], means.data(), spreads.data(),
                actions.data(), surprise.data(), worth.data(), kept.data(), n, a, a + 1, 0));
     RUN(n, gae(rewards.data(), ends.data(), values.data(), cut.data(), both.data(), n, horizon, law[2], law[3]));
@@ -141,7 +143,7 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     let said = policy.answer(&r.observations[STEP * N * SEEN..][..N * SEEN]);
     let rows = said.mean.chunks(A).zip(&said.value).flat_map(|(mean, value)| mean.iter().chain([value]));
 
-    let mut input: Vec<u8> = [N, SEEN, A, HORIZON, PARTS].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
+    let mut input: Vec<u8> = [N, SEEN, A, HORIZON, PARTS, PADDED].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
     input.extend(stream(NOISE.0, NOISE.1).get_seed());
     input.extend(NOISE.1.to_le_bytes());
     let numbers = [&laws, &r.observations, &columns.mean, &inverse, &rewards, &values, &cut];
@@ -150,7 +152,7 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     input.extend(&ends);
     let output = cpp::talk(&made, input);
 
-    let (singles, doubles) = output.split_at(4 * (steps * SEEN + 4 * N * A + N + 3 * steps));
+    let (singles, doubles) = output.split_at(4 * (steps * PADDED + 4 * N * A + N + 3 * steps));
     let mut singles = singles.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b)));
     let mut doubles = doubles.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b));
     let mut single = |n: usize| singles.by_ref().take(n).collect::<Vec<_>>();
@@ -160,7 +162,8 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
 
     let mut seen = Vec::new();
     policy.seen.rows(&r.observations, &mut seen);
-    near("inputs", &single(steps * SEEN), &f64s(&seen), 1e-6);
+    let seen: Vec<f64> = seen.chunks(SEEN).flat_map(|row| f64s(&[row, &[0.0; PADDED - SEEN]].concat())).collect();
+    near("inputs", &single(steps * PADDED), &seen, 1e-6);
     near("means", &single(N * A), &at(&r.mean), 0.0);
     near("spreads", &single(N * A), &at(&r.spread), 0.0);
     near("actions", &single(N * A), &at(&r.actions), 1e-6);

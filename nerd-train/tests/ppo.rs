@@ -1,106 +1,17 @@
-//! PPO: gradients against finite differences, advantages and moments by hand, problems whose answers are known, runs that go
-//! on to the bit.
+//! PPO: advantages and moments by hand, problems whose answers are known, runs that go on to the bit.
 
 mod common;
 
 use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, Snapshot, StepResult, named, names};
 use nerd_train::ppo::gae::{Steps, advantages};
-use nerd_train::ppo::rollout::{Rollout, Running, rollout};
-use nerd_train::ppo::update::{Adam, Data, gradient};
+use nerd_train::ppo::rollout::{Running, rollout};
+use nerd_train::ppo::update::Adam;
 use nerd_train::ppo::{Activation, Engine, Environments, OnCpu, Policy, PpoConfig, RunningMoments, Shape, Stack, Trainer, folder, play};
 
 fn config(text: &str) -> PpoConfig {
     let usual = "environments = 16\nhorizon = 16\niterations = 10\nminibatch = 128\nepochs = 4\nhidden = [16]\n";
     PpoConfig::from_text(&format!("{usual}{text}")).expect("good settings")
-}
-
-#[test]
-fn gradients_are_those_of_the_loss_written_down_in_f64() {
-    let mut worst: f64 = 0.0;
-    for (activation, spread_by_state, value_clip) in
-        [(Activation::Tanh, false, 0.2), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
-    {
-        let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, spread_by_state };
-        let mut rng = nerd_sim::sampling::stream(3, 0);
-        let mut draw = move || f64::from(rand::RngExt::random::<f32>(&mut rng)) * 2.0 - 1.0;
-        let mut policy = Policy::new(shape.clone(), &mut nerd_sim::sampling::stream(1, 1));
-        policy.flat.iter_mut().for_each(|w| *w += 0.3 * draw() as f32);
-        let n = 40;
-        let mut numbers = |n: usize, scale: f64| (0..n).map(|_| scale * draw()).collect::<Vec<f64>>();
-        let f32s = |x: Vec<f64>| x.into_iter().map(|x| x as f32).collect::<Vec<f32>>();
-        let rollout = Rollout {
-            observations: numbers(n * 3, 2.0),
-            actions: f32s(numbers(n * 2, 2.0)),
-            mean: f32s(numbers(n * 2, 0.5)),
-            spread: f32s(numbers(n * 2, 0.2)),
-            // Near what the policy says itself, so that some ratios are clipped and some are not.
-            surprise: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
-            values: numbers(n, 0.4),
-            advantages: numbers(n, 1.0),
-        };
-        let config = config(&format!("entropy = 0.02\nbounds = 0.3\ncritic = 2.0\nvalue_clip = {value_clip:?}\n"));
-        let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-        let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
-        let data = Data::new(&policy, &rollout, &returns, values);
-        let batch: Vec<u32> = (0..n as u32).step_by(2).collect();
-        let found = gradient(&policy, &data, &batch, &config).flat;
-        let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
-        for k in 0..params.len() {
-            let at = |h: f64| {
-                let mut moved = params.clone();
-                moved[k] += h;
-                loss(&moved, &policy, &rollout, &returns, &batch, &config)
-            };
-            let by_difference = (at(1e-5) - at(-1e-5)) / 2e-5;
-            let gap = (f64::from(found[k]) - by_difference).abs() / (1.0 + by_difference.abs());
-            worst = worst.max(gap);
-            assert!(gap < 2e-5, "{activation:?}, parameter {k}: {} against {by_difference} by differences", found[k]);
-        }
-    }
-    println!("worst gap {worst:.1e}");
-}
-
-/// The loss as the header of `loss.rs` has it, without a thought for speed.
-fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u32], c: &PpoConfig) -> f64 {
-    let (shape, sizes) = (&policy.shape, policy.shape.network().sizes);
-    let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
-    let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();
-    let normal = |x: f64| policy.returns.normalize(0, x);
-    let mut total = 0.0;
-    for i in batch.iter().map(|i| *i as usize) {
-        let mut x: Vec<f64> = (0..3).map(|k| policy.seen.normalize(k, r.observations[3 * i + k])).collect();
-        let mut at = 0;
-        for (l, w) in sizes.windows(2).enumerate() {
-            let bias = at + w[0] * w[1];
-            let y = (0..w[1]).map(|j| flat[bias + j] + (0..w[0]).map(|k| x[k] * flat[at + k * w[1] + j]).sum::<f64>());
-            let f = |y: f64| match shape.activation {
-                _ if l + 2 == sizes.len() => y,
-                Activation::Tanh => y.tanh(),
-                Activation::Relu => y.max(0.0),
-                Activation::Elu => y.max(0.0) + y.min(0.0).exp_m1(),
-            };
-            x = y.map(f).collect();
-            at = bias + w[1];
-        }
-        let s: Vec<f64> = (0..2).map(|k| if shape.spread_by_state { x[3 + k] } else { flat[at + k] }).collect();
-        let half_ln_tau = 0.5 * std::f64::consts::TAU.ln();
-        let (mut surprise, mut others) = (0.0, 0.0);
-        for k in 0..2 {
-            let a = f64::from(r.actions[2 * i + k]);
-            surprise += 0.5 * ((a - x[k]) / s[k].exp()).powi(2) + s[k] + half_ln_tau;
-            others += f64::from(c.bounds) * ((x[k] - 1.1).max(0.0).powi(2) + (x[k] + 1.1).min(0.0).powi(2));
-            others -= f64::from(c.entropy) * (s[k] + half_ln_tau + 0.5);
-        }
-        let ratio = (f64::from(r.surprise[i]) - surprise).exp();
-        let advantage = (r.advantages[i] - mean) / spread;
-        let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
-        let (v, goal, old) = (x[2], normal(returns[i]), normal(r.values[i]));
-        let near = old + (v - old).clamp(-0.2, 0.2);
-        let held = if c.value_clip > 0.0 { (near - goal).powi(2) } else { 0.0 };
-        total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max(held) + others;
-    }
-    total / batch.len() as f64
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub struct TrainArgs {
     #[arg(conflicts_with = "recipe")]
     pub file: Option<PathBuf>,
     /// Settings that come with the project: `paper` (E 192, 6 layers, batch 512: the defaults), `small` (E 48, 2 layers, batch
-    /// 128), `quick` (small, with what training has learned since), `urdf` (that, longer, for a robot of one's own), `chain` (for a cable on a gripper, rod by rod), `baseline`, or those of a model in `models/`, which is
+    /// 128), `quick` (small, with what training has learned since), `urdf` (that, longer, for a robot of one's own), `chain` (for a cable on a gripper, rod by rod), `chain-large` (that, wider, for a graphics card), `baseline`, or those of a model in `models/`, which is
     /// trained again, all of its runs (--updates and --transitions are then most that each has)
     #[arg(long)]
     pub recipe: Option<String>,

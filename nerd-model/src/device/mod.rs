@@ -1,10 +1,11 @@
 //! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; of a chain's,
-//! `chain_tell` and `chain_apply`.
+//! `chain_tell` and `chain_apply`; and a small network itself as one kernel, `whole_pass`.
 //!
 //! They stand on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
 //! CUDA, so that a test runs them where there is no GPU.
 
 mod chain;
+mod whole;
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -20,6 +21,7 @@ use crate::form::View;
 use crate::turns::Turns;
 
 pub use chain::{chain_functions, chain_program, memo};
+pub use whole::{Whole, whole_program};
 
 /// Numbers from one token to the next: cuBLAS likes rows aligned.
 pub fn padded(inputs: usize) -> usize {

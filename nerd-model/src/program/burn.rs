@@ -57,6 +57,8 @@ impl Network {
                 Op::Neighbours(apart) => neighbours(x, tokens, apart),
                 Op::Activate(Activation::Gelu) => gelu(x),
                 Op::Activate(Activation::Relu) => relu(x),
+                Op::Activate(Activation::Tanh) => x.tanh(),
+                Op::Activate(Activation::Elu) => relu(x.clone()) + x.clamp_max(0.0).exp() - 1.0,
                 Op::Cell { weight, bias, lstm } => cell(x, tokens, self.matrix(weight), self.row(bias), lstm),
             };
             slots[step.to.0] = Some(y);

@@ -12,7 +12,9 @@ mod networks;
 pub mod specimens;
 
 pub use self::burn::Network;
-pub use networks::{chain, mlp, recurrent, transformer};
+pub use networks::{chain, mlp, policy, recurrent, transformer};
+
+use serde::{Deserialize, Serialize};
 
 use crate::transformer::{Init, TensorSpec};
 
@@ -25,12 +27,17 @@ pub struct Slot(pub usize);
 pub struct Weight(pub usize);
 
 /// What stands between two products.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Activation {
     /// `x (1 + erf(x / sqrt 2)) / 2`.
     Gelu,
     /// `max(x, 0)`.
     Relu,
+    /// `tanh x`.
+    Tanh,
+    /// `x`, below 0 `e^x - 1`.
+    Elu,
 }
 
 /// What a step computes: y of the slot it writes from x of the slot it reads.

@@ -86,6 +86,29 @@ pub fn recurrent(c: &TransformerConfig) -> Program {
     head(p, x, c)
 }
 
+/// What acts and judges in reinforcement learning: one trunk over a single observation, behind it mean action, value and, by state, the
+/// logarithm of the action's spread.
+///
+/// `x -> f(W x + b)` between these `widths`, the first that of an observation, f nothing in front of the last. A spread that is the same
+/// in all states is the last tensor, `log_std`, of so many numbers, which no step reads. Initial weights uniform in +-1/sqrt(fan in),
+/// biases and spread 0.
+pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program {
+    let (inputs, layers) = (widths.first().copied().unwrap_or(0), widths.len().saturating_sub(1));
+    let mut p = Program::new(inputs);
+    let mut x = p.tokens();
+    for (k, width) in widths.iter().skip(1).enumerate() {
+        let init = [Init::FanIn(p.width(x)), Init::Constant(0.0)];
+        x = p.linear(&format!("layer{k}"), x, *width, init);
+        if k + 1 < layers {
+            x = p.then(x, *width, Op::Activate(f));
+        }
+    }
+    if let Some(actions) = spread {
+        p.tensor("log_std", &[actions], Init::Constant(0.0));
+    }
+    p
+}
+
 /// How far apart the rods are that look at each other, block by block: with eight blocks each of forty sees all others.
 const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 

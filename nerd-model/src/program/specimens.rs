@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::{Activation, Network, Op, Program, Slot, Step};
+use super::{Activation, Network, Op, Program, Slot, Step, policy};
 use crate::transformer::{Architecture, Init, Positions, TransformerConfig};
 
 /// A program with numbers for all that it reads.
@@ -106,6 +106,8 @@ pub fn operations() -> Vec<Specimen> {
         then("neighbours beyond the window", 21, Op::Neighbours(TOKENS + 1)),
         then("gelu", 7, Op::Activate(Activation::Gelu)),
         then("relu", 7, Op::Activate(Activation::Relu)),
+        then("tanh", 7, Op::Activate(Activation::Tanh)),
+        then("elu", 7, Op::Activate(Activation::Elu)),
         cell("GRU", false, 3),
         cell("LSTM", true, 4),
     ]
@@ -118,8 +120,10 @@ pub fn networks() -> Vec<Specimen> {
     let rivals = [Architecture::Transformer, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
     let mut all: Vec<_> = rivals.map(|rival| (format!("{rival:?}"), of(rival, Positions::Table, TOKENS))).into();
     all.push(("rotary Transformer".into(), of(Architecture::Transformer, Positions::Rotary, 3)));
-    let specimen = |(name, config): (String, TransformerConfig)| {
-        let mut specimen = Specimen::new(&name, config.program());
+    let mut all: Vec<_> = all.into_iter().map(|(name, config)| (name, config.program())).collect();
+    all.push(("policy".into(), policy(&[5, 24, 9, 4], Activation::Elu, Some(3))));
+    let specimen = |(name, program): (String, Program)| {
+        let mut specimen = Specimen::new(&name, program);
         // Deep networks say little at the numbers of shallow ones.
         specimen.flat.iter_mut().for_each(|w| *w *= 0.4);
         specimen

@@ -164,6 +164,16 @@ impl From<nerd_cuda::DeviceError> for LearnError {
     }
 }
 
+#[cfg(feature = "cuda")]
+impl From<LearnError> for nerd_cuda::DeviceError {
+    fn from(error: LearnError) -> Self {
+        match error {
+            LearnError::Device(said) => Self(said),
+            other => Self(other.to_string()),
+        }
+    }
+}
+
 /// Refuses settings, a state or windows that do not fit the network or each other.
 fn check(config: &LearnerConfig, state: &LearnerState, sets: [(&str, &Windows); 2]) -> Result<(), LearnError> {
     let (network, mismatch) = (state.weights.config, LearnError::Mismatch);

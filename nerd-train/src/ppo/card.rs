@@ -40,7 +40,7 @@ pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer:
         trainer.state.iteration,
         trainer.config.environments,
         trainer.config.horizon,
-        policy.shape.network().sizes,
+        policy.shape.widths(),
         policy.shape.activation,
         policy.flat.len(),
         reward.map_or_else(String::new, |r| format!(", {r:.1}")),

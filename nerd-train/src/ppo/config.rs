@@ -1,9 +1,9 @@
 //! Hyper-parameters: what rl_games calls `a2c_continuous`, with the paper's values for every task.
 
+use nerd_model::program::Activation;
 use nerd_tasks::TaskError;
 use serde::{Deserialize, Serialize};
 
-use super::activation::Activation;
 use crate::ranges::{OutOfRange, positive, within};
 
 /// Settings of a run; what a file leaves out is what all tasks of the paper share.
@@ -23,7 +23,7 @@ pub struct PpoConfig {
     /// Widths of the hidden layers, which policy and value share.
     pub hidden: Vec<usize>,
     /// Between them.
-    #[serde(default)]
+    #[serde(default = "tanh")]
     pub activation: Activation,
     /// Observations that the network sees, the newest first; more than one stands in for memory.
     #[serde(default = "one")]
@@ -75,7 +75,7 @@ impl Default for PpoConfig {
             minibatch: 2048,
             epochs: 5,
             hidden: vec![64, 64],
-            activation: Activation::default(),
+            activation: tanh(),
             stack: one(),
             spread_by_state: false,
             gamma: gamma(),
@@ -92,6 +92,9 @@ impl Default for PpoConfig {
     }
 }
 
+fn tanh() -> Activation {
+    Activation::Tanh
+}
 fn one() -> usize {
     1
 }

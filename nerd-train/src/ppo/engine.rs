@@ -9,7 +9,7 @@ use super::config::PpoConfig;
 use super::environments::Environments;
 use super::gae::{Steps, advantages};
 use super::loss::surprise;
-use super::policy::{Answer, Policy};
+use super::policy::{Actor, Answer, Policy};
 use super::rollout::{Rollout, Running, Taken, rollout};
 use super::trainer::PpoError;
 use super::update::{Adam, Updated, update};
@@ -70,11 +70,11 @@ pub trait Engine: Send {
 }
 
 /// On the CPU, which does not fail.
-#[derive(Clone, Debug, Default)]
+#[derive(Default)]
 pub struct OnCpu {
     /// The rollout so far.
     pub rollout: Rollout,
-    policy: Option<Policy>,
+    actor: Option<Actor>,
     rewards: Vec<f64>,
     terminated: Vec<bool>,
     truncated: Vec<bool>,
@@ -85,8 +85,8 @@ pub struct OnCpu {
 impl Engine for OnCpu {
     fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
         // What the last rollout took of memory serves this one.
-        let Self { rollout, policy: known, rewards, terminated, truncated, cut } = self;
-        *known = Some(policy.clone());
+        let Self { rollout, actor, rewards, terminated, truncated, cut } = self;
+        *actor = Some(Actor::new(policy.clone()));
         let Rollout { observations, actions, mean, spread, surprise, values, advantages } = rollout;
         [observations, values, advantages, rewards, cut].into_iter().for_each(Vec::clear);
         [actions, mean, spread, surprise].into_iter().for_each(Vec::clear);
@@ -95,13 +95,13 @@ impl Engine for OnCpu {
     }
 
     fn act(&mut self, rows: &[f64], noise: (u64, u64), actions: &mut Vec<f64>) -> Result<(), PpoError> {
-        let Some(policy) = &self.policy else { return Ok(()) };
-        let (answer, r) = (policy.answer(rows), &mut self.rollout);
-        let (drawn, width) = (drawn(&answer, noise), policy.shape.action);
+        let Some(actor) = &self.actor else { return Ok(()) };
+        let (answer, r) = (actor.answer(rows), &mut self.rollout);
+        let (drawn, width) = (drawn(&answer, noise), actor.policy.shape.action);
         let said = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
         r.surprise.par_extend(said.map(|((a, mu), s)| surprise(a, mu, s)));
         r.observations.extend_from_slice(rows);
-        r.values.extend(policy.values(&answer));
+        r.values.extend(actor.policy.values(&answer));
         r.mean.extend(answer.mean);
         r.spread.extend(answer.spread);
         actions.clear();
@@ -111,8 +111,8 @@ impl Engine for OnCpu {
     }
 
     fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), PpoError> {
-        let Some(policy) = &self.policy else { return Ok(()) };
-        self.cut.extend(policy.values(&policy.answer(reached)));
+        let Some(actor) = &self.actor else { return Ok(()) };
+        self.cut.extend(actor.policy.values(&actor.answer(reached)));
         self.rewards.extend_from_slice(&result.rewards);
         self.terminated.extend_from_slice(&result.terminated);
         self.truncated.extend_from_slice(&result.truncated);
@@ -120,8 +120,8 @@ impl Engine for OnCpu {
     }
 
     fn finish(&mut self, rows: &[f64], (gamma, lambda): (f64, f64)) -> Result<(), PpoError> {
-        let Some(policy) = &self.policy else { return Ok(()) };
-        let last = policy.values(&policy.answer(rows));
+        let Some(actor) = &self.actor else { return Ok(()) };
+        let last = actor.policy.values(&actor.answer(rows));
         let (n, values) = (last.len(), &self.rollout.values);
         let mut next: Vec<f64> = values.iter().skip(n).chain(&last).copied().collect();
         // Where time ran out, the state reached is not the one that the next answer is about.

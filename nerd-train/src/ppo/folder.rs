@@ -42,16 +42,12 @@ pub struct PolicyConfig {
 /// # Errors
 /// If it cannot be written.
 pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<(), CheckpointError> {
-    let network = policy.shape.network();
     let (mut file, mut rest) = (Writer::default(), policy.flat.as_slice());
-    for (k, w) in network.sizes.windows(2).enumerate() {
-        let (weight, behind) = rest.split_at(w[0] * w[1]);
-        let (bias, behind) = behind.split_at(w[1]);
+    for tensor in policy.shape.program().tensors {
+        let (entries, behind) = rest.split_at(tensor.len());
         rest = behind;
-        file.f32(format!("layer{k}.weight"), &[w[0], w[1]], weight);
-        file.f32(format!("layer{k}.bias"), &[w[1]], bias);
+        file.f32(&tensor.name, &tensor.shape, entries);
     }
-    file.f32("log_std", &[rest.len()], rest);
     for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
         file.f64(format!("{name}.mean"), moments.mean.iter().copied());
         file.f64(format!("{name}.variance"), moments.variance.iter().copied());
@@ -98,16 +94,14 @@ fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> R
     let bytes = std::fs::read(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
     let file = Reader::new(&path, &bytes)?;
     let (shape, mut flat) = (config.shape.clone(), Vec::new());
-    for (k, w) in shape.network().sizes.windows(2).enumerate() {
-        flat.extend(file.f32(&format!("layer{k}.weight"), Some(w[0] * w[1]))?);
-        flat.extend(file.f32(&format!("layer{k}.bias"), Some(w[1]))?);
+    for tensor in shape.program().tensors {
+        flat.extend(file.f32(&tensor.name, Some(tensor.len()))?);
     }
-    flat.extend(file.f32("log_std", Some(shape.parameters() - flat.len()))?);
     let moments = |name: &str, columns: usize| {
         let column = |what: &str, n: usize| file.f64(&format!("{name}.{what}"), Some(n));
         Ok(RunningMoments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
     };
-    let seen = moments("observation", shape.observation * shape.stack)?;
+    let seen = moments("observation", shape.inputs())?;
     let returns = moments("return", 1)?;
     let of = |m: &RunningMoments| {
         m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0)

@@ -5,14 +5,13 @@
 //! Unlike there, moments of observations move after an update, not before it, so that its first ratio is 1. The shipped policies
 //! learned in the order of rl_games.
 //!
-//! Networks are small and environments many, so all of it is plain f32 on the CPU, over faer's products: an update of 65 536
+//! Networks are small and environments many, so all of it is plain f32 on the CPU, over the engine of programs ([`nerd_model::program::cpu`]): an update of 65 536
 //! steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are answers and updates. Whatever the number of threads,
 //! the same seed gives the same bytes.
 //!
 //! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`], all on an [`Engine`]; [`Trainer`] repeats it and keeps all that a run needs
 //! to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
 
-mod activation;
 mod arena;
 mod card;
 mod checkpoint;
@@ -26,7 +25,6 @@ mod environments;
 pub mod folder;
 pub mod gae;
 pub mod loss;
-pub mod mlp;
 mod normalizer;
 mod pilot;
 mod play;
@@ -39,7 +37,8 @@ mod tensors;
 mod trainer;
 pub mod update;
 
-pub use activation::Activation;
+pub use nerd_model::program::Activation;
+
 pub use arena::Arena;
 pub use config::{ConfigError, PpoConfig};
 #[cfg(feature = "cuda")]
@@ -49,7 +48,7 @@ pub use environments::Environments;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;
 pub use play::{Game, play, replay};
-pub use policy::{Answer, Policy, Shape};
+pub use policy::{Actor, Answer, Policy, Shape};
 pub use run::{Learned, PolicyRun};
 pub use shared::Shared;
 pub use stack::Stack;

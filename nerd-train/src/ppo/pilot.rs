@@ -15,7 +15,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::engine::normal;
-use super::policy::Policy;
+use super::policy::{Actor, Policy};
 use super::stack::Stack;
 
 /// Widest noise on actions, in the policy's own spread: data that its surest actions alone had made says nothing beside them.
@@ -27,7 +27,7 @@ const TURN: f64 = 30.0;
 const FAST: f64 = 0.25;
 
 /// Policies with their tasks.
-type All = Arc<[(Arc<dyn Task>, Arc<Policy>)]>;
+type All = Arc<[(Arc<dyn Task>, Arc<Actor>)]>;
 
 /// Policies, of which one acts in each trajectory, or several in turn.
 pub struct Policies {
@@ -46,14 +46,14 @@ impl Policies {
 
     /// Policies with their tasks, whoever wrote these.
     pub fn of(of: Vec<(Arc<dyn Task>, Policy)>) -> Self {
-        Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(policy))).collect() }
+        Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(Actor::new(policy)))).collect() }
     }
 }
 
 /// Data that policies acted in is known by what these were, and how they acted.
 impl fmt::Debug for Policies {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_list().entries(self.of.iter().map(|(task, p)| format!("{} {}", task.name(), p.sha256()))).finish()?;
+        f.debug_list().entries(self.of.iter().map(|(task, actor)| format!("{} {}", task.name(), actor.policy.sha256()))).finish()?;
         write!(f, " noise {NOISE}, mixed {MIXED} by {TURN} frames, fast {FAST} x {FASTEST}")
     }
 }
@@ -81,7 +81,7 @@ struct Acting {
 struct Turn {
     which: usize,
     task: Arc<dyn Task>,
-    policy: Arc<Policy>,
+    actor: Arc<Actor>,
     goal: Vec<f64>,
     noise: f64,
     observation: Vec<f64>,
@@ -93,11 +93,11 @@ struct Turn {
 impl Turn {
     /// One of them, with a goal and a noise of its own.
     fn new(all: &All, which: usize, rng: &mut ChaCha8Rng) -> Self {
-        let (task, policy) = all[which].clone();
+        let (task, actor) = all[which].clone();
         let mut goal = vec![0.0; task.goal_dim()];
         task.draw_goal(rng, &mut goal);
         let (noise, observation) = (NOISE * rng.random::<f64>(), vec![0.0; task.observation_dim()]);
-        Self { which, task, policy, goal, noise, observation, action: Vec::new(), stack: None, frame: 0 }
+        Self { which, task, actor, goal, noise, observation, action: Vec::new(), stack: None, frame: 0 }
     }
 
     /// Any other one.
@@ -117,15 +117,15 @@ impl Act for Acting {
         if self.mixed && self.now.frame > 0 && self.now.asked() && rng.random::<f64>() * TURN < self.now.task.frames() as f64 {
             self.now = self.now.other(&self.all, rng);
         }
-        let (asked, Turn { task, policy, goal, observation, stack, action, noise, .. }) = (self.now.asked(), &mut self.now);
+        let (asked, Turn { task, actor, goal, observation, stack, action, noise, .. }) = (self.now.asked(), &mut self.now);
         let view = View { state, goal, scene };
         if asked {
             task.observe(view, &mut self.work, observation);
             match stack {
                 Some(stack) => stack.push(observation, &[], |_| false, observation, &mut Vec::new()),
-                None => *stack = Some(Stack::new(policy.shape.stack, observation.len(), observation)),
+                None => *stack = Some(Stack::new(actor.policy.shape.stack, observation.len(), observation)),
             }
-            let answer = policy.answer(stack.as_ref().map_or(&[], |s| &s.rows));
+            let answer = actor.answer(stack.as_ref().map_or(&[], |s| &s.rows));
             let (noise, mut spare) = (*noise as f32, None);
             let drawn = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + noise * s.exp() * normal(rng, &mut spare));
             *action = drawn.map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();

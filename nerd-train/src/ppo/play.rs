@@ -4,7 +4,7 @@ use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
 
 use super::environments::Environments;
-use super::policy::Policy;
+use super::policy::{Actor, Policy};
 use super::rollout::Running;
 use crate::progress::bar;
 use crate::report::replay::Replay;
@@ -25,11 +25,11 @@ pub struct Game {
 /// # Errors
 /// If the solver cannot step.
 pub fn play(policy: &Policy, environments: &mut impl Environments, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
-    let mut running = Running::new(environments, policy.shape.stack);
+    let (mut running, actor) = (Running::new(environments, policy.shape.stack), Actor::new(policy.clone()));
     let (mut games, mut reached) = (vec![None; environments.count()], Vec::new());
     let mut misses = vec![Vec::new(); games.len()];
     while games.iter().any(Option::is_none) {
-        let stepped = running.step(environments, &actions(policy, &running), &mut reached)?;
+        let stepped = running.step(environments, &actor.mean(&running.stack.rows), &mut reached)?;
         misses.iter_mut().zip(stepped.result.misses).for_each(|(all, miss)| all.push(miss));
         for (env, reward, length) in stepped.ended {
             let miss = last_half(&std::mem::take(&mut misses[env]));
@@ -58,21 +58,17 @@ pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);
     page.begin(title);
     let (mut running, mut reached, mut total) = (Running::new(episodes, policy.shape.stack), Vec::new(), 0.0);
+    let actor = Actor::new(policy.clone());
     loop {
         page.add(&episodes.simulation.batch);
         page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
         page.rewards.push(total as f32);
         bar.set(page.frames() as u64);
-        let stepped = running.step(episodes, &actions(policy, &running), &mut reached)?;
+        let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
         total += stepped.result.rewards[0];
         if !stepped.ended.is_empty() {
             bar.finish();
             return Ok((page, total));
         }
     }
-}
-
-/// Mean actions at what is seen now.
-fn actions(policy: &Policy, running: &Running) -> Vec<f64> {
-    policy.answer(&running.stack.rows).mean.into_iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect()
 }

@@ -3,13 +3,15 @@
 //! One trunk, and behind it mean action, value and, if asked for, logarithm of the spread. An action is drawn from the normal
 //! law `N(mu, exp(s)^2)`, s being a parameter by default; an environment clamps it to [-1, 1].
 
+use nerd_model::program::cpu::{Loaded, Pass};
+use nerd_model::program::{Activation, Program, policy};
+use nerd_model::transformer::Init;
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::activation::Activation;
-use super::mlp::{Mlp, Tape};
 use super::normalizer::RunningMoments;
 use crate::ranges::{OutOfRange, within};
 
@@ -47,16 +49,29 @@ impl Shape {
         self.hidden.iter().try_for_each(|width| within("hidden", *width, 1..=4096))
     }
 
-    /// The network.
-    pub fn network(&self) -> Mlp {
-        let outputs = self.action + 1 + if self.spread_by_state { self.action } else { 0 };
-        let sizes = [&[self.observation * self.stack], self.hidden.as_slice(), &[outputs]].concat();
-        Mlp { sizes, activation: self.activation }
+    /// Numbers that go into the network.
+    pub fn inputs(&self) -> usize {
+        self.observation * self.stack
     }
 
-    /// Parameters: the network's, then the spread's if it is no output.
-    pub fn parameters(&self) -> usize {
-        self.network().parameters() + if self.spread_by_state { 0 } else { self.action }
+    /// Numbers that it says.
+    pub fn outputs(&self) -> usize {
+        self.action + 1 + if self.spread_by_state { self.action } else { 0 }
+    }
+
+    /// Parameters of a spread that is no output, the last ones.
+    pub fn spread(&self) -> usize {
+        if self.spread_by_state { 0 } else { self.action }
+    }
+
+    /// Widths from what goes in to what is said.
+    pub fn widths(&self) -> Vec<usize> {
+        [&[self.inputs()], self.hidden.as_slice(), &[self.outputs()]].concat()
+    }
+
+    /// The network, whose parameters are the policy's.
+    pub fn program(&self) -> Program {
+        policy(&self.widths(), self.activation, (!self.spread_by_state).then_some(self.action))
     }
 }
 
@@ -65,7 +80,7 @@ impl Shape {
 pub struct Policy {
     /// Its shape.
     pub shape: Shape,
-    /// Parameters, see [`Shape::parameters`].
+    /// Parameters, those of [`Shape::program`].
     pub flat: Vec<f32>,
     /// Moments of (stacked) observations.
     pub seen: RunningMoments,
@@ -87,28 +102,40 @@ pub struct Answer {
 impl Policy {
     /// Random weights, spread 1.
     pub fn new(shape: Shape, rng: &mut ChaCha8Rng) -> Self {
-        let network = shape.network();
-        let mut flat = network.init(rng);
+        let mut flat = Vec::new();
+        for tensor in shape.program().tensors {
+            let bound = if let Init::FanIn(n) = tensor.init { (n as f32).sqrt().recip() } else { 0.0 };
+            match bound > 0.0 {
+                true => flat.extend((0..tensor.len()).map(|_| (2.0 * rng.random::<f32>() - 1.0) * bound)),
+                false => flat.resize(flat.len() + tensor.len(), 0.0),
+            }
+        }
         if shape.spread_by_state {
             // The spread begins at 1 wherever one is.
-            let (outputs, inside) = (shape.action * 2 + 1, network.sizes[network.sizes.len() - 2]);
+            let (outputs, inside) = (shape.outputs(), shape.hidden.last().copied().unwrap_or(shape.inputs()));
             let start = flat.len() - (inside + 1) * outputs;
             flat[start..].chunks_exact_mut(outputs).for_each(|row| row[shape.action + 1..].fill(0.0));
         }
-        flat.resize(shape.parameters(), 0.0);
-        Self { seen: RunningMoments::new(shape.observation * shape.stack), returns: RunningMoments::new(1), flat, shape }
+        Self { seen: RunningMoments::new(shape.inputs()), returns: RunningMoments::new(1), flat, shape }
     }
 
-    /// Mean, spread and value for rows of (stacked) observations.
+    /// The network with its weights, as they are now.
+    pub fn network(&self) -> Loaded {
+        Loaded::new(self.shape.program(), &self.flat)
+    }
+
+    /// Mean, spread and value for rows of (stacked) observations. Who asks again and again has an [`Actor`].
     pub fn answer(&self, observations: &[f64]) -> Answer {
-        let (network, a) = (self.shape.network(), self.shape.action);
-        let width = self.shape.observation * self.shape.stack;
-        let parts = observations.par_chunks(ROWS * width).map_init(Tape::default, |tape, rows| {
-            tape.layers.resize_with(1, Vec::new);
-            self.seen.rows(rows, &mut tape.layers[0]);
-            network.forward(&self.flat, tape).to_vec()
+        self.answer_by(&self.network(), observations)
+    }
+
+    fn answer_by(&self, network: &Loaded, observations: &[f64]) -> Answer {
+        let (a, outputs) = (self.shape.action, self.shape.outputs());
+        let parts = observations.par_chunks(ROWS * self.shape.inputs()).map_init(Default::default, |(memory, inputs), rows| {
+            self.seen.rows(rows, inputs);
+            std::mem::take(network.forward(inputs, memory, Pass::Kept(1)))
         });
-        let (mut answer, outputs) = (Answer::default(), network.sizes.last().copied().unwrap_or(1));
+        let mut answer = Answer::default();
         for row in parts.collect::<Vec<_>>().iter().flat_map(|part| part.chunks_exact(outputs)) {
             answer.mean.extend_from_slice(&row[..a]);
             answer.value.push(row[a]);
@@ -131,6 +158,30 @@ impl Policy {
 
     /// The spread's parameters; empty if it is an output.
     pub fn spread(&self) -> &[f32] {
-        &self.flat[self.shape.network().parameters()..]
+        &self.flat[self.flat.len() - self.shape.spread()..]
+    }
+}
+
+/// A policy that is asked again and again: its network is loaded once.
+pub struct Actor {
+    /// Who answers.
+    pub policy: Policy,
+    network: Loaded,
+}
+
+impl Actor {
+    /// Of a policy as it is now.
+    pub fn new(policy: Policy) -> Self {
+        Self { network: policy.network(), policy }
+    }
+
+    /// [`Policy::answer`].
+    pub fn answer(&self, observations: &[f64]) -> Answer {
+        self.policy.answer_by(&self.network, observations)
+    }
+
+    /// Mean actions alone, within their bounds.
+    pub fn mean(&self, observations: &[f64]) -> Vec<f64> {
+        self.answer(observations).mean.into_iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect()
     }
 }

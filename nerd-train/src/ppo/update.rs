@@ -4,6 +4,9 @@
 //! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
 //! so that the divergence is that of one pass, not of all.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_sim::sampling::stream;
 use rand::RngExt;
 use rayon::prelude::*;
@@ -11,7 +14,6 @@ use serde::{Deserialize, Serialize};
 
 use super::config::PpoConfig;
 use super::loss::{Past, Terms, divergence, step};
-use super::mlp::Tape;
 use super::policy::{Policy, ROWS};
 use super::rollout::Rollout;
 use crate::learner::adam::norm;
@@ -87,11 +89,13 @@ impl Updated {
 pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, seeds: (u64, u64)) -> Updated {
     let mut data = begun(policy, rollout);
     let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
+    let mut learning = Learning::new(policy);
     for order in orders(data.len(), config, seeds) {
         for batch in order.chunks(config.minibatch) {
-            let said = gradient(policy, &data, batch, config);
+            let said = gradient(policy, &learning, &data, batch, config);
             data.compare_with(batch, &said);
             norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
+            learning.load(policy);
             let terms = said.terms.over(batch.len() as f64);
             sums.add(&terms);
             batches += 1.0;
@@ -183,23 +187,54 @@ pub struct Gradient {
     pub spread: Vec<f32>,
 }
 
+/// A policy's network between two minibatches, whose memory the next one uses again.
+pub struct Learning {
+    network: Loaded,
+    idle: Mutex<Vec<Room>>,
+}
+
+/// What a thread needs: activations, inputs, and the gradient by what was said.
+#[derive(Default)]
+struct Room {
+    memory: Memory,
+    inputs: Vec<f32>,
+    behind: Vec<f32>,
+}
+
+impl Learning {
+    /// Of a policy as it is now.
+    pub fn new(policy: &Policy) -> Self {
+        let learning = Self { network: policy.network(), idle: Mutex::default() };
+        learning.network.turn();
+        learning
+    }
+
+    fn load(&mut self, policy: &Policy) {
+        self.network.load(&policy.flat);
+        self.network.turn();
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Vec<Room>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// Forward and backward over some steps.
-pub fn gradient(policy: &Policy, data: &Data, batch: &[u32], config: &PpoConfig) -> Gradient {
-    let (shape, network) = (&policy.shape, policy.shape.network());
-    let (a, width, inner) = (shape.action, shape.observation * shape.stack, network.parameters());
-    let outputs = network.sizes.last().copied().unwrap_or(1);
+pub fn gradient(policy: &Policy, learning: &Learning, data: &Data, batch: &[u32], config: &PpoConfig) -> Gradient {
+    let shape = &policy.shape;
+    let (a, width, outputs) = (shape.action, shape.inputs(), shape.outputs());
     let scale = 1.0 / batch.len() as f32;
-    let parts = batch.par_chunks(ROWS).map_init(Tape::default, |tape, rows| {
-        tape.layers.resize_with(1, Vec::new);
-        tape.layers[0].clear();
-        rows.iter().for_each(|i| tape.layers[0].extend_from_slice(&data.inputs[*i as usize * width..][..width]));
-        network.forward(&policy.flat, tape);
-        tape.gradient.clear();
-        tape.gradient.resize(rows.len() * outputs, 0.0);
-        let mut part = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
-        let mut of_spread = vec![0.0; a];
-        let answers = tape.layers[network.sizes.len() - 1].chunks_exact(outputs);
-        for ((i, said), d) in rows.iter().zip(answers).zip(tape.gradient.chunks_exact_mut(outputs)) {
+    let parts = batch.par_chunks(ROWS).map(|rows| {
+        let mut room = learning.idle().pop().unwrap_or_default();
+        let Room { memory, inputs, behind } = &mut room;
+        inputs.clear();
+        rows.iter().for_each(|i| inputs.extend_from_slice(&data.inputs[*i as usize * width..][..width]));
+        behind.clear();
+        behind.resize(rows.len() * outputs, 0.0);
+        let mut part = Gradient::default();
+        let (mut of_spread, mut spreads) = (vec![0.0; a], vec![0.0; shape.spread()]);
+        let answers = learning.network.forward(inputs, memory, Pass::Kept(1)).chunks_exact(outputs);
+        for ((i, said), d) in rows.iter().zip(answers).zip(behind.chunks_exact_mut(outputs)) {
             let i = *i as usize;
             let past = Past {
                 action: &data.rollout.actions[i * a..(i + 1) * a],
@@ -215,13 +250,15 @@ pub fn gradient(policy: &Policy, data: &Data, batch: &[u32], config: &PpoConfig)
             let mut one = step(config, past, (&said[..a], s, said[a]), scale, (d_mu, d_s, &mut d_v[0]));
             one.kl = f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
             part.terms.add(&one);
-            if !shape.spread_by_state {
-                part.flat[inner..].iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
-            }
+            spreads.iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
             part.mean.extend_from_slice(&said[..a]);
             part.spread.extend_from_slice(s);
         }
-        network.backward(&policy.flat, tape, &mut part.flat[..inner]);
+        part.flat = learning.network.backward(1, behind, memory, false).0;
+        learning.idle().push(room);
+        // Of the last tensor, which no step reads.
+        let network = part.flat.len() - spreads.len();
+        part.flat[network..].copy_from_slice(&spreads);
         part
     });
     let mut sum = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };

@@ -13,8 +13,8 @@ use nerd_tasks::{Episodes, named};
 
 use super::replay::Replay;
 use crate::error::Result;
-use crate::ppo::folder;
 use crate::ppo::rollout::Running;
+use crate::ppo::{Actor, folder};
 use crate::shipped::{model, root};
 
 /// Seed of motions that no data have.
@@ -99,6 +99,7 @@ fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usi
 /// If policy or model cannot be loaded, or a solver cannot step.
 pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Replay> {
     let (config, policy) = folder::load(policy)?;
+    let actor = Actor::new(policy);
     let system = System::named(named(&config.task)?.robot())?;
     let mut replay: Option<Replay> = None;
     for (name, solver) in both(&system, model)? {
@@ -107,16 +108,14 @@ pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Re
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
         replay.begin(&name);
-        let (mut running, mut reached, mut total) = (Running::new(&episodes, policy.shape.stack), Vec::new(), 0.0);
+        let (mut running, mut reached, mut total) = (Running::new(&episodes, actor.policy.shape.stack), Vec::new(), 0.0);
         for _ in 0..steps {
             replay.add(&episodes.simulation.batch);
             if replay.tracks.len() == 1 {
                 replay.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
                 replay.rewards.push(total as f32);
             }
-            let mean = policy.answer(&running.stack.rows).mean;
-            let actions: Vec<f64> = mean.into_iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
-            let stepped = running.step(&mut episodes, &actions, &mut reached)?;
+            let stepped = running.step(&mut episodes, &actor.mean(&running.stack.rows), &mut reached)?;
             total += stepped.result.rewards[0];
             if !stepped.ended.is_empty() {
                 break;

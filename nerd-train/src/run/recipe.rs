@@ -33,7 +33,7 @@ macro_rules! shipped {
 
 /// Shipped recipes by name.
 const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpole" "pendulum" "cube" "franka" "ant"
-    "anymal" "chain" "ant-small" "anymal-small" "cartpole-paper" "pendulum-paper" "ant-paper" "baseline");
+    "anymal" "chain" "chain-large" "ant-small" "anymal-small" "cartpole-paper" "pendulum-paper" "ant-paper" "baseline");
 
 /// Runs to be made one after the other.
 #[derive(Clone, Debug, PartialEq)]

@@ -146,11 +146,20 @@ impl RecordConfig {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let done = AtomicUsize::new(0);
         let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-        let on_card = device == Device::Cuda && self.truth(system) == Truth::Articulated;
-        let most = if on_card { ON_CARD } else { ON_CPU };
-        let config = GenerateConfig { shard_trajectories: config.shard_trajectories.min(most), ..config.clone() };
-        let solver = || if on_card { truth_on_card(system) } else { self.truth(system).solver(system) };
-        let motions = Motions::record(system, &solver, &config, &tell)?;
+        let record = |on_card: bool| {
+            let most = if on_card { ON_CARD } else { ON_CPU };
+            let config = GenerateConfig { shard_trajectories: config.shard_trajectories.min(most), ..config.clone() };
+            let solver = || if on_card { truth_on_card(system) } else { self.truth(system).solver(system) };
+            Motions::record(system, &solver, &config, &tell)
+        };
+        let motions = match record(device == Device::Cuda && self.truth(system) == Truth::Articulated) {
+            Err(error) if device == Device::Cuda => {
+                eprintln!("{error}; it is recorded on the CPU");
+                done.store(0, Ordering::Relaxed);
+                record(false)?
+            }
+            recorded => recorded?,
+        };
         bar.finish();
         Ok(motions)
     }

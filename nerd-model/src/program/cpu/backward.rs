@@ -2,17 +2,32 @@
 //!
 //! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
-use super::elementwise::{multiply, normalize_back, relu_back, sum_rows};
-use super::{Loaded, Matrix, Memory, cell, neighbours, taken};
-use crate::program::{Activation, Op, Step, Weight};
+use super::elementwise::{normalize_back, sum_rows};
+use super::{Loaded, Matrix, Memory, activate, cell, neighbours, taken};
+use crate::program::{Op, Step, Weight};
 
 impl Loaded {
+    /// Turns the matrices that the way back asks for. Threads that ask for one at the same time would wait for each other.
+    pub fn turn(&self) {
+        (0..self.program.steps.len()).filter(|i| self.program.steps[*i].from != self.program.tokens()).for_each(|i| _ = self.turned(i));
+    }
+
+    /// Of a linear step, `W'^T`.
+    fn turned(&self, i: usize) -> Option<&Matrix> {
+        let Step { to, op: Op::Linear { weight, scale, .. }, .. } = self.program.steps[i] else { return None };
+        let folded = if scale.is_some() { &self.folded[i] } else { self.tensor(weight) };
+        Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(to), folded)))
+    }
+
     /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
     /// if that is asked for, or else nothing.
     pub fn backward(&self, tokens: usize, behind: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
         let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
-        slopes[self.program.predictions().0] = behind.to_vec();
+        let mut last = taken(&mut memory.spare, behind.len());
+        last.clear();
+        last.extend_from_slice(behind);
+        slopes[self.program.predictions().0] = last;
         for i in (0..self.program.steps.len()).rev() {
             self.back(i, tokens, &mut slopes, memory, &mut gradient, by_tokens);
         }
@@ -30,7 +45,8 @@ impl Loaded {
         // What is read twice has a gradient already.
         let mut dx = std::mem::take(&mut slopes[from.0]);
         let first = dx.is_empty();
-        if first && to != from && !matches!(op, Op::Activate(_)) {
+        let asked = from != self.program.tokens() || by_tokens;
+        if asked && first && to != from && !matches!(op, Op::Activate(_)) {
             dx = taken(spare, dy.len() / self.program.width(to) * self.program.width(from));
         }
         match op {
@@ -42,13 +58,10 @@ impl Loaded {
                 if let Some(bias) = bias {
                     sum_rows(&dy, &mut gradient[range(bias)]);
                 }
-                if from != self.program.tokens() || by_tokens {
-                    let folded = if scale.is_some() { &self.folded[i] } else { w };
-                    let back = self.back[i].get_or_init(|| Matrix::of_transpose(outer, folded));
-                    match first {
-                        true => back.product(&dy, &mut dx),
-                        false => back.add_product(&dy, &mut dx),
-                    }
+                match asked.then(|| self.turned(i)).flatten() {
+                    Some(back) if first => back.product(&dy, &mut dx),
+                    Some(back) => back.add_product(&dy, &mut dx),
+                    None => {}
                 }
                 if let Some(scale) = scale {
                     let mut norms = vec![0.0; inner];
@@ -75,10 +88,7 @@ impl Loaded {
             Op::Neighbours(apart) => neighbours::backward(&dy, self.program.width(from), tokens, apart, &mut dx),
             Op::Activate(f) => {
                 std::mem::swap(&mut dx, &mut dy);
-                match f {
-                    Activation::Gelu => multiply(&mut dx, x),
-                    Activation::Relu => relu_back(&mut dx, y),
-                }
+                activate::backward(f, x, y, &mut dx);
             }
             Op::Cell { weight, bias, lstm } => {
                 // The bias stands behind its matrix.

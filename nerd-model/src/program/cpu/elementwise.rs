@@ -5,7 +5,7 @@ use pulp::Arch;
 
 /// The larger of two, and what is no number if x is not: `f32::max` would take the other one.
 #[inline(always)]
-fn at_least(x: f32, least: f32) -> f32 {
+pub fn at_least(x: f32, least: f32) -> f32 {
     if x < least { least } else { x }
 }
 
@@ -42,30 +42,6 @@ pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let series = t * (0.254_829_6 + t * (-0.284_496_74 + t * (1.421_413_7 + t * (-1.453_152 + t * 1.061_405_4))));
     let bell = if a > FADED { 0.0 } else { exp(-a * a) };
     ((1.0 - series * bell).copysign(x), bell)
-}
-
-/// `x (1 + erf(x / sqrt 2)) / 2`.
-pub fn gelu(x: &mut [f32]) {
-    Arch::new().dispatch(|| x.iter_mut().for_each(|x| *x *= 0.5 * (1.0 + erf(*x * std::f32::consts::FRAC_1_SQRT_2))));
-}
-
-/// `max(x, 0)`.
-pub fn relu(x: &mut [f32]) {
-    x.iter_mut().for_each(|x| *x = at_least(*x, 0.0));
-}
-
-/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the slope there, so that the backward pass only multiplies.
-pub fn gelu_and_slope(x: &mut [f32], active: &mut Vec<f32>) {
-    use std::f32::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
-    active.resize(x.len(), 0.0);
-    Arch::new().dispatch(|| {
-        for (x, active) in x.iter_mut().zip(active.iter_mut()) {
-            let (erf, bell) = erf_and_bell(*x * FRAC_1_SQRT_2);
-            let share = 0.5 * (1.0 + erf);
-            *active = *x * share;
-            *x = share + *x * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI);
-        }
-    });
 }
 
 /// Rows of x to mean 0 and variance 1 (epsilon 1e-5, biased variance), and what they were divided by, inverted.
@@ -134,18 +110,6 @@ fn products(a: &[f32], b: &[f32]) -> f32 {
     lanes.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
 }
 
-/// The gradient in front of [`relu`].
-#[cfg(feature = "autodiff")]
-pub fn relu_back(behind: &mut [f32], out: &[f32]) {
-    behind.iter_mut().zip(out).for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 });
-}
-
-/// `a *= b`.
-#[cfg(feature = "autodiff")]
-pub fn multiply(a: &mut [f32], b: &[f32]) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a *= b);
-}
-
 /// `out += ` the sum of all rows.
 #[cfg(feature = "autodiff")]
 pub fn sum_rows(rows: &[f32], out: &mut [f32]) {
@@ -174,12 +138,10 @@ mod tests {
             let y = -(x + 4.0) * 10.0;
             worst_exp = worst_exp.max((f64::from(exp(y)) / f64::from(y).exp() - 1.0).abs());
         }
-        let mut rectified = [f32::NAN, -1.0, 2.0];
-        relu(&mut rectified);
         let mut shares = [0.0, f32::NAN, 1.0];
         softmax(&mut shares);
         assert!(exp(f32::NAN).is_nan() && erf(f32::NAN).is_nan(), "what is no number stays none");
-        assert!(rectified[0].is_nan() && rectified[1..] == [0.0, 2.0] && shares.iter().all(|s| s.is_nan()), "{rectified:?}, {shares:?}");
+        assert!(shares.iter().all(|s| s.is_nan()), "{shares:?}");
         assert!(worst_exp < 3e-7, "exp: {worst_exp:.1e} relative");
         assert!(worst_erf < 8e-7, "erf: {worst_erf:.1e}; the formula's is 1.5e-7, to which f32 adds its rounding");
     }

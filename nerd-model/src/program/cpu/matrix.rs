@@ -29,16 +29,21 @@ impl Matrix {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
         // As few columns of zeros as may be; among equals the shape that loads least for a sum.
-        let vectors = [3, 4, 2].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        let wide = [3, 4, 2].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        let vectors = if outer > lanes { wide } else { 1 };
         let width = vectors * lanes;
         let mut panels = std::mem::take(&mut self.panels);
         panels.clear();
         panels.reserve(inner * outer.next_multiple_of(width));
-        for first in (0..outer).step_by(width) {
-            for row in values.chunks_exact(outer) {
-                let row = &row[first..outer.min(first + width)];
-                panels.extend_from_slice(row);
-                panels.resize(panels.len() + width - row.len(), 0.0);
+        if outer == width {
+            panels.extend_from_slice(values);
+        } else {
+            for first in (0..outer).step_by(width) {
+                for row in values.chunks_exact(outer) {
+                    let row = &row[first..outer.min(first + width)];
+                    panels.extend_from_slice(row);
+                    panels.resize(panels.len() + width - row.len(), 0.0);
+                }
             }
         }
         *self = Self { inner, outer, vectors, panels };
@@ -55,18 +60,24 @@ impl Matrix {
     /// `out = x W` for the rows of `x`.
     pub fn product(&self, x: &[f32], out: &mut Vec<f32>) {
         out.resize(x.len() / self.inner * self.outer, 0.0);
-        Arch::new().dispatch(Product { matrix: self, x, out, add: false, across: false });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: None, across: false });
+    }
+
+    /// `out = x W + bias` for the rows of `x`.
+    pub fn biased_product(&self, x: &[f32], bias: &[f32], out: &mut Vec<f32>) {
+        out.resize(x.len() / self.inner * self.outer, 0.0);
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: Some(bias), across: false });
     }
 
     /// `out = x^T W` for `x`, `[inner, rows]`.
     #[cfg(feature = "autodiff")]
     pub fn across(&self, x: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product { matrix: self, x, out, add: false, across: true });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: None, across: true });
     }
 
     /// `out += x W` for the rows of `x`.
     pub fn add_product(&self, x: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product { matrix: self, x, out, add: true, across: false });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: true, bias: None, across: false });
     }
 }
 
@@ -88,6 +99,7 @@ struct Product<'a> {
     x: &'a [f32],
     out: &'a mut [f32],
     add: bool,
+    bias: Option<&'a [f32]>,
     across: bool,
 }
 
@@ -98,6 +110,7 @@ impl WithSimd for Product<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         // Tiles of sums that leave registers for a row of the panel and an entry of x.
         match (S::F32_LANES, self.matrix.vectors) {
+            (_, 1) => self.panels::<S, 12, 1>(simd),
             (16.., 2) => self.panels::<S, 12, 2>(simd),
             (16.., 4) => self.panels::<S, 6, 4>(simd),
             (16.., _) => self.panels::<S, 8, 3>(simd),
@@ -114,24 +127,25 @@ const NEAR: usize = 48;
 impl Product<'_> {
     #[inline(always)]
     fn panels<S: Simd, const R: usize, const V: usize>(self, simd: S) {
-        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out, add, across } = self;
+        let Self { matrix: Matrix { inner, outer, panels, .. }, x, out, add, bias, across } = self;
         let (inner, outer, width) = (*inner, *outer, V * S::F32_LANES);
         let (rows, near) = (x.len() / inner, if across { NEAR } else { inner });
         let (vectors, _) = S::as_simd_f32s(panels);
         for (panel, first) in vectors.chunks_exact(inner * V).zip((0..outer).step_by(width)) {
             let columns = first..outer.min(first + width);
+            let bias = bias.map(|bias| &bias[columns.clone()]);
             for (part, panel) in panel.as_chunks::<V>().0[..inner].chunks(near).enumerate() {
                 let (x, add) = (&x[part * near * rows..], add || part > 0);
                 let mut outs = out.chunks_exact_mut(R * outer);
                 let mut row = 0;
                 for out in &mut outs {
                     let sums = if across { tile_across(simd, x, rows, row, panel) } else { tile(simd, &x[row * inner..], panel) };
-                    store::<S, R, V>(simd, sums, out, outer, columns.clone(), add);
+                    store::<S, R, V>(simd, sums, out, outer, columns.clone(), (add, bias));
                     row += R;
                 }
                 for out in outs.into_remainder().chunks_exact_mut(outer) {
                     let sums = if across { tile_across(simd, x, rows, row, panel) } else { tile(simd, &x[row * inner..], panel) };
-                    store::<S, 1, V>(simd, sums, out, outer, columns.clone(), add);
+                    store::<S, 1, V>(simd, sums, out, outer, columns.clone(), (add, bias));
                     row += 1;
                 }
             }
@@ -186,16 +200,25 @@ fn store<S: Simd, const R: usize, const V: usize>(
     out: &mut [f32],
     outer: usize,
     columns: std::ops::Range<usize>,
-    add: bool,
+    (add, bias): (bool, Option<&[f32]>),
 ) {
+    let bias = bias.map(S::as_simd_f32s);
     for (sums, out) in sums.iter().zip(out.chunks_exact_mut(outer)) {
         let (whole, rest) = S::as_mut_simd_f32s(&mut out[columns.clone()]);
         let last = sums.get(whole.len());
-        for (o, s) in whole.iter_mut().zip(sums) {
-            *o = if add { simd.add_f32s(*o, *s) } else { *s };
+        for (v, (o, s)) in whole.iter_mut().zip(sums).enumerate() {
+            *o = match bias {
+                Some((bias, _)) => simd.add_f32s(bias[v], *s),
+                None if add => simd.add_f32s(*o, *s),
+                None => *s,
+            };
         }
         if let Some(s) = last.filter(|_| !rest.is_empty()) {
-            let old = if add { simd.partial_load_f32s(rest) } else { simd.splat_f32s(0.0) };
+            let old = match bias {
+                Some((_, bias)) => simd.partial_load_f32s(bias),
+                None if add => simd.partial_load_f32s(rest),
+                None => simd.splat_f32s(0.0),
+            };
             simd.partial_store_f32s(rest, simd.add_f32s(old, *s));
         }
     }
@@ -217,10 +240,12 @@ mod tests {
                 let (r, c) = (i / outer, i % outer);
                 (0..inner).map(|k| f64::from(x[r * inner + k]) * f64::from(w[k * outer + c])).sum::<f64>()
             };
-            let (mut set, mut added) = (Vec::new(), vec![1.0; rows * outer]);
+            let (mut set, mut added, mut biased) = (Vec::new(), vec![1.0; rows * outer], Vec::new());
             matrix.product(&x, &mut set);
+            matrix.biased_product(&x, &vec![1.0; outer], &mut biased);
             matrix.add_product(&x, &mut added);
             assert_eq!(set.len(), rows * outer);
+            assert_eq!(biased, added, "[{rows}, {inner}] [{inner}, {outer}]: to a bias of one");
             #[cfg(feature = "autodiff")]
             {
                 let turned: Vec<f32> = (0..inner * rows).map(|i| x[i % rows * inner + i / rows]).collect();

@@ -3,6 +3,7 @@
 //! Matrices are cut in panels when weights are loaded, with the norms' weights before them folded in (`diag(w) W`); element-wise work
 //! runs with the widest vectors the processor has. Equal to burn's [`super::Network`] to rounding (`tests/program.rs`).
 
+mod activate;
 mod attend;
 #[cfg(feature = "autodiff")]
 mod backward;
@@ -11,13 +12,13 @@ pub mod elementwise;
 mod matrix;
 mod neighbours;
 #[cfg(feature = "autodiff")]
-pub mod product;
+mod product;
 
 pub(crate) use matrix::{Lanes, Matrix};
 
-use super::{Activation, Op, Program, Slot, Weight};
+use super::{Op, Program, Slot, Weight};
 use attend::Attention;
-use elementwise::{gelu, gelu_and_slope, normalize, relu};
+use elementwise::normalize;
 
 /// A program with weights.
 pub struct Loaded {
@@ -131,6 +132,12 @@ impl Loaded {
         }
         memory.values[0].clear();
         memory.values[0].extend_from_slice(tokens);
+        // An activation takes the memory of what it is of; this is where that finds it again.
+        for step in self.program.steps.iter().filter(|step| matches!(step.op, Op::Activate(_))) {
+            if memory.values[step.from.0].capacity() == 0 {
+                memory.values.swap(step.from.0, step.to.0);
+            }
+        }
         if self.mixing.is_none() {
             self.narrow(memory, &pass);
         }
@@ -157,13 +164,14 @@ impl Loaded {
         match op {
             Op::Linear { bias, add, .. } => {
                 let panels = self.panels[i].as_ref().expect("panels of every product");
-                if let Some(bias) = bias {
-                    y.clear();
-                    (0..x.len() / width).for_each(|_| y.extend_from_slice(self.tensor(bias)));
-                }
-                match add || bias.is_some() {
-                    true => panels.add_product(&x, &mut y),
-                    false => panels.product(&x, &mut y),
+                match bias.map(|bias| self.tensor(bias)) {
+                    Some(bias) if add => {
+                        y.chunks_exact_mut(bias.len()).for_each(|y| y.iter_mut().zip(bias).for_each(|(y, b)| *y += b));
+                        panels.add_product(&x, &mut y);
+                    }
+                    Some(bias) => panels.biased_product(&x, bias, &mut y),
+                    None if add => panels.add_product(&x, &mut y),
+                    None => panels.product(&x, &mut y),
                 }
             }
             Op::Place(table) => {
@@ -180,15 +188,7 @@ impl Loaded {
                 }
             },
             Op::Neighbours(apart) => neighbours::forward(&x, width, pass.tokens().unwrap_or(1), apart, &mut y),
-            // The slope takes the place of what it is of.
-            Op::Activate(Activation::Gelu) if keep => gelu_and_slope(&mut x, &mut y),
-            Op::Activate(f) => {
-                std::mem::swap(&mut x, &mut y);
-                match f {
-                    Activation::Gelu => gelu(&mut y),
-                    Activation::Relu => relu(&mut y),
-                }
-            }
+            Op::Activate(f) => activate::forward(f, keep, &mut x, &mut y),
             Op::Cell { bias, lstm, .. } => {
                 let panels = self.panels[i].as_ref().expect("panels of every product");
                 cell::forward(&x, pass.tokens().unwrap_or(1), panels, self.tensor(bias), lstm, aside, &mut y);

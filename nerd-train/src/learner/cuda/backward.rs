@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op as Operand};
-use nerd_model::program::{Activation, Op, Slot, Step};
+use nerd_model::program::{Op, Slot, Step};
 
 use super::attention::Attention;
-use super::network::{Network, Size};
+use super::network::{Network, Size, kernels};
 use super::plan::Part;
 
 /// Buffers of one length that are enough for both streams to go on.
@@ -51,6 +51,8 @@ struct Gradient {
 struct Walk<'a> {
     net: &'a Network,
     back: &'a Back,
+    /// Windows.
+    rows: usize,
     slopes: Vec<Option<Slope>>,
     free: VecDeque<usize>,
     /// By buffer, whether the side stream reads it.
@@ -65,14 +67,14 @@ impl Network {
         if let Some(Part::Head { from, .. }) = self.plan.parts.last() { self.at(*from) } else { self.targets.ptr }
     }
 
-    /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::windows`] of all rows; that by tokens
-    /// `[rows][T][inputs]` too, if it is to go somewhere.
-    pub fn backward(&self, w: u64, g: u64, by_tokens: Option<u64>) -> Result<(), DeviceError> {
+    /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::windows`] of so many rows; that by tokens
+    /// `[rows][T][inputs]` too, if it is to go somewhere. What no step reads keeps the gradient that it has.
+    pub fn backward(&self, w: u64, g: u64, rows: usize, by_tokens: Option<u64>) -> Result<(), DeviceError> {
         let Some(back) = &self.back else { return Err(DeviceError("the network was built without a way back".into())) };
         let buffers = back.buffers.borrow().len();
         let slopes = vec![None; self.plan.program.widths.len()];
         let (free, read) = ((0..buffers).collect(), vec![false; buffers]);
-        let mut walk = Walk { net: self, back, slopes, free, read, waiting: Vec::new() };
+        let mut walk = Walk { net: self, back, rows, slopes, free, read, waiting: Vec::new() };
         let last = match self.plan.parts.last() {
             Some(Part::Head { from, .. }) => *from,
             _ => self.plan.program.predictions(),
@@ -92,7 +94,7 @@ impl Network {
 impl Walk<'_> {
     fn part(&mut self, i: usize, w: u64, g: u64) -> Result<(), DeviceError> {
         let (net, plan) = (self.net, &self.net.plan);
-        let n = net.rows * plan.tokens;
+        let n = self.rows * plan.tokens;
         match plan.parts[i] {
             Part::Linear { from, to, weight, folded, add } => {
                 let (dy, size) = (self.slope(to)?, (n, plan.program.width(from), plan.width(to)));
@@ -119,7 +121,7 @@ impl Walk<'_> {
             }
             Part::Shift { at, bias, table, .. } => {
                 let place = |weight| net.tensor(g, weight);
-                net.sum_rows(self.slope(at)?.at, plan.width(at), bias.map(place), table.map(place))
+                net.sum_rows(self.slope(at)?.at, (self.rows, plan.width(at)), bias.map(place), table.map(place))
             }
             Part::Step(step) => self.step(i, step, w, g),
             // Its slopes come with the loss.
@@ -129,7 +131,7 @@ impl Walk<'_> {
 
     fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64, g: u64) -> Result<(), DeviceError> {
         let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
-        let (n, width) = (net.rows * plan.tokens, plan.width(from));
+        let (n, width) = (self.rows * plan.tokens, plan.width(from));
         let dy = self.slope(to)?;
         if let Op::Activate(f) = op {
             let quads = (n * width).div_ceil(4);
@@ -140,8 +142,7 @@ impl Walk<'_> {
             // Nobody reads the slope behind it.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
-            let kernel = if f == Activation::Gelu { "gelu_backward" } else { "relu_backward" };
-            return net.each(kernel, quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)]);
+            return net.each(kernels(f)[1], quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)]);
         }
         let before = self.slopes[from.0];
         let dx = self.take(from)?;
@@ -153,7 +154,7 @@ impl Walk<'_> {
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
             Op::Attend { .. } => {
-                let back = |a: Attention| a.backward(d, net.rows, net.at(from), dy.at, dx.at, net.turns.ptr);
+                let back = |a: Attention| a.backward(d, self.rows, net.at(from), dy.at, dx.at, net.turns.ptr);
                 plan.attention.map_or(Ok(()), back)?;
             }
             Op::Neighbours(apart) => {
@@ -163,12 +164,12 @@ impl Walk<'_> {
             Op::Cell { weight, bias, lstm } => {
                 let e = plan.width(to);
                 let dv = if lstm { dx } else { self.fresh(n * width)? };
-                let [dh, dc] = [self.fresh(net.rows * e)?, self.fresh(net.rows * e)?];
+                let [dh, dc] = [self.fresh(self.rows * e)?, self.fresh(self.rows * e)?];
                 let slopes = [dy, dx, dv, dh, dc].map(|slope| slope.at);
-                net.cell_back(&net.asides[i], (net.rows, e, lstm), net.tensor(w, weight), slopes)?;
+                net.cell_back(&net.asides[i], (self.rows, e, lstm), net.tensor(w, weight), slopes)?;
                 self.gradient(Gradient { x: (net.asides[i][0].ptr, e), dy: dv, to: net.tensor(g, weight), size: (n, e, width) });
                 self.give()?;
-                net.sum_rows(dv.at, width, Some(net.tensor(g, bias)), None)?;
+                net.sum_rows(dv.at, (self.rows, width), Some(net.tensor(g, bias)), None)?;
                 self.free.extend([dh, dc].iter().chain((!lstm).then_some(&dv)).filter_map(|slope| slope.buffer));
             }
             Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
@@ -214,7 +215,7 @@ impl Walk<'_> {
 
     /// A buffer for the slope of a slot.
     fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
-        let slope = self.fresh(self.net.rows * self.net.plan.tokens * self.net.plan.width(slot))?;
+        let slope = self.fresh(self.rows * self.net.plan.tokens * self.net.plan.width(slot))?;
         self.slopes[slot.0] = Some(slope);
         Ok(slope)
     }

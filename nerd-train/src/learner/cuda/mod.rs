@@ -33,14 +33,15 @@ use nerd_sim::system::System;
 pub use chain::{Along, CudaChain, chain};
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
+pub(crate) use network::Network;
 pub use neural::{CudaNeural, Network as Learned, neural};
+pub(crate) use plan::Plan;
 pub use program::CudaProgram;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 pub use unroll::CudaUnroll;
 
 use super::LearnError;
-use plan::Plan;
 
 /// The engine of a network for at most `envs` environments: frame by frame if it can be, or else recomputing windows.
 ///

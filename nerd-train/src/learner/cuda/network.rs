@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Operand};
+use nerd_model::device::whole_program;
 use nerd_model::program::Op::{self, Attend};
 use nerd_model::program::{Activation, Slot, Step, Weight};
 
@@ -21,14 +22,27 @@ const LOSSES: usize = 264;
 const SUMS: usize = 1 << 17;
 const CHUNKS: usize = 256;
 
+/// Windows of fewer tokens would leave most of a block idle.
+const FEW: usize = 8;
+
 /// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
 pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
+
+/// An activation's kernels, forward and back.
+pub(super) fn kernels(f: Activation) -> [&'static str; 2] {
+    match f {
+        Activation::Gelu => ["gelu_forward", "gelu_backward"],
+        Activation::Relu => ["relu_forward", "relu_backward"],
+        Activation::Tanh => ["tanh_forward", "tanh_backward"],
+        Activation::Elu => ["elu_forward", "elu_backward"],
+    }
+}
 
 /// A matrix product's rows, inner size and columns.
 pub(super) type Size = (usize, usize, usize);
 
 /// A program on a device, with memory for `rows` windows.
-pub(super) struct Network {
+pub(crate) struct Network {
     pub device: Device,
     pub plan: Plan,
     pub rows: usize,
@@ -45,8 +59,10 @@ pub(super) struct Network {
     /// By part: of a norm reciprocal deviations; of a cell states found, what is kept, and what states say to the gates.
     pub asides: Vec<Vec<Buffer<f32>>>,
     partial: Buffer<f32>,
+    /// Threads of a block that makes a whole pass of a window, of a small program.
+    whole: Option<usize>,
     staging: Vec<f32>,
-    pub back: Option<Back>,
+    pub(super) back: Option<Back>,
 }
 
 impl Network {
@@ -60,7 +76,11 @@ impl Network {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
         let source = Source::of(&plan);
-        let device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
+        let mut device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
+        let whole = if plan.tokens < FEW { None } else { whole_program(&plan.program, plan.tokens) };
+        if let Some(whole) = &whole {
+            device.add(&whole.text, &["whole_pass"])?;
+        }
         let n = rows * plan.tokens;
         let zeros = |len: usize| device.zeros::<f32>(len.next_multiple_of(4));
         let aside = |part: &Part| -> Result<Vec<_>, DeviceError> {
@@ -87,6 +107,7 @@ impl Network {
             turns: device.upload(&plan.attention.map_or(Vec::new(), |a| a.turns(&plan.program.frequencies)))?,
             asides: plan.parts.iter().map(aside).collect::<Result<_, _>>()?,
             partial: zeros(partial)?,
+            whole: whole.map(|whole| whole.threads),
             staging: Vec::new(),
             back: if train { Some(Back::new(&device)?) } else { None },
             rows,
@@ -144,12 +165,23 @@ impl Network {
 
     /// All parts over whole windows, but for a head.
     pub fn windows(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
-        let parts = self.plan.parts.len() - usize::from(self.plan.head().is_some());
-        self.run(w, 0..parts, &self.addresses(), rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
+        self.windows_at(self.at(Slot(0)), w, rows)
     }
 
-    /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`.
+    /// The same of tokens that stand elsewhere, padded as here.
+    pub fn windows_at(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
+        let (parts, mut at) = (self.plan.parts.len() - usize::from(self.plan.head().is_some()), self.addresses());
+        at[0] = tokens;
+        self.run(w, 0..parts, &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
+    }
+
+    /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`. Of a small program nothing
+    /// else is kept.
     pub fn predict(&self, w: u64, rows: usize, last: Option<u64>) -> Result<(), DeviceError> {
+        if let (Some(threads), None) = (self.whole, last) {
+            let args = [w, self.at(Slot(0)), self.predictions().ptr].map(Ptr);
+            return self.device.launch("whole_pass", (rows, 1), (threads, 1), 0, &args);
+        }
         let (mut at, mut n, mut first, all) = (self.addresses(), rows * self.plan.tokens, 0, self.plan.parts.len());
         let attend = |_, qkv, out| self.attention(rows, qkv, out);
         if let Some(last) = last {
@@ -214,8 +246,8 @@ impl Network {
                 self.each("neighbours_forward", n * to, &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)])
             }
             Op::Activate(f) => {
-                let (quads, kernel) = ((n * to).div_ceil(4), if f == Activation::Gelu { "gelu_forward" } else { "relu_forward" });
-                self.each(kernel, quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
+                let quads = (n * to).div_ceil(4);
+                self.each(kernels(f)[0], quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
             }
             Op::Cell { weight, bias, lstm } => {
                 let matrices = [weight, bias].map(|weight| self.tensor(w, weight));
@@ -249,10 +281,10 @@ impl Network {
         [0, 1, 2].map(|k| self.tensor(w, Weight(bias.0 + k)))
     }
 
-    /// Gradients of what is added to all rows, from the slope at `dy`: of the places in a window, and of a bias.
-    pub fn sum_rows(&self, dy: u64, width: usize, bias: Option<u64>, table: Option<u64>) -> Result<(), DeviceError> {
+    /// Gradients of what is added to all tokens of so many windows, from the slope at `dy`: of the places in a window, and of a bias.
+    pub fn sum_rows(&self, dy: u64, (rows, width): (usize, usize), bias: Option<u64>, table: Option<u64>) -> Result<(), DeviceError> {
         let tokens = self.plan.tokens;
-        let (rows, wide) = if table.is_some() { (self.rows, tokens * width) } else { (self.rows * tokens, width) };
+        let (rows, wide) = if table.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };
         let chunks = rows.min(SUMS / wide).clamp(1, CHUNKS);
         let args = [Ptr(dy), Int(rows), Int(wide), Ptr(self.partial.ptr)];
         self.device.launch("row_partial", (wide.div_ceil(128), chunks), (128, 1), 0, &args)?;

@@ -27,10 +27,10 @@ pub(super) enum Part {
 }
 
 /// A program for windows of so many tokens.
-pub(super) struct Plan {
+pub(crate) struct Plan {
     pub program: Program,
     pub tokens: usize,
-    pub parts: Vec<Part>,
+    pub(super) parts: Vec<Part>,
     /// Offsets of tensors, and the number of parameters.
     pub starts: Vec<usize>,
     /// Of each folded row: offsets of W, w and W', and columns.
@@ -39,7 +39,7 @@ pub(super) struct Plan {
     pub folded: usize,
     /// Columns of a token on the device: cuBLAS likes rows aligned.
     pub padded: usize,
-    pub attention: Option<Attention>,
+    pub(super) attention: Option<Attention>,
     /// Columns of rows that are normed, if any are.
     pub norm: usize,
 }
@@ -317,7 +317,10 @@ mod tests {
         }
         let plans = networks().into_iter().map(|s| Plan::new(s.program, TOKENS, true).expect("a plan"));
         let all: Vec<String> = plans.map(|plan| letters(&plan)).collect();
-        assert_eq!(all, ["LsNFMANFGANFMANFGANFLH", "LsGLsGLsGLH", "LsCLsCLH", "LsCLsCLH", "LsNBLsGANBLsGANLS", "LsNFMANFGANFMANFGANFLH"]);
+        assert_eq!(
+            all,
+            ["LsNFMANFGANFMANFGANFLH", "LsGLsGLsGLH", "LsCLsCLH", "LsCLsCLH", "LsNBLsGANBLsGANLS", "LsNFMANFGANFMANFGANFLH", "LsGLsGLS"]
+        );
     }
 
     #[test]

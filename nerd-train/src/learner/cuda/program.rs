@@ -58,7 +58,7 @@ impl CudaProgram {
     pub fn backward(&mut self, behind: &[f32]) -> Result<(Vec<f32>, Vec<f32>), LearnError> {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, behind)?;
-        net.backward(w, self.gradients.ptr, Some(self.by_tokens.ptr))?;
+        net.backward(w, self.gradients.ptr, net.rows, Some(self.by_tokens.ptr))?;
         let (mut by_weights, mut by_tokens) = (vec![0.0; self.gradients.len], vec![0.0; self.by_tokens.len]);
         net.device.read(&self.gradients, &mut by_weights)?;
         net.device.read(&self.by_tokens, &mut by_tokens)?;

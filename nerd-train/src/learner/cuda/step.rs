@@ -44,7 +44,7 @@ impl Step {
         net.fold(w)?;
         net.windows(w, rows)?;
         net.loss(w, rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
-        Ok(net.backward(w, g, None)?)
+        Ok(net.backward(w, g, rows, None)?)
     }
 
     pub fn all(&self) -> Result<(), LearnError> {

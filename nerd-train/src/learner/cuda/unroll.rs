@@ -205,7 +205,7 @@ impl Way {
             self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &heard].concat())?;
             net.windows(w, n)?;
             self.each("unroll_said", &[chains, Int(k), said, behinds, Ptr(net.slope())])?;
-            net.backward(w, self.of_frame.ptr, Some(self.by_tokens.ptr))?;
+            net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
             self.along("unroll_back", &[chains, Int(k), said, touches, Ptr(self.by_tokens.ptr), behinds])?;
             let p = self.of_frame.len;
             let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];

@@ -3,10 +3,10 @@
 // Kept within +- most; what is no number stays none.
 __device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
 
-// Rows of observations as the network sees them (normalizer.rs).
-extern "C" __global__ void normalize(const double* rows, const double* mean, const double* inverse, float* to, u64 n, int width) {
+// Rows of observations as the network sees them (normalizer.rs), as far apart as its rows are.
+extern "C" __global__ void normalize(const double* rows, const double* mean, const double* inverse, float* to, u64 n, int width, int padded) {
     const u64 i = INDEX;
-    if (i < n) to[i] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
+    if (i < n) to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
 // What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions, row `first` being

@@ -1,7 +1,7 @@
 //! A rollout on the device: answers, values, advantages and moments, all by the kernels of `acting.cu`.
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError};
+use nerd_cuda::{Buffer, DeviceError};
 use nerd_tasks::StepResult;
 
 use super::super::config::PpoConfig;
@@ -9,6 +9,7 @@ use super::super::policy::{Policy, Shape};
 use super::super::rollout::Rollout;
 use super::CudaEngine;
 use super::roll::Marks;
+use crate::learner::cuda::Network;
 
 /// Parts that sums over all steps are made in.
 const PARTS: usize = 1024;
@@ -49,8 +50,8 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    pub(super) fn new(device: &Device, shape: &Shape, config: &PpoConfig, environments: usize) -> Result<Self, DeviceError> {
-        let (n, steps, width) = (environments, environments * config.horizon, shape.observation * shape.stack);
+    pub(super) fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> Result<Self, DeviceError> {
+        let (device, n, steps, width) = (&net.device, environments, environments * config.horizon, shape.inputs());
         let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
         Ok(Self {
             environments: n,
@@ -64,7 +65,7 @@ impl Kept {
             rewards: numbers(steps)?,
             ends: device.zeros(steps)?,
             rows: numbers(n * width)?,
-            inputs: device.zeros(n * width)?,
+            inputs: device.zeros(n * net.plan.padded)?,
             which: device.zeros(n)?,
             actions: device.zeros(n * shape.action)?,
             seen: [numbers(width)?, numbers(width)?],
@@ -87,9 +88,9 @@ impl CudaEngine {
     /// Begins a rollout of a policy.
     pub(super) fn take(&mut self, policy: &Policy) -> Result<(), DeviceError> {
         let inverse: Vec<f64> = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect();
-        self.device.write(&self.weights, &policy.flat)?;
-        self.device.write(&self.kept.seen[0], &policy.seen.mean)?;
-        self.device.write(&self.kept.seen[1], &inverse)?;
+        self.net.device.write(&self.weights, &policy.flat)?;
+        self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
+        self.net.device.write(&self.kept.seen[1], &inverse)?;
         (self.kept.step, self.kept.returns) = (0, units(policy));
         self.kept.told.0.clear();
         self.kept.told.1.clear();
@@ -98,16 +99,17 @@ impl CudaEngine {
 
     /// The network where so many rows on the device are seen.
     pub(super) fn ask(&self, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
-        let (width, [mean, inverse]) = (self.network.sizes[0], &self.kept.seen);
-        let args = [Ptr(rows), Ptr(mean.ptr), Ptr(inverse.ptr), Ptr(inputs), Long((count * width) as u64), Int(width)];
-        self.over("normalize", count * width, &args)?;
-        self.forward(inputs, count)
+        let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
+        let args = [rows, mean.ptr, inverse.ptr, inputs].map(Ptr);
+        let sizes = [Long((count * width) as u64), Int(width), Int(self.net.plan.padded)];
+        self.over("normalize", count * width, &[&args[..], &sizes].concat())?;
+        self.net.windows_at(inputs, self.weights.ptr, count)
     }
 
     /// Values of the rows last asked about, to where `which` says.
     pub(super) fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
         let [mean, scale] = self.kept.returns.map(Double);
-        let sizes = [count, self.shape.action, self.outputs()].map(Int);
+        let sizes = [count, self.shape.action, self.shape.outputs()].map(Int);
         self.over("value", count, &[&[Ptr(self.said()), Ptr(which), mean, scale, Ptr(to)][..], &sizes].concat())
     }
 
@@ -121,12 +123,12 @@ impl CudaEngine {
     /// Draws actions where `rows` are seen.
     pub(super) fn answer(&mut self, rows: &[f64], key: [u8; 32], stream: u64, out: &mut Vec<f64>) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
-        let (width, a) = (self.network.sizes[0], self.shape.action);
+        let (width, a) = (self.shape.inputs(), self.shape.action);
         self.fits("rows", rows.len() == n * width && step < horizon)?;
-        self.device.write_at(&self.kept.observations, step * n * width, rows)?;
+        self.net.device.write_at(&self.kept.observations, step * n * width, rows)?;
         self.drawn(step, (key, stream))?;
         let mut kept = vec![0f32; n * a];
-        self.device.read(&self.kept.actions, &mut kept)?;
+        self.net.device.read(&self.kept.actions, &mut kept)?;
         out.clear();
         out.extend(kept.into_iter().map(f64::from));
         Ok(())
@@ -134,9 +136,9 @@ impl CudaEngine {
 
     /// Draws the actions of step t of a rollout, whose observations are there, by the noise of a key and a stream.
     pub(super) fn drawn(&self, t: usize, (key, stream): ([u8; 32], u64)) -> Result<(), DeviceError> {
-        let (n, width, a) = (self.kept.environments, self.network.sizes[0], self.shape.action);
+        let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
-        self.ask(self.kept.observations.at(first * width), self.steps[0].at(first * width), n)?;
+        self.ask(self.kept.observations.at(first * width), self.steps[0].at(first * self.net.plan.padded), n)?;
         let key = key.as_chunks::<8>().0.iter().map(|word| Long(u64::from_le_bytes(*word)));
         let [_, _, _, _, surprise, actions, means, spreads] = &self.steps;
         let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), surprise.at(first)];
@@ -146,7 +148,7 @@ impl CudaEngine {
         args.extend(self.kept.returns.map(Double));
         args.extend(written.map(Ptr));
         args.extend([self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
-        args.extend([n, a, self.outputs()].map(Int));
+        args.extend([n, a, self.shape.outputs()].map(Int));
         args.push(Long(self.among.as_ref().map_or(0, |among| among.part.start) as u64));
         self.over("act", n, &args)
     }
@@ -155,11 +157,11 @@ impl CudaEngine {
     pub(super) fn keep(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
         let cut: Vec<u32> = (0..).zip(&result.truncated).filter_map(|(env, over)| over.then_some(env)).collect();
-        let right = result.rewards.len() == n && reached.len() == cut.len() * self.network.sizes[0] && step < horizon;
+        let right = result.rewards.len() == n && reached.len() == cut.len() * self.shape.inputs() && step < horizon;
         self.fits("results of a step", right)?;
         if !cut.is_empty() {
-            self.device.write(&self.kept.rows, reached)?;
-            self.device.write(&self.kept.which, &cut)?;
+            self.net.device.write(&self.kept.rows, reached)?;
+            self.net.device.write(&self.kept.which, &cut)?;
             self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
             self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
         }
@@ -173,10 +175,10 @@ impl CudaEngine {
     /// Ends the rollout where `rows` are seen: advantages and returns.
     pub(super) fn judge(&mut self, rows: &[f64], (gamma, lambda): (f64, f64)) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
-        self.fits("rows", rows.len() == n * self.network.sizes[0] && step == horizon)?;
-        self.device.write(&self.kept.rows, rows)?;
-        self.device.write(&self.kept.rewards, &self.kept.told.0)?;
-        self.device.write(&self.kept.ends, &self.kept.told.1)?;
+        self.fits("rows", rows.len() == n * self.shape.inputs() && step == horizon)?;
+        self.net.device.write(&self.kept.rows, rows)?;
+        self.net.device.write(&self.kept.rewards, &self.kept.told.0)?;
+        self.net.device.write(&self.kept.ends, &self.kept.told.1)?;
         self.finished((gamma, lambda))
     }
 
@@ -198,7 +200,7 @@ impl CudaEngine {
         for (out, moments) in self.kept.means.iter().zip(&mut moments) {
             self.over("columns", PARTS * width, &[Ptr(rows), Ptr(about), Long(n), Int(width), Int(PARTS), Ptr(partial)])?;
             self.over("mean", width, &[Ptr(partial), Long(n), Int(width), Int(PARTS), Ptr(out.ptr)])?;
-            self.device.read(out, moments)?;
+            self.net.device.read(out, moments)?;
             about = out.ptr;
         }
         self.among.as_ref().map_or(Ok(moments.clone()), |among| among.moments(moments, n as usize))
@@ -221,7 +223,7 @@ impl CudaEngine {
 
     /// Takes the observations into their moments.
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<(), DeviceError> {
-        let [mean, variance] = self.moments_of(self.kept.observations.ptr, self.network.sizes[0])?;
+        let [mean, variance] = self.moments_of(self.kept.observations.ptr, self.shape.inputs())?;
         policy.seen.absorb(&mean, &variance, self.sizes[0] as f64);
         Ok(())
     }
@@ -234,11 +236,11 @@ impl CudaEngine {
         let (n, Kept { observations, values, both, .. }) = (self.kept.horizon * self.kept.environments, &self.kept);
         let numbers = |from: &Buffer<f64>, len: usize| {
             let mut out = vec![0.0; len];
-            self.device.read(from, &mut out).map(|()| out)
+            self.net.device.read(from, &mut out).map(|()| out)
         };
         let of_steps = |from: &Buffer<f32>| {
             let mut out = vec![0.0; from.len];
-            self.device.read(from, &mut out).map(|()| out)
+            self.net.device.read(from, &mut out).map(|()| out)
         };
         let [_, _, _, _, surprise, actions, mean, spread] = &self.steps;
         Ok(Rollout {

@@ -120,9 +120,9 @@ impl CudaEngine {
     pub(super) fn joined(&self, blocks: usize) -> Result<usize, DeviceError> {
         let Some(among) = &self.among else { return Ok(blocks) };
         let tail = Ptr(self.gradient.at(self.weights.len));
-        self.device.launch("tell", (1, 1), (32, 1), 0, &[Ptr(self.terms.ptr), Int(blocks), tail])?;
-        among.sums.sum(&self.device, &self.gradient)?;
-        self.device.launch("hear", (1, 1), (32, 1), 0, &[tail, Ptr(self.terms.ptr)])?;
+        self.net.device.launch("tell", (1, 1), (32, 1), 0, &[Ptr(self.terms.ptr), Int(blocks), tail])?;
+        among.sums.sum(&self.net.device, &self.gradient)?;
+        self.net.device.launch("hear", (1, 1), (32, 1), 0, &[tail, Ptr(self.terms.ptr)])?;
         Ok(1)
     }
 }

@@ -1,5 +1,5 @@
-// What of an update of PPO is no matrix product: activations, the loss of loss.rs with its gradient, Adam of update.rs. Sums have a fixed
-// order.
+// What of an update of PPO is no network: the loss of loss.rs with its gradient, Adam of update.rs. Sums have a fixed order. Names that the
+// network's kernels have, too, begin with ppo.
 
 typedef unsigned long long u64;
 
@@ -14,27 +14,11 @@ struct Scalars {
 #define INDEX ((u64)blockIdx.x * blockDim.x + threadIdx.x)
 
 // Rows in the order of a pass; zeros where there is no step.
-extern "C" __global__ void gather(const float* from, const unsigned* order, float* to, u64 n, int width) {
+extern "C" __global__ void ppo_gather(const float* from, const unsigned* order, float* to, u64 n, int width) {
     const u64 i = INDEX;
     if (i >= n) return;
     const unsigned step = order[i / width];
     to[i] = step == NONE ? 0.0f : from[(u64)step * width + i % width];
-}
-
-// The bias, and an activation: 0 none, 1 tanh, 2 relu, 3 elu. What is no number stays none.
-extern "C" __global__ void activate(float* y, const float* bias, u64 n, int width, int kind) {
-    const u64 i = INDEX;
-    if (i >= n) return;
-    const float x = y[i] + bias[i % width];
-    y[i] = kind == 1 ? tanhf(x) : kind == 2 ? (x < 0.0f ? 0.0f : x) : kind == 3 ? (x < 0.0f ? expm1f(x) : x) : x;
-}
-
-// Gradients times the slope at values y.
-extern "C" __global__ void chain(float* d, const float* y, u64 n, int kind) {
-    const u64 i = INDEX;
-    if (i >= n) return;
-    const float v = y[i];
-    d[i] *= kind == 1 ? 1.0f - v * v : kind == 2 ? (v > 0.0f ? 1.0f : 0.0f) : kind == 3 ? fminf(v, 0.0f) + 1.0f : 1.0f;
 }
 
 __device__ double warp_sum(double x) {
@@ -44,7 +28,7 @@ __device__ double warp_sum(double x) {
 
 // The loss of a row, of a minibatch of `whole` rows on all cards: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
 // terms by block, and what the policy now says in place of what the next pass compares with.
-extern "C" __global__ void loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* surprise,
+extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* surprise,
                                 const float* advantages, const float* goals, const float* values, float* means, float* spreads, float* d,
                                 float* d_spread, double* partial, int rows, int whole, int a, int outputs, float clip, float critic, float bounds,
                                 float entropy, float value_clip) {
@@ -126,7 +110,7 @@ extern "C" __global__ void squares(const float* g, u64 n, double* partial) {
 }
 
 // One block of 7 warps: the six terms and the gradient's norm; the factors of Adam, then the learning rate of the next minibatch.
-extern "C" __global__ void finish(const double* partial, int blocks, const double* squares, int count, int rows, float most, double kl,
+extern "C" __global__ void ppo_finish(const double* partial, int blocks, const double* squares, int count, int rows, float most, double kl,
                                   Scalars* s) {
     __shared__ double means[7];
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
@@ -149,7 +133,7 @@ extern "C" __global__ void finish(const double* partial, int blocks, const doubl
     else if (kl > 0 && means[4] < 0.5 * kl) s->rate = fmin(s->rate * 1.5, 1e-2);
 }
 
-extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, const Scalars* s, u64 n) {
+extern "C" __global__ void ppo_adam(float* w, const float* g, float* m, float* v, const Scalars* s, u64 n) {
     const u64 i = INDEX;
     if (i >= n) return;
     const float d = g[i] * s->scale;

@@ -10,25 +10,23 @@ mod world;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::Arg::{Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Graph, Lane, Op, Precision};
+use nerd_cuda::{Arg, Buffer, DeviceError, Graph, Precision};
 use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::stream;
 use nerd_tasks::{StepResult, Task};
 
-use super::activation::Activation;
 use super::arena::Arena;
 use super::clock::Clock;
 use super::config::PpoConfig;
 use super::engine::Engine;
 use super::environments::Environments;
-use super::mlp::Mlp;
 use super::policy::{Policy, Shape};
 use super::rollout::{Running, Taken, rollout};
 use super::shared::Shared;
 use super::trainer::{PpoError, Trainer};
 use super::update::{self, Adam, Updated};
 use crate::error::{Error, Result};
+use crate::learner::cuda::{Network, Plan};
 use crate::ranks::Ranks;
 use acting::Kept;
 use among::Among;
@@ -36,16 +34,14 @@ use pass::Scalars;
 pub use world::World;
 
 const SOURCE: [&str; 3] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu")];
-const KERNELS: [&str; 16] = [
+const KERNELS: [&str; 14] = [
     "tell",
     "hear",
-    "gather",
-    "activate",
-    "chain",
-    "loss",
+    "ppo_gather",
+    "ppo_loss",
     "squares",
-    "finish",
-    "adam",
+    "ppo_finish",
+    "ppo_adam",
     "normalize",
     "act",
     "value",
@@ -65,8 +61,7 @@ type Orders = Receiver<Result<Vec<u32>, String>>;
 
 /// Memory on a GPU for rollouts and updates of one shape.
 pub struct CudaEngine {
-    device: Device,
-    network: Mlp,
+    net: Network,
     shape: Shape,
     kept: Kept,
     /// Of a rollout, by step: inputs, advantages, goals, values, surprise; actions, means and spreads.
@@ -75,11 +70,8 @@ pub struct CudaEngine {
     sizes: [usize; 2],
     rows: usize,
     order: Buffer<u32>,
-    /// Of a minibatch or an answer: rows into each layer and out of the last, and gradients of two layers turn about.
-    layers: Vec<Buffer<f32>>,
-    behind: [Buffer<f32>; 2],
+    /// Slopes by a spread that is a parameter, by row.
     spread: Buffer<f32>,
-    ones: Buffer<f32>,
     terms: Buffer<f64>,
     squares: Buffer<f64>,
     weights: Buffer<f32>,
@@ -108,28 +100,25 @@ impl CudaEngine {
     /// # Errors
     /// As [`CudaEngine::new`]; if NCCL is missing or fails, or another rank is gone.
     pub fn among(shape: &Shape, config: &PpoConfig, ranks: &Arc<Ranks>) -> Result<Self, DeviceError> {
-        let device = Device::open(nerd_cuda::ordinal(), &SOURCE.concat(), &KERNELS)?.with_products(Precision::F32)?;
-        let among = if ranks.world() > 1 { Some(Among::join(&device, config, ranks)?) } else { None };
-        let part = ranks.part(config.environments);
-        let (network, n, a) = (shape.network(), part.len() * config.horizon, shape.action);
-        let (sizes, parameters) = (sizes(config), shape.parameters());
-        let rows = if among.is_some() { Among::room(&part, config) } else { sizes[1] };
-        let widest = network.sizes.iter().copied().max().unwrap_or(1);
-        let zeros = |len: usize| device.zeros::<f32>(len);
+        let (part, sizes) = (ranks.part(config.environments), sizes(config));
+        let rows = if ranks.world() > 1 { Among::room(&part, config) } else { sizes[1] };
+        // An observation is a window of one token.
+        let plan = Plan::new(shape.program(), 1, false)?;
+        let (padded, parameters) = (plan.padded, plan.parameters());
+        let mut net = Network::new(nerd_cuda::ordinal(), plan, rows.max(part.len()), Precision::F32, true)?;
+        net.device.add(&SOURCE.concat(), &KERNELS)?;
+        let device = &net.device;
+        let among = if ranks.world() > 1 { Some(Among::join(device, config, ranks)?) } else { None };
+        let (n, a, zeros) = (part.len() * config.horizon, shape.action, |len: usize| device.zeros::<f32>(len));
         let [one, all] = [1, a].map(|width| n * width);
-        let steps =
-            [zeros(n * network.sizes[0])?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(all)?, zeros(all)?, zeros(all)?];
-        let most = rows.max(part.len());
+        let steps = [zeros(n * padded)?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(all)?, zeros(all)?, zeros(all)?];
         Ok(Self {
-            kept: Kept::new(&device, shape, config, part.len())?,
+            kept: Kept::new(&net, shape, config, part.len())?,
             steps,
             sizes,
             rows,
             order: device.zeros(n.max(rows * sizes[0].div_ceil(sizes[1])))?,
-            layers: network.sizes.iter().map(|width| zeros(most * width)).collect::<Result<_, _>>()?,
-            behind: [zeros(rows * widest)?, zeros(rows * widest)?],
             spread: zeros(rows * a)?,
-            ones: device.upload(&vec![1.0; rows])?,
             terms: device.zeros(6 * rows.div_ceil(THREADS))?,
             squares: device.zeros(SQUARES)?,
             weights: zeros(parameters)?,
@@ -140,68 +129,23 @@ impl CudaEngine {
             orders: None,
             among,
             shape: shape.clone(),
-            network,
-            device,
+            net,
         })
     }
 
     /// A kernel over so many entries.
     fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
-        self.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
-    }
-
-    /// Row-major `c = a b`, inner size k.
-    fn product(
-        &self,
-        ops: (Op, Op),
-        size: (usize, usize, usize),
-        a: (u64, usize),
-        b: (u64, usize),
-        c: (u64, usize),
-    ) -> Result<(), DeviceError> {
-        self.device.product(Lane::Main, ops, size, a, b, 0.0, c)
+        self.net.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
     }
 
     /// The spread's parameters; 0 if it is an output.
     fn parameter(&self) -> u64 {
-        if self.shape.spread_by_state { 0 } else { self.weights.at(self.network.parameters()) }
-    }
-
-    /// Numbers that the network says of a row.
-    fn outputs(&self) -> usize {
-        self.network.sizes[self.network.sizes.len() - 1]
+        if self.shape.spread_by_state { 0 } else { self.weights.at(self.weights.len - self.shape.action) }
     }
 
     /// What the network says.
     fn said(&self) -> u64 {
-        self.layers[self.layers.len() - 1].ptr
-    }
-
-    /// Where each layer's weights begin.
-    fn starts(&self) -> Vec<usize> {
-        self.network.sizes.windows(2).scan(0, |at, w| Some(std::mem::replace(at, *at + (w[0] + 1) * w[1]))).collect()
-    }
-
-    /// The activation as kernels know it.
-    fn kind(&self) -> usize {
-        match self.shape.activation {
-            Activation::Tanh => 1,
-            Activation::Relu => 2,
-            Activation::Elu => 3,
-        }
-    }
-
-    /// The network on so many rows of inputs.
-    fn forward(&self, inputs: u64, rows: usize) -> Result<(), DeviceError> {
-        let (sizes, kind) = (&self.network.sizes, self.kind());
-        for ((l, w), start) in sizes.windows(2).enumerate().zip(self.starts()) {
-            let x = if l == 0 { inputs } else { self.layers[l].ptr };
-            let (y, at, bias) = (self.layers[l + 1].ptr, self.weights.at(start), self.weights.at(start + w[0] * w[1]));
-            self.product((Op::Plain, Op::Plain), (w[1], rows, w[0]), (at, w[1]), (x, w[0]), (y, w[1]))?;
-            let args = [Ptr(y), Ptr(bias), Long((rows * w[1]) as u64), Int(w[1]), Int(if l + 2 < sizes.len() { kind } else { 0 })];
-            self.over("activate", rows * w[1], &args)?;
-        }
-        Ok(())
+        self.net.predictions().ptr
     }
 }
 

@@ -2,7 +2,8 @@
 //! always is, so both make the same minibatches.
 
 use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
-use nerd_cuda::{DeviceError, Op};
+use nerd_cuda::DeviceError;
+use nerd_model::program::Slot;
 
 use super::super::config::PpoConfig;
 use super::super::loss::Terms;
@@ -25,46 +26,30 @@ pub(super) struct Scalars {
 impl CudaEngine {
     /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.
     fn minibatch(&self, (first, rows): (usize, usize), whole: usize, config: &PpoConfig) -> Result<(), DeviceError> {
-        let (sizes, order, a) = (&self.network.sizes, self.order.at(first), self.shape.action);
-        let (kind, outputs, starts) = (self.kind(), self.outputs(), self.starts());
-        let entries = (rows * sizes[0]) as u64;
-        let inputs = [Ptr(self.steps[0].ptr), Ptr(order), Ptr(self.layers[0].ptr), Long(entries), Int(sizes[0])];
-        self.over("gather", rows * sizes[0], &inputs)?;
-        self.forward(self.layers[0].ptr, rows)?;
+        let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
+        let entries = rows * net.plan.padded;
+        let inputs = [self.steps[0].ptr, order, net.at(Slot(0))].map(Ptr);
+        self.over("ppo_gather", entries, &[&inputs[..], &[Long(entries as u64), Int(net.plan.padded)]].concat())?;
+        net.windows(w, rows)?;
         let [_, advantages, goals, values, surprise, actions, means, spreads] = &self.steps;
         let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
-        let written = [means.ptr, spreads.ptr, self.behind[0].ptr, self.spread.ptr, self.terms.ptr];
+        let written = [means.ptr, spreads.ptr, net.slope(), self.spread.ptr, self.terms.ptr];
         let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
-        let args = [&read.map(Ptr)[..], &written.map(Ptr)[..], &[rows, whole, a, outputs].map(Int)[..], &numbers[..]].concat();
-        self.over("loss", rows, &args)?;
-        let [mut behind, mut before] = [self.behind[0].ptr, self.behind[1].ptr];
-        for (l, w) in sizes.windows(2).enumerate().rev() {
-            let (x, at, to) = (self.layers[l].ptr, self.weights.at(starts[l]), self.gradient.at(starts[l]));
-            self.product((Op::Plain, Op::Transposed), (w[1], w[0], rows), (behind, w[1]), (x, w[0]), (to, w[1]))?;
-            self.sum(behind, rows, w[1], self.gradient.at(starts[l] + w[0] * w[1]))?;
-            if l > 0 {
-                self.product((Op::Transposed, Op::Plain), (w[0], rows, w[1]), (at, w[1]), (behind, w[1]), (before, w[0]))?;
-                self.over("chain", rows * w[0], &[Ptr(before), Ptr(x), Long((rows * w[0]) as u64), Int(kind)])?;
-                std::mem::swap(&mut behind, &mut before);
-            }
-        }
+        let sizes = [rows, whole, a, self.shape.outputs()].map(Int);
+        self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;
+        net.backward(w, self.gradient.ptr, rows, None)?;
         if !self.shape.spread_by_state {
-            self.sum(self.spread.ptr, rows, a, self.gradient.at(self.network.parameters()))?;
+            net.sum_rows(self.spread.ptr, (rows, a), Some(self.gradient.at(self.weights.len - a)), None)?;
         }
         let blocks = self.joined(rows.div_ceil(THREADS))?;
         let n = Long(self.weights.len as u64);
-        self.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
+        self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
         let (terms, squares) = ([Ptr(self.terms.ptr), Int(blocks)], [Ptr(self.squares.ptr), Int(SQUARES)]);
         let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl), Ptr(self.scalars.ptr)];
-        self.device.launch("finish", (1, 1), (224, 1), 0, &[&terms[..], &squares[..], &rest[..]].concat())?;
+        self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &[&terms[..], &squares[..], &rest[..]].concat())?;
         let [m, v] = &self.moments;
         let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, self.scalars.ptr].map(Ptr);
-        self.over("adam", self.weights.len, &[&vectors[..], &[n]].concat())
-    }
-
-    /// Sums of the columns of `[rows][width]`.
-    fn sum(&self, from: u64, rows: usize, width: usize, to: u64) -> Result<(), DeviceError> {
-        self.product((Op::Plain, Op::Plain), (width, 1, rows), (from, width), (self.ones.ptr, rows), (to, width))
+        self.over("ppo_adam", self.weights.len, &[&vectors[..], &[n]].concat())
     }
 
     /// All minibatches of one pass, as a graph from the second pass of the same settings on.
@@ -82,8 +67,8 @@ impl CudaEngine {
         };
         // Once outside of a capture, so that libraries have loaded what they load at their first call.
         all()?;
-        self.device.wait()?;
-        self.graph = Some((config.clone(), self.device.capture(all)?));
+        self.net.device.wait()?;
+        self.graph = Some((config.clone(), self.net.device.capture(all)?));
         Ok(())
     }
 
@@ -95,19 +80,19 @@ impl CudaEngine {
         config: &PpoConfig,
         orders: impl Iterator<Item = Result<Vec<u32>, String>>,
     ) -> Result<Updated, DeviceError> {
-        self.device.write(&self.moments[0], &adam.m)?;
-        self.device.write(&self.moments[1], &adam.v)?;
-        self.device.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
+        self.net.device.write(&self.moments[0], &adam.m)?;
+        self.net.device.write(&self.moments[1], &adam.v)?;
+        self.net.device.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
         let mut passes = 0;
         for order in orders {
-            self.device.write(&self.order, &order.map_err(DeviceError)?)?;
+            self.net.device.write(&self.order, &order.map_err(DeviceError)?)?;
             self.pass(config)?;
             passes += 1;
         }
         if passes < config.epochs {
             return Err(DeviceError(format!("the orders of {passes} of {} passes were drawn", config.epochs)));
         }
-        let (d, [m, v]) = (&self.device, &self.moments);
+        let (d, [m, v]) = (&self.net.device, &self.moments);
         let mut scalars = [Scalars::default()];
         d.read(&self.weights, &mut policy.flat)?;
         d.read(m, &mut adam.m)?;

@@ -23,7 +23,7 @@ impl CudaEngine {
         (horizon, gamma, lambda): (usize, f64, f64),
         (seed, first): (u64, u64),
     ) -> Result<Taken, PpoError> {
-        let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.network.sizes[0];
+        let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
         self.fits("a rollout's rows and steps", right).map_err(failed)?;
         self.take(policy).map_err(failed)?;
         self.ready(running, horizon, world.cuts(horizon)).map_err(failed)?;
@@ -40,7 +40,7 @@ impl CudaEngine {
 
     /// Memory for rows and marks of this length; rows as they are.
     fn ready(&mut self, running: &Running, horizon: usize, slots: usize) -> Result<(), DeviceError> {
-        let d = &self.device;
+        let d = &self.net.device;
         if self.kept.marks.len() != horizon {
             let timer = || d.timer();
             self.kept.marks = (0..horizon).map(|_| Ok([timer()?, timer()?, timer()?])).collect::<Result<_, DeviceError>>()?;
@@ -63,7 +63,7 @@ impl CudaEngine {
         t: usize,
         noise: ([u8; 32], u64),
     ) -> Result<(), DeviceError> {
-        let (n, width) = (self.kept.environments, self.network.sizes[0]);
+        let (n, width) = (self.kept.environments, self.shape.inputs());
         self.drawn(t, noise)?;
         let last = t + 1 == self.kept.horizon;
         let next = if last { self.kept.rows.ptr } else { self.kept.observations.at((t + 1) * n * width) };
@@ -77,9 +77,9 @@ impl CudaEngine {
             ends: self.kept.ends.at(t * n),
         };
         let [acted, moved, judged] = &self.kept.marks[t];
-        self.device.mark(Lane::Main, acted)?;
+        self.net.device.mark(Lane::Main, acted)?;
         world.step(resident, self.kept.actions.ptr, depth, to, [acted, moved, judged])?;
-        self.device.after(Lane::Main, judged)?;
+        self.net.device.after(Lane::Main, judged)?;
         self.kept.step = t + 1;
         Ok(())
     }
@@ -89,9 +89,9 @@ impl CudaEngine {
     fn told(&mut self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
         let (n, steps) = (self.kept.environments, self.kept.horizon * self.kept.environments);
         let (mut rewards, mut ends) = (vec![0.0; steps], vec![0u8; steps]);
-        self.device.read(&self.kept.rewards, &mut rewards)?;
-        self.device.read(&self.kept.ends, &mut ends)?;
-        self.device.read(&self.kept.rows, &mut running.stack.rows)?;
+        self.net.device.read(&self.kept.rewards, &mut rewards)?;
+        self.net.device.read(&self.kept.ends, &mut ends)?;
+        self.net.device.read(&self.kept.rows, &mut running.stack.rows)?;
         let (mut ended, mut cut) = (Vec::new(), vec![vec![u32::MAX; n]; self.kept.slots]);
         let mut cuts = vec![0; n];
         for (i, (reward, end)) in rewards.iter().zip(&ends).enumerate() {
@@ -109,8 +109,8 @@ impl CudaEngine {
         }
         let Some((rows, _)) = &self.kept.over else { return Ok(ended) };
         for (slot, which) in cut.iter().enumerate().filter(|(_, which)| which.iter().any(|i| *i != u32::MAX)) {
-            self.device.write(&self.kept.which, which)?;
-            self.ask(rows.at(slot * n * self.network.sizes[0]), self.kept.inputs.ptr, n)?;
+            self.net.device.write(&self.kept.which, which)?;
+            self.ask(rows.at(slot * n * self.shape.inputs()), self.kept.inputs.ptr, n)?;
             self.value(self.kept.which.ptr, self.kept.cut.ptr, n)?;
         }
         Ok(ended)
@@ -118,7 +118,7 @@ impl CudaEngine {
 
     /// Seconds of the rollout in which the policy answered, and in which the solver moved.
     fn spent(&self) -> Result<[f64; 2], DeviceError> {
-        let (d, marks) = (&self.device, &self.kept.marks);
+        let (d, marks) = (&self.net.device, &self.kept.marks);
         let mut spent = [0.0; 2];
         for (k, [acted, moved, _]) in marks.iter().enumerate() {
             if let Some([.., judged]) = k.checked_sub(1).map(|k| &marks[k]) {

@@ -35,3 +35,22 @@ extern "C" __global__ void relu_forward(const float* x, const float* bias, float
 extern "C" __global__ void relu_backward(const float* x, const float* bias, float4* g, int width, u64 quads) {
     apply(x, bias, g, width, quads, [](float x, float d) { return x <= 0.0f ? 0.0f : d; });
 }
+
+extern "C" __global__ void tanh_forward(const float* x, const float* bias, float4* y, int width, u64 quads) {
+    apply(x, bias, y, width, quads, [](float x, float) { return tanhf(x); });
+}
+
+extern "C" __global__ void tanh_backward(const float* x, const float* bias, float4* g, int width, u64 quads) {
+    apply(x, bias, g, width, quads, [](float x, float d) {
+        const float y = tanhf(x);
+        return d * (1.0f - y * y);
+    });
+}
+
+extern "C" __global__ void elu_forward(const float* x, const float* bias, float4* y, int width, u64 quads) {
+    apply(x, bias, y, width, quads, [](float x, float) { return x < 0.0f ? expm1f(x) : x; });
+}
+
+extern "C" __global__ void elu_backward(const float* x, const float* bias, float4* g, int width, u64 quads) {
+    apply(x, bias, g, width, quads, [](float x, float d) { return x < 0.0f ? d * expf(x) : d; });
+}

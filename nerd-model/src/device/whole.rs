@@ -1,0 +1,182 @@
+//! A small program as one kernel, `whole_pass`: every slot stands in the memory that a block shares, and a block passes a window. Where many
+//! windows of narrow rows are passed, kernels one by one would mostly move rows to and fro.
+
+use std::fmt::Write;
+
+use super::padded;
+use crate::program::{Activation, Op, Program, Slot, Step, Weight};
+
+/// Shared bytes that every device gives without asking.
+const SHARED: usize = 48 << 10;
+/// Threads of a row in a norm.
+const GROUPS: usize = 4;
+/// Most threads of a block.
+const MOST: usize = 256;
+
+/// A program's pass as a kernel.
+pub struct Whole {
+    /// Its text.
+    pub text: String,
+    /// Threads that a block should have.
+    pub threads: usize,
+}
+
+/// Where a slot's rows stand.
+#[derive(Clone, Copy)]
+enum Home {
+    /// From this number of the shared memory on.
+    Shared(usize),
+    /// As neighbours so many tokens apart of another slot.
+    Beside(Slot, usize),
+    Nowhere,
+}
+
+/// What writes the kernel.
+struct Writer<'a> {
+    program: &'a Program,
+    tokens: usize,
+    starts: Vec<usize>,
+    homes: Vec<Home>,
+    /// Numbers that are taken: first, how many, by which slot.
+    taken: Vec<(usize, usize, Slot)>,
+    most: usize,
+    text: String,
+}
+
+/// A program over windows of so many tokens `[T][padded inputs]`; none where a step has no such form, or it does not fit.
+pub fn whole_program(program: &Program, tokens: usize) -> Option<Whole> {
+    let homes = vec![Home::Nowhere; program.widths.len()];
+    let mut writer = Writer { program, tokens, starts: program.starts(), homes, taken: Vec::new(), most: 0, text: String::new() };
+    let mut i = 0;
+    while i < program.steps.len() {
+        i += writer.step(i)?;
+    }
+    let norms = 2 * tokens * GROUPS;
+    let floats = writer.most + norms;
+    let widest = program.widths[1..].iter().zip(&writer.homes[1..]).filter(|(_, home)| !matches!(home, Home::Beside(..)));
+    let columns = widest.map(|(width, _)| width.div_ceil(4)).max()?;
+    let threads = (columns * tokens.div_ceil(4)).next_multiple_of(32).min(MOST);
+    let (inputs, outputs) = (padded(program.width(Slot(0))), program.width(program.predictions()));
+    let text = format!(
+        "#define T {tokens}\n#define GROUPS {GROUPS}\n{}\n\
+         FN void pass(const float* w, const float* tokens, float* out, float* s) {{\n    float* part = s + {};\n{}}}\n\n\
+         #ifdef __CUDACC_RTC__\n\
+         extern \"C\" __global__ void __launch_bounds__({threads}) whole_pass(const float* w, const float* tokens, float* out) {{\n    \
+         __shared__ __align__(16) float s[{floats}];\n    \
+         const long long window = blockIdx.x;\n    \
+         pass(w, tokens + window * T * {inputs}, out + window * T * {outputs}, s);\n}}\n\
+         #else\n\
+         int main() {{\n    int head[2];\n    if (std::fread(head, 4, 2, stdin) != 2) return 1;\n    \
+         std::vector<float> w(head[1]), tokens(head[0] * T * {inputs}), out(head[0] * T * {outputs}), s({floats});\n    \
+         size_t got = std::fread(w.data(), 4, w.size(), stdin) + std::fread(tokens.data(), 4, tokens.size(), stdin);\n    \
+         for (int i = 0; i < head[0]; i++) pass(w.data(), tokens.data() + i * T * {inputs}, out.data() + i * T * {outputs}, s.data());\n    \
+         std::fwrite(out.data(), 4, out.size(), stdout);\n    return got != w.size() + tokens.size();\n}}\n#endif\n",
+        include_str!("whole.cuh"),
+        writer.most,
+        writer.text,
+    );
+    (4 * floats <= SHARED).then_some(Whole { text, threads })
+}
+
+/// Numbers from one row of a slot to the next in shared memory.
+fn apart(width: usize) -> usize {
+    width.next_multiple_of(4) + 4
+}
+
+impl Writer<'_> {
+    /// Writes the step, and the next one if that is done with it; how many were.
+    fn step(&mut self, i: usize) -> Option<usize> {
+        let Step { from, to, op } = self.program.steps[i];
+        let (wide, row) = (self.program.width(to), apart(self.program.width(to)));
+        let mut done = 1;
+        match op {
+            // Four weights are read at once.
+            Op::Linear { weight, .. } if wide.is_multiple_of(4) && !self.starts[weight.0].is_multiple_of(4) => return None,
+            Op::Linear { weight, scale: None, bias, add } => {
+                let (mut target, mut f) = (to, "same");
+                if let (false, Some(name)) = (add, self.activated(i)) {
+                    (target, f, done) = (self.program.steps[i + 1].to, name, 2);
+                }
+                let (x, apart_x, parts, off) = self.read(from)?;
+                let last = i + done == self.program.steps.len();
+                let (y, apart_y) = if last { ("out".into(), wide) } else { (self.write(target), row) };
+                let inner = self.program.width(from) / parts;
+                let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| self.tensor(bias));
+                let w = self.tensor(weight);
+                let _ = writeln!(
+                    self.text,
+                    "    linear<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>({x}, {off}, {w}, {bias}, {y});"
+                );
+            }
+            Op::Place(table) => {
+                let (x, table) = (self.write(to), self.tensor(table));
+                let _ = writeln!(self.text, "    place<{wide}, {row}>({table}, {x});");
+            }
+            Op::Norm => {
+                let (x, apart_x, ..) = self.read(from).filter(|(_, apart_x, parts, _)| *parts == 1 && *apart_x == row)?;
+                let y = self.write(to);
+                let _ = writeln!(self.text, "    norm<{wide}, {apart_x}>({x}, {y}, part);");
+            }
+            Op::Neighbours(off) => self.homes[to.0] = Home::Beside(from, off),
+            _ => return None,
+        }
+        self.release(i + done);
+        Some(done)
+    }
+
+    /// The activation that alone reads what step i writes, and follows it.
+    fn activated(&self, i: usize) -> Option<&'static str> {
+        let (step, next) = (self.program.steps[i], self.program.steps.get(i + 1)?);
+        let readers = self.program.steps.iter().filter(|other| other.from == step.to).count();
+        let alone = next.from == step.to && readers == 1 && i + 2 < self.program.steps.len();
+        match next.op {
+            Op::Activate(Activation::Gelu) if alone => Some("gelu"),
+            Op::Activate(Activation::Relu) if alone => Some("relu"),
+            _ => None,
+        }
+    }
+
+    fn tensor(&self, weight: Weight) -> String {
+        format!("w + {}", self.starts[weight.0])
+    }
+
+    /// Where a slot is read, how far its rows are apart, of how many parts a row is, and how far those are apart.
+    fn read(&self, slot: Slot) -> Option<(String, usize, usize, usize)> {
+        let width = self.program.width(slot);
+        match self.homes[slot.0] {
+            _ if slot == Slot(0) => Some(("tokens".into(), padded(width), 1, 0)),
+            Home::Shared(at) => Some((format!("s + {at}"), apart(width), 1, 0)),
+            Home::Beside(of, off) => self.read(of).map(|(at, row, ..)| (at, row, 3, off)),
+            Home::Nowhere => None,
+        }
+    }
+
+    /// Where a slot is written: where it stands, or in the first place that is free.
+    fn write(&mut self, slot: Slot) -> String {
+        if let Home::Shared(at) = self.homes[slot.0] {
+            return format!("s + {at}");
+        }
+        let (len, mut at) = (self.tokens * apart(self.program.width(slot)), 0);
+        self.taken.sort_unstable_by_key(|(first, ..)| *first);
+        for (first, taken, _) in &self.taken {
+            if at + len <= *first {
+                break;
+            }
+            at = first + taken;
+        }
+        self.taken.push((at, len, slot));
+        self.most = self.most.max(at + len);
+        self.homes[slot.0] = Home::Shared(at);
+        format!("s + {at}")
+    }
+
+    /// Frees what no step from `next` on reads, adds to, or reads as neighbours.
+    fn release(&mut self, next: usize) {
+        let rest = &self.program.steps[next..];
+        let met = |slot: Slot| rest.iter().any(|step| step.from == slot || step.to == slot);
+        let beside = |home: &Home, slot: Slot| matches!(home, Home::Beside(of, _) if *of == slot);
+        let homes = &self.homes;
+        let open = |slot: Slot| met(slot) || homes.iter().enumerate().any(|(k, home)| beside(home, slot) && met(Slot(k)));
+        self.taken.retain(|(.., slot)| open(*slot));
+    }
+}

@@ -1,0 +1,126 @@
+//! Policies against the textbook in f64: what shipped ones say, and gradients of the loss.
+
+use nerd_train::ppo::rollout::Rollout;
+use nerd_train::ppo::update::{Data, Learning, gradient};
+use nerd_train::ppo::{Activation, Policy, PpoConfig, Shape, folder};
+
+#[test]
+fn gradients_are_those_of_the_loss_written_down_in_f64() {
+    let mut worst: f64 = 0.0;
+    for (activation, spread_by_state, value_clip) in
+        [(Activation::Tanh, false, 0.2), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
+    {
+        let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, spread_by_state };
+        let mut rng = nerd_sim::sampling::stream(3, 0);
+        let mut draw = move || f64::from(rand::RngExt::random::<f32>(&mut rng)) * 2.0 - 1.0;
+        let mut policy = Policy::new(shape.clone(), &mut nerd_sim::sampling::stream(1, 1));
+        policy.flat.iter_mut().for_each(|w| *w += 0.3 * draw() as f32);
+        let n = 40;
+        let mut numbers = |n: usize, scale: f64| (0..n).map(|_| scale * draw()).collect::<Vec<f64>>();
+        let f32s = |x: Vec<f64>| x.into_iter().map(|x| x as f32).collect::<Vec<f32>>();
+        let rollout = Rollout {
+            observations: numbers(n * 3, 2.0),
+            actions: f32s(numbers(n * 2, 2.0)),
+            mean: f32s(numbers(n * 2, 0.5)),
+            spread: f32s(numbers(n * 2, 0.2)),
+            // Near what the policy says itself, so that some ratios are clipped and some are not.
+            surprise: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
+            values: numbers(n, 0.4),
+            advantages: numbers(n, 1.0),
+        };
+        let config = PpoConfig { entropy: 0.02, bounds: 0.3, critic: 2.0, value_clip, ..PpoConfig::default() };
+        let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
+        let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
+        let data = Data::new(&policy, &rollout, &returns, values);
+        let batch: Vec<u32> = (0..n as u32).step_by(2).collect();
+        let found = gradient(&policy, &Learning::new(&policy), &data, &batch, &config).flat;
+        let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
+        for k in 0..params.len() {
+            let at = |h: f64| {
+                let mut moved = params.clone();
+                moved[k] += h;
+                loss(&moved, &policy, &rollout, &returns, &batch, &config)
+            };
+            let by_difference = (at(1e-5) - at(-1e-5)) / 2e-5;
+            let gap = (f64::from(found[k]) - by_difference).abs() / (1.0 + by_difference.abs());
+            worst = worst.max(gap);
+            assert!(gap < 2e-5, "{activation:?}, parameter {k}: {} against {by_difference} by differences", found[k]);
+        }
+    }
+    println!("worst gap {worst:.1e}");
+}
+
+/// What a policy of these parameters says of an observation, by the textbook.
+fn said(flat: &[f64], policy: &Policy, observation: &[f64]) -> Vec<f64> {
+    let (sizes, mut at) = (policy.shape.widths(), 0);
+    let mut x: Vec<f64> = observation.iter().enumerate().map(|(k, x)| policy.seen.normalize(k, *x)).collect();
+    for (l, w) in sizes.windows(2).enumerate() {
+        let bias = at + w[0] * w[1];
+        let y = (0..w[1]).map(|j| flat[bias + j] + (0..w[0]).map(|k| x[k] * flat[at + k * w[1] + j]).sum::<f64>());
+        let f = |y: f64| match policy.shape.activation {
+            _ if l + 2 == sizes.len() => y,
+            Activation::Tanh => y.tanh(),
+            Activation::Relu => y.max(0.0),
+            Activation::Elu => y.max(0.0) + y.min(0.0).exp_m1(),
+            Activation::Gelu => unreachable!("no policy here has GELU"),
+        };
+        x = y.map(f).collect();
+        at = bias + w[1];
+    }
+    x
+}
+
+#[test]
+fn shipped_policies_say_what_their_weights_say_in_f64() {
+    let all = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/policies")).expect("shipped policies");
+    let (mut worst, mut count) = (0.0f64, 0);
+    for path in all.map(|entry| entry.expect("a folder").path()).filter(|path| path.join("config.json").exists()) {
+        let (_, policy) = folder::load(&path).expect("a policy");
+        let (flat, a) = (policy.flat.iter().map(|w| f64::from(*w)).collect::<Vec<f64>>(), policy.shape.action);
+        // Within two deviations of what it has seen.
+        let (seen, width) = (&policy.seen, policy.shape.inputs());
+        let number = |i: usize| seen.mean[i % width] + 2.0 * seen.variance[i % width].sqrt() * (i as f64 * 1.7).sin();
+        let rows: Vec<f64> = (0..7 * width).map(number).collect();
+        let answer = policy.answer(&rows);
+        for (i, row) in rows.chunks(width).enumerate() {
+            let expected = said(&flat, &policy, row);
+            let found = answer.mean[i * a..(i + 1) * a].iter().chain([&answer.value[i]]);
+            let off = found.zip(&expected).map(|(x, y)| (f64::from(*x) - y).abs() / (1.0 + y.abs())).fold(0.0, f64::max);
+            assert!(off < 1e-5, "{}: off by {off:.1e}", path.display());
+            worst = worst.max(off);
+        }
+        count += 1;
+    }
+    println!("{count} policies, off by {worst:.1e} at most");
+    assert!(count > 0, "no policies are shipped");
+}
+
+/// The loss as the header of `loss.rs` has it, without a thought for speed.
+fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u32], c: &PpoConfig) -> f64 {
+    let shape = &policy.shape;
+    let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
+    let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();
+    let normal = |x: f64| policy.returns.normalize(0, x);
+    let mut total = 0.0;
+    for i in batch.iter().map(|i| *i as usize) {
+        let x = said(flat, policy, &r.observations[3 * i..3 * i + 3]);
+        let free = flat.len() - 2;
+        let s: Vec<f64> = (0..2).map(|k| if shape.spread_by_state { x[3 + k] } else { flat[free + k] }).collect();
+        let half_ln_tau = 0.5 * std::f64::consts::TAU.ln();
+        let (mut surprise, mut others) = (0.0, 0.0);
+        for k in 0..2 {
+            let a = f64::from(r.actions[2 * i + k]);
+            surprise += 0.5 * ((a - x[k]) / s[k].exp()).powi(2) + s[k] + half_ln_tau;
+            others += f64::from(c.bounds) * ((x[k] - 1.1).max(0.0).powi(2) + (x[k] + 1.1).min(0.0).powi(2));
+            others -= f64::from(c.entropy) * (s[k] + half_ln_tau + 0.5);
+        }
+        let ratio = (f64::from(r.surprise[i]) - surprise).exp();
+        let advantage = (r.advantages[i] - mean) / spread;
+        let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
+        let (v, goal, old) = (x[2], normal(returns[i]), normal(r.values[i]));
+        let near = old + (v - old).clamp(-0.2, 0.2);
+        let held = if c.value_clip > 0.0 { (near - goal).powi(2) } else { 0.0 };
+        total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max(held) + others;
+    }
+    total / batch.len() as f64
+}
