@@ -107,7 +107,7 @@ FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * d
 // w.qdd, accelerations with the touches that have not parted, by the matrix; false at what has no inertia.
 BIG bool pressed(Work& w, real h) {
     Tree& tr = w.tree;
-    real here[HERE], *l = UNROLLED && GATHERED ? here : tr.factor;
+    real here[HERE], *l = UNROLLED ? here : tr.factor;
     real x[NV], stiff[NV];
     for (int k = 0; k < NV; k++) { w.qdd[k] = w.right[k]; stiff[k] = 0; }
     for (int k = 0; k < w.touches; k++) {
@@ -130,10 +130,6 @@ BIG bool pressed(Work& w, real h) {
             upward(i, [&](auto j) { l[LOWER(i, j)] += dot(a[j], d); });
         });
     });
-    if (UNROLLED && !GATHERED) {
-        entries([&](int k) { here[k] = tr.factor[k]; });
-        l = here;
-    }
     if (!factorise(tr, l)) return false;
     half(l, x);
     rest(l, x);

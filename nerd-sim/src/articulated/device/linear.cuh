@@ -1,18 +1,17 @@
 // Vectors, matrices and spatial quantities of nerd_core, word for word: angular part first, all in world axes about one origin.
-// REAL is float or double. Compiles as CUDA C++ (NVRTC) and, for tests without a GPU, as plain C++.
+// REAL is float or double. Compiles as CUDA C++ (NVRTC, which takes what is not marked for the device's) and, for tests without a GPU, as
+// plain C++.
 
 #ifdef __CUDACC_RTC__
 #define FN static __device__ __forceinline__
 #define BIG static __device__ __noinline__
 #define TABLE static __device__ constexpr
-#define ON __device__
 #else
 #include <cmath>
 using std::sqrt; using std::sin; using std::cos; using std::exp; using std::expm1;
 #define FN static inline
 #define BIG static
 #define TABLE static constexpr
-#define ON
 #endif
 
 typedef REAL real;
@@ -103,15 +102,6 @@ FN void swing(real angle, real& s, real& c) {
     sincos(angle, &s, &c);
 #else
     s = sin(angle); c = cos(angle);
-#endif
-}
-
-// 1 / sqrt(x).
-FN real upright(real x) {
-#if defined __CUDACC_RTC__ && QUICK
-    return rsqrt(x);
-#else
-    return 1 / sqrt(x);
 #endif
 }
 

@@ -92,9 +92,6 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let more = [("DOFS", robot.root_dofs()), ("COORDS", robot.root_coords()), ("NP", robot.contact_points.len()), ("NC", reach.colliders)];
     sizes.into_iter().chain(more).for_each(|(name, n)| define(name, count(n)));
     define("UNROLLED", flag(walks(robot) <= WALKS && !along(robot)));
-    define("GATHERED", flag(true));
-    define("LINKED", "UNROLLED".into());
-    define("QUICK", flag(false));
     define("PRESSED", count(robot.joints().map(|j| usize::from(j.friction > 0.0) + 2 * usize::from(j.limit.is_some())).sum()));
     define("SUBSTEPS", count(config.substeps));
     define("CONTACT_SUBSTEPS", count(config.contact_substeps));

@@ -217,7 +217,7 @@ template <class I> FN void columns(const Tree& t, I link, V3 x, V3* a) {
 
 // f(touch, link) for every point that touches.
 template <class F> FN void points(Work& w, const F& f) {
-    if constexpr (UNROLLED && GATHERED)
+    if constexpr (UNROLLED)
         onward<0, NL>([&](auto link) {
             if constexpr (pointed(link.n))
                 for (int k = 0; k < w.touches; k++) if (w.touch[k].link == link) f(w.touch[k], link);

@@ -35,7 +35,7 @@ BIG void kinematics(Tree& t) {
     if (DOFS) base = matrix(read4(t.q + 3));
     else for (int k = 0; k < 9; k++) base.m[k] = BASE[k];
     if (DOFS) { t.rotation[0] = base; t.position[0] = t.shift; }
-    onward<DOFS ? 1 : 0, NL, LINKED>([&](auto i) {
+    onward<DOFS ? 1 : 0, NL>([&](auto i) {
         const int p = PARENT[i];
         const M3 parent = p < 0 ? base : t.rotation[p];
         V3 position = (p < 0 ? v3(0, 0, 0) : t.position[p]) + parent * read3(PLACE + 3 * i);
@@ -61,7 +61,7 @@ FN Motion root(const real* qd) { return motion(v3(qd[0], qd[1], qd[2]), v3(qd[3]
 
 // Twists of the links.
 FN void twists(const Tree& t, const real* qd, Motion* twist) {
-    onward<0, NL, LINKED>([&](auto i) {
+    onward<0, NL>([&](auto i) {
         if (DOFS && i == 0) {
             twist[0] = root(qd);
             return;
@@ -79,7 +79,7 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
     Motion velocity[NL], acceleration[NL];
     Wrench force[NL];
     const Motion base = motion(v3(0, 0, 0), gravity * (real)-1);
-    onward<0, NL, LINKED>([&](auto i) {
+    onward<0, NL>([&](auto i) {
         if (DOFS && i == 0) {
             velocity[0] = root(qd);
             acceleration[0] = base;
@@ -102,7 +102,7 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
     });
     real tau[NV];
     onward<0, NV>([&](auto k) { tau[k] = 0; });
-    backward<0, NL, LINKED>([&](auto i) {
+    backward<0, NL>([&](auto i) {
         if (DOFS && i == 0) {
             tau[0] = force[0].ang.x; tau[1] = force[0].ang.y; tau[2] = force[0].ang.z;
             tau[3] = force[0].lin.x; tau[4] = force[0].lin.y; tau[5] = force[0].lin.z;
@@ -180,7 +180,7 @@ FN bool factorise(Tree& t, real* l) {
         const real square = l[LOWER(k, k)];
         // What follows is of no use then, and does no harm.
         if (!(square > (real)1e-12 * given[k]) && lost < 0) lost = k;
-        const real inverse = upright(square);
+        const real inverse = 1 / sqrt(square);
         l[LOWER(k, k)] = inverse;
         above(k, [&](auto i) { l[LOWER(k, i)] *= inverse; });
         above(k, [&](auto i) {

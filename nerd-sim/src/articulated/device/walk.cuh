@@ -4,7 +4,7 @@
 
 template <int N> struct At {
     static constexpr int n = N;
-    ON constexpr operator int() const { return N; }
+    constexpr operator int() const { return N; }
 };
 
 template <int I, int TO, class F> FN void rise(const F& f) {
@@ -47,7 +47,7 @@ template <class I, class F> FN void lineage(I i, const F& f) {
 }
 
 // The last DoF that moves a link: from it upward are all that do.
-ON constexpr int last_dof(int link) {
+constexpr int last_dof(int link) {
     int last = -1;
     for (int i = link; i >= 0; i = PARENT[i]) {
         const int own = DOFS && i == 0 ? DOFS - 1 : DOF[i];
@@ -57,7 +57,7 @@ ON constexpr int last_dof(int link) {
 }
 template <int I> FN At<last_dof(I)> last_dof(At<I>) { return At<last_dof(I)>(); }
 
-ON constexpr bool pointed(int link) {
+constexpr bool pointed(int link) {
     for (int p = 0; p < NP; p++) if (POINT_LINK[p] == link) return true;
     return false;
 }
