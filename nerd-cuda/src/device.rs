@@ -283,7 +283,7 @@ impl Device {
 /// The machine code's text of a source. What this process has compiled before is not compiled again.
 fn compiled(source: &str, options: CompileOptions) -> Result<Ptx, DeviceError> {
     static KNOWN: Mutex<Vec<(String, Ptx)>> = Mutex::new(Vec::new());
-    // Held while it compiles: threads that want the same wait for it.
+    // Held while it compiles, so that threads which want the same wait for it; those that want something else do, too.
     let mut known = KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
     if let Some((_, ptx)) = known.iter().find(|(text, _)| text == source) {
         return Ok(ptx.clone());

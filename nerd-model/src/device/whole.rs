@@ -45,6 +45,12 @@ struct Writer<'a> {
 
 /// A program over windows of so many tokens `[T][padded inputs]`; none where a step has no such form, or it does not fit.
 pub fn whole_program(program: &Program, tokens: usize) -> Option<Whole> {
+    // A product says what is predicted, and tokens stay as they are.
+    let last = program.steps.last()?;
+    let last = matches!(last.op, Op::Linear { add: false, .. }) && program.steps.iter().filter(|step| step.to == last.to).count() == 1;
+    if !last || program.steps.iter().any(|step| step.to == Slot(0)) {
+        return None;
+    }
     let homes = vec![Home::Nowhere; program.widths.len()];
     let mut writer = Writer { program, tokens, starts: program.starts(), homes, taken: Vec::new(), most: 0, text: String::new() };
     let mut i = 0;
@@ -117,7 +123,10 @@ impl Writer<'_> {
                 let y = self.write(to);
                 let _ = writeln!(self.text, "    norm<{wide}, {apart_x}>({x}, {y}, part);");
             }
-            Op::Neighbours(off) => self.homes[to.0] = Home::Beside(from, off),
+            Op::Neighbours(off) => {
+                self.read(from).filter(|(_, _, parts, _)| *parts == 1)?;
+                self.homes[to.0] = Home::Beside(from, off);
+            }
             _ => return None,
         }
         self.release(i + done);

@@ -17,9 +17,9 @@ pub struct Loss {
     pub rate: f64,
     /// Mean change of nodes' velocities (m/s).
     pub velocity: f64,
-    /// What the gripper's glide misses.
+    /// What the gripper's glide misses (m, m/s, rad, rad/s).
     pub gripper: [f64; 12],
-    /// f.
+    /// Share f of a frame's change that counts as an error of one.
     pub share: f64,
 }
 

@@ -13,7 +13,8 @@
 
 constexpr int CHAIN = GRIPPER + 6 * RODS, RATES = GRIPPER + 3 * RODS;
 constexpr int SCENE = 3 + COLLIDER * NC;
-static_assert(8 * (3 * CHAIN + 12 * RODS) < 44000, "a chain of so many rods is too long to be trained on the card");
+// What the largest kernel keeps in a block's memory.
+static_assert(8 * (3 * CHAIN + 13 * RODS + 40) + (NC + 1) * sizeof(Surface) < 49152, "so many rods or colliders are too many to be trained on the card; leave --device cuda out");
 
 // As the host writes it; `frame` is where the update begins.
 struct View { double mirror, sine, cosine, yaw; };
@@ -163,7 +164,7 @@ FN void glide_back(double* slope) {
 }
 
 // Slopes by the chain before a frame: through what was said of it, through its tokens `[RODS][INPUTS]`, and through the gripper's glide.
-// `ends` are those of the chain; they and `own` are written over.
+// `ends` are those of the chain, and are written over.
 FN void frame_back(const double* chain, const double* glided, const float* numbers, const double* touches, const float* by_tokens,
                    const double* behind, double* ends, double* slope) {
     OF_BLOCK double sums[12];

@@ -91,7 +91,7 @@ impl Cards {
     }
 
     fn trainer(&self, ranks: &Arc<Ranks>, environments: usize) -> Result<Trainer<Shared>> {
-        let folder = shipped::models().join(nerd_tasks::named(&self.task)?.robot());
+        let folder = shipped::model_of_task(&self.task, nerd_tasks::named(&self.task)?.robot());
         let arena = Arena::Model { folder, device: Device::Cuda };
         let config = PpoConfig { environments, ..PpoConfig::of(&self.task)? };
         on_card(&arena, nerd_tasks::named(&self.task)?, &config, self.seed, ranks, &Clock::default())
@@ -133,7 +133,7 @@ impl Experiment for Cards {
 
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
-        inputs.add(Input::model(&shipped::models().join(nerd_tasks::named(&self.task)?.robot()))?);
+        inputs.add(Input::model(&shipped::model_of_task(&self.task, nerd_tasks::named(&self.task)?.robot()))?);
         Ok(inputs)
     }
 

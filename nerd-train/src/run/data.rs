@@ -124,7 +124,7 @@ impl Run {
     fn recorded(&self, config: &GenerateConfig) -> Result<Arc<Motions>> {
         let RunConfig { record, device, .. } = &self.config;
         let truth = record.truth(&self.system).name();
-        self.known.get((&self.config.robot, truth, config), || record.motions(&self.system, config, *device))
+        self.known.get((&self.config.robot, truth, config, device), || record.motions(&self.system, config, *device))
     }
 
     fn validation(&self, transitions: usize) -> GenerateConfig {

@@ -13,7 +13,7 @@ use crate::learner::{CpuLearner, Learner, LearnerConfig, LearnerState};
 use crate::ranks::Ranks;
 use crate::windows::Windows;
 
-/// What computes a run and how exactly, in words; refused where this program has no such engine, or none for the network.
+/// What computes a run and how exactly, in words; refused where this program has no such engine.
 pub fn arithmetic(config: &RunConfig) -> Result<String> {
     match config.device {
         Device::Cpu => Ok("f32 on the CPU".into()),
@@ -47,7 +47,10 @@ pub fn engine(
     }
 }
 
-/// The same of a chain, on CUDA: on motions, through so many frames.
+/// What learns of a chain, on CUDA: from motions and validated on others, through so many frames. `scales` are those of [`crate::chain::scales`].
+///
+/// # Errors
+/// Those of `CudaUnroll::new`; a build without CUDA.
 #[cfg_attr(not(feature = "cuda"), expect(unused_variables, reason = "without CUDA it is refused"))]
 pub fn unrolled(
     (system, ranks): (&Arc<System>, &Arc<Ranks>),

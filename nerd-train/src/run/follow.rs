@@ -38,12 +38,13 @@ impl Run {
         Ok(self.ranks.agree("settings", mine.to_string().as_bytes(), how)?)
     }
 
-    /// Refuses to begin where a folder of data holds something else than that of rank 0; what ranks record they have from each other.
+    /// Refuses to begin where a folder of data, or what a rank has recorded of a chain, is something else than that of rank 0; tokens that ranks
+    /// record they have from each other.
     pub(super) fn same_data(&self, sha256: &str) -> Result<()> {
-        if self.config.data.is_none() {
+        if self.config.data.is_none() && self.config.unrolled().is_none() {
             return Ok(());
         }
-        let how = |_: &[u8], _: &[u8]| "its folder holds other shards; give all ranks the same data".to_string();
+        let how = |_: &[u8], _: &[u8]| "it has other data; give all ranks the same".to_string();
         Ok(self.ranks.agree("data", sha256.as_bytes(), how)?)
     }
 

@@ -21,7 +21,7 @@ use crate::ranks::Ranks;
 use crate::settings::settings;
 use crate::shipped;
 
-/// Motions of a chain that one thread records, on the CPU and on a card.
+/// Motions of a chain that one thread records: on the CPU few, so that all have some; on a card, which is shared by all of them, many.
 const ON_CPU: usize = 16;
 const ON_CARD: usize = 256;
 
@@ -152,8 +152,10 @@ impl RecordConfig {
             let solver = || if on_card { truth_on_card(system) } else { self.truth(system).solver(system) };
             Motions::record(system, &solver, &config, &tell)
         };
-        let motions = match record(device == Device::Cuda && self.truth(system) == Truth::Articulated) {
-            Err(error) if device == Device::Cuda => {
+        let on_card = device == Device::Cuda && self.truth(system) == Truth::Articulated;
+        let motions = match record(on_card) {
+            // What is too large for the card, or has no kernels; whatever else it was the CPU says again.
+            Err(error) if on_card => {
                 eprintln!("{error}; it is recorded on the CPU");
                 done.store(0, Ordering::Relaxed);
                 record(false)?

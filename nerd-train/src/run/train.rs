@@ -18,6 +18,8 @@ use super::data::{Data, Judge, Known};
 use super::engine::arithmetic;
 use super::{RecordConfig, RunConfig, claimed, memory};
 use crate::best::Best;
+#[cfg(feature = "cuda")]
+use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
 use crate::progress;
@@ -95,6 +97,11 @@ impl Run {
         let (batch, world) = (self.learner.batch, ranks.world());
         if batch < world {
             refuse!("--batch {batch}: {world} ranks need a window each");
+        }
+        // Before anything is recorded there.
+        #[cfg(feature = "cuda")]
+        if self.config.device == Device::Cuda && world > 1 {
+            nerd_cuda::take(ranks.local()).map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
         }
         self.ranks = ranks.clone();
         Ok(self)

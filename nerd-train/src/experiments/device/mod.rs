@@ -164,7 +164,7 @@ impl Experiment for OnDevice {
         for task in self.tasks.iter().chain(self.races.iter().map(|(task, _)| task)) {
             let robot = nerd_tasks::named(task)?.robot();
             inputs.add(Input::robot(&*System::named(robot)?));
-            inputs.add(Input::model(&shipped::models().join(robot))?);
+            inputs.add(Input::model(&shipped::model_of_task(task, robot))?);
         }
         Ok(inputs)
     }
@@ -189,7 +189,7 @@ impl Experiment for OnDevice {
         }
         for task in &self.tasks {
             let robot = nerd_tasks::named(task)?.robot();
-            let mut arenas = vec![Arena::Model { folder: shipped::models().join(robot), device: Device::Cuda }];
+            let mut arenas = vec![Arena::Model { folder: shipped::model_of_task(task, robot), device: Device::Cuda }];
             arenas.extend(self.beside.iter().map(|setting| Arena::Card(setting.clone())));
             for arena in &arenas {
                 data.learning.push(learning::measure(task, arena, self.environments, self.seed)?);

@@ -38,7 +38,7 @@ pub struct Race {
 
 /// Trains at the paper's settings for so many seconds, in a folder of `runs`, and plays in the truth.
 pub(super) fn run(task: &str, seconds: f64, seed: u64, runs: &Path) -> Result<Race> {
-    let model = shipped::models().join(nerd_tasks::named(task)?.robot());
+    let model = shipped::model_of_task(task, nerd_tasks::named(task)?.robot());
     let arena = Arena::Model { folder: model, device: Device::Cuda };
     // Time ends it, not a number of iterations.
     let config = PpoConfig { iterations: 1_000_000, ..PpoConfig::of(task)? };

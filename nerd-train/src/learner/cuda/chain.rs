@@ -79,7 +79,7 @@ impl Motion for Along {
         self.made = None;
         let solver = |e: &dyn std::fmt::Display| StepError::Solver(e.to_string());
         let plan = Plan::of(&self.weights.config, self.chain.rods).map_err(|e| solver(&e))?;
-        let mut network = Network::new(0, plan, batch.len(), self.precision, false).map_err(|e| solver(&e))?;
+        let mut network = Network::new(nerd_cuda::ordinal(), plan, batch.len(), self.precision, false).map_err(|e| solver(&e))?;
         let text = chain_program(&self.chain, &self.scale, &batch.system, reach.colliders);
         network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
         let device = &network.device;

@@ -22,9 +22,6 @@ const LOSSES: usize = 264;
 const SUMS: usize = 1 << 17;
 const CHUNKS: usize = 256;
 
-/// Windows of fewer tokens would leave most of a block idle.
-const FEW: usize = 8;
-
 /// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
 pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
 
@@ -77,7 +74,9 @@ impl Network {
         }
         let source = Source::of(&plan);
         let mut device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
-        let whole = if plan.tokens < FEW { None } else { whole_program(&plan.program, plan.tokens) };
+        // Those whose tokens are asked for all at once, and are many.
+        let along = plan.program.steps.iter().any(|step| matches!(step.op, Op::Neighbours(_)));
+        let whole = if along { whole_program(&plan.program, plan.tokens) } else { None };
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;
         }
@@ -176,7 +175,7 @@ impl Network {
     }
 
     /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`. Of a small program nothing
-    /// else is kept.
+    /// else is kept, and it has 32 bits whatever [`Precision`] says.
     pub fn predict(&self, w: u64, rows: usize, last: Option<u64>) -> Result<(), DeviceError> {
         if let (Some(threads), None) = (self.whole, last) {
             let args = [w, self.at(Slot(0)), self.predictions().ptr].map(Ptr);

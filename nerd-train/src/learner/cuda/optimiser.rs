@@ -32,7 +32,7 @@ struct Scalars {
 pub(super) struct Optimiser {
     pub weights: Buffer<f32>,
     pub average: Buffer<f32>,
-    /// Gradients, and behind them the squared error.
+    /// Gradients, and behind them what `mean` makes a loss of.
     pub gradients: Buffer<f32>,
     m: Buffer<f32>,
     v: Buffer<f32>,
@@ -82,12 +82,12 @@ impl Optimiser {
         self.scalars.ptr
     }
 
-    /// Adds up the gradients and squared errors of all ranks.
+    /// Adds up the gradients of all ranks, and the numbers behind them.
     pub fn sum(&self, d: &Device) -> Result<(), LearnError> {
         self.sums.as_ref().map_or(Ok(()), |sums| Ok(sums.sum(d, &self.gradients)?))
     }
 
-    /// Makes an update of the gradient of all ranks; `mean` leads from the squared error behind it to the loss.
+    /// Makes an update of the gradient of all ranks; `mean` leads from the number behind it to the loss: squared errors are many, a chain's loss is one.
     pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
         let (p, s, beta) = (self.parameters(), Ptr(self.scalars.ptr), Double(self.beta));
         let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));

@@ -1,8 +1,8 @@
 //! [`CudaUnroll`]: updates of a chain's network through many frames, on the device.
 //!
 //! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last frame on,
-//! `loss and look -> network -> what was said -> network back -> frame back`: activations are made once more in place of being kept. All of
-//! it is one captured graph. The host draws where rollouts begin, and is told which are near enough to be carried on.
+//! `loss and look -> network -> what was said -> network back -> frame back`: activations are made once more in place of being kept, in TF32 where
+//! that is asked for, while the way forward has 32 bits. All of it is one captured graph. The host draws where rollouts begin, and is told which are near enough to be carried on.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -95,10 +95,9 @@ impl CudaUnroll {
         let chain = Chain::of(system).map_err(|e| mismatch(&e))?;
         config.check().map_err(|e| mismatch(&e))?;
         crate::chain::fits(&train, &validation, frames)?;
-        let ordinal = if ranks.world() == 1 { nerd_cuda::ordinal() } else { nerd_cuda::take(ranks.local())? };
         let mine = ranks.part(config.batch);
         let plan = Plan::of(&state.weights.config, chain.rods)?;
-        let mut network = Network::new(ordinal, plan, mine.len(), precision, true)?;
+        let mut network = Network::new(nerd_cuda::ordinal(), plan, mine.len(), precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
         let loss = Loss::new(&scale, velocity, frames);
         network.device.add(&unroll_program(&chain, &scale, &loss, system, colliders), &[&KERNELS[..], &[END]].concat())?;
