@@ -14,13 +14,14 @@ pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
         return gelu_and_slope(x, y);
     }
     std::mem::swap(x, y);
-    let all = y.iter_mut();
-    Arch::new().dispatch(|| match f {
-        Activation::Gelu => all.for_each(|x| *x *= 0.5 * (1.0 + erf(*x * FRAC_1_SQRT_2))),
-        Activation::Relu => all.for_each(|x| *x = at_least(*x, 0.0)),
-        Activation::Tanh => all.for_each(|x| *x = tanh(*x)),
-        Activation::Elu => all.for_each(|x| *x = at_least(*x, 0.0) + (exp(x.min(0.0)) - 1.0)),
-    });
+    let (arch, all) = (Arch::new(), y.iter_mut());
+    // Each its own: several loops in one closure are not made vectors of.
+    match f {
+        Activation::Gelu => arch.dispatch(|| all.for_each(|x| *x *= 0.5 * (1.0 + erf(*x * FRAC_1_SQRT_2)))),
+        Activation::Relu => arch.dispatch(|| all.for_each(|x| *x = at_least(*x, 0.0))),
+        Activation::Tanh => arch.dispatch(|| all.for_each(|x| *x = tanh(*x))),
+        Activation::Elu => arch.dispatch(|| all.for_each(|x| *x = at_least(*x, 0.0) + (exp(x.min(0.0)) - 1.0))),
+    }
 }
 
 /// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the slope there, so that the backward pass only multiplies.
@@ -47,12 +48,13 @@ fn tanh(x: f32) -> f32 {
 /// The gradient in front of [`forward`] from that behind it, in its place; `kept` is what x became.
 #[cfg(feature = "autodiff")]
 pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
-    Arch::new().dispatch(|| match f {
-        Activation::Gelu => gradient.iter_mut().zip(kept).for_each(|(g, slope)| *g *= slope),
-        Activation::Relu => gradient.iter_mut().zip(y).for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 }),
-        Activation::Tanh => gradient.iter_mut().zip(y).for_each(|(g, y)| *g *= 1.0 - y * y),
-        Activation::Elu => gradient.iter_mut().zip(y).for_each(|(g, y)| *g *= y.min(0.0) + 1.0),
-    });
+    let (arch, pairs) = (Arch::new(), gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y }));
+    match f {
+        Activation::Gelu => arch.dispatch(|| pairs.for_each(|(g, slope)| *g *= slope)),
+        Activation::Relu => arch.dispatch(|| pairs.for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 })),
+        Activation::Tanh => arch.dispatch(|| pairs.for_each(|(g, y)| *g *= 1.0 - y * y)),
+        Activation::Elu => arch.dispatch(|| pairs.for_each(|(g, y)| *g *= y.min(0.0) + 1.0)),
+    }
 }
 
 #[cfg(all(test, feature = "autodiff"))]
