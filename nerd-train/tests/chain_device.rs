@@ -4,11 +4,11 @@
 mod cpp;
 
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said};
-use nerd_model::device::padded;
+use nerd_model::device::{numbers, padded};
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
-use nerd_train::chain::device::{numbers, row, unroll_program};
+use nerd_train::chain::device::{row, unroll_program};
 use nerd_train::chain::{Loss, Motions, View, join, scales};
 
 const ROLLOUTS: usize = 24;

@@ -8,7 +8,7 @@ using std::tanh; using std::hypot; using std::atan2; using std::copysign;
 
 constexpr int HALF = 6 + 2 * RODS, STATE = 2 * HALF;
 constexpr int GRIPPER = 12;                       // place, velocity, angles, rates
-constexpr int MEMO = GRIPPER + 6 * RODS;          // the gripper where it glides, directions of rods, their rates
+constexpr int CHAIN = GRIPPER + 6 * RODS;         // the gripper, directions of rods, their rates
 
 // Axes of a link, and how they turn.
 struct Axes { V3 c[3]; V3 w; };

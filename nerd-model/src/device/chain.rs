@@ -10,8 +10,9 @@ use nerd_sim::system::System;
 use super::padded;
 use crate::chain::{Chain, INPUTS, OUTPUTS, QUICK, REACH};
 
-/// Numbers that are kept of an environment between the two kernels: the gripper, and directions and rates of rods.
-pub fn memo(chain: &Chain) -> usize {
+/// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the two
+/// kernels.
+pub fn numbers(chain: &Chain) -> usize {
     12 + 6 * chain.rods
 }
 

@@ -8,13 +8,13 @@ extern "C" __global__ void chain_tell(const double* states, const double* torque
     if (env >= n || faults[env]) return;
     const double* tau = torques + ((long long)(*held ? 0 : done[env]) * n + env) * HALF;
     faults[env] = tell(states + (long long)env * STATE, tau, scenes + (long long)scene_of[env] * (3 + COLLIDER * NC),
-                       memos + (long long)env * MEMO, tokens + (long long)env * RODS * LDX);
+                       memos + (long long)env * CHAIN, tokens + (long long)env * RODS * LDX);
 }
 
 extern "C" __global__ void chain_apply(double* states, const double* memos, const float* said, int* faults, unsigned* done, int n) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env >= n || faults[env]) return;
-    faults[env] = apply(states + (long long)env * STATE, memos + (long long)env * MEMO, said + (long long)env * RODS * OUTPUTS);
+    faults[env] = apply(states + (long long)env * STATE, memos + (long long)env * CHAIN, said + (long long)env * RODS * OUTPUTS);
     if (!faults[env]) done[env]++;
 }
 #else
@@ -24,7 +24,7 @@ int main() {
     int head[2];
     if (std::fread(head, 4, 2, stdin) != 2) return 1;
     const int n = head[0], scenes = head[1], wide = 3 + COLLIDER * NC;
-    double *states = new double[n * STATE], *torques = new double[n * HALF], *scene = new double[scenes * wide], *memo = new double[MEMO];
+    double *states = new double[n * STATE], *torques = new double[n * HALF], *scene = new double[scenes * wide], *memo = new double[CHAIN];
     float *said = new float[n * RODS * OUTPUTS], *tokens = new float[n * RODS * LDX];
     int* of = new int[n];
     size_t got = std::fread(states, 8, n * STATE, stdin) + std::fread(torques, 8, n * HALF, stdin) + std::fread(scene, 8, scenes * wide, stdin);

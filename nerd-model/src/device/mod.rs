@@ -20,7 +20,7 @@ use crate::folder::Model;
 use crate::form::View;
 use crate::turns::Turns;
 
-pub use chain::{chain_functions, chain_program, memo};
+pub use chain::{chain_functions, chain_program, numbers};
 pub use whole::{Whole, whole_program};
 
 /// Numbers from one token to the next: cuBLAS likes rows aligned.

@@ -34,9 +34,9 @@ impl Motions {
     pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(folder)?;
         manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
-        let shard = |name: &String| manifest.shard_in_scenes(folder, name, system).map(hashed);
+        let shard = |name: &String| manifest.shard_in_scenes(folder, name, system);
         let shards = manifest.shards.par_iter().map(shard).collect::<Result<Vec<_>, _>>()?;
-        let hashes: Vec<_> = shards.iter().map(|shard| shard.2).collect();
+        let hashes: Vec<_> = shards.par_iter().map(|(recording, _)| recording.sha256()).collect();
         let motions = Self::joined(shards);
         manifest.holds(folder, hashes, motions.len(), motions.frames)?;
         Ok(motions)
@@ -57,14 +57,14 @@ impl Motions {
             let count = config.shard_trajectories.min(config.trajectories() - first);
             let recording = record(system, &mut *solver(), config, first as u64, count)?;
             progress(count * config.frames);
-            Ok(hashed((recording, begin(system, config, first as u64, count)?.scenes)))
+            Ok((recording, begin(system, config, first as u64, count)?.scenes))
         };
         Ok(Self::joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
     }
 
-    fn joined(shards: Vec<(Recording, Vec<Arc<Scene>>, [u8; 32])>) -> Self {
+    fn joined(shards: Vec<(Recording, Vec<Arc<Scene>>)>) -> Self {
         let mut all = Self::default();
-        for (recording, scenes, _) in shards {
+        for (recording, scenes) in shards {
             all.frames = recording.frames;
             all.states.extend(recording.states);
             all.torques.extend(recording.torques);
@@ -107,9 +107,4 @@ impl Motions {
         let joints = self.torques.len() / (self.len() * self.frames);
         &self.torques[(motion * self.frames + frame) * joints..][..joints]
     }
-}
-
-fn hashed((recording, scenes): (Recording, Vec<Arc<Scene>>)) -> (Recording, Vec<Arc<Scene>>, [u8; 32]) {
-    let hash = recording.sha256();
-    (recording, scenes, hash)
 }

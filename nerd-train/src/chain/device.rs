@@ -20,11 +20,6 @@ pub fn row(motion: usize, frame: usize, anew: bool, view: &View) -> [f64; ROLLOU
     [motion as f64, frame as f64, f64::from(u8::from(anew)), mirror, sin, cos, yaw]
 }
 
-/// Numbers of a chain: the gripper's twelve, directions of rods, their rates.
-pub fn numbers(chain: &Chain) -> usize {
-    12 + 6 * chain.rods
-}
-
 /// The text for a chain, for scenes of at most so many colliders; `scale` is what 1 means of each number that is said.
 pub fn unroll_program(chain: &Chain, scale: &[f64; OUTPUTS], loss: &Loss, system: &System, colliders: usize) -> String {
     let mut text = chain_functions(chain, scale, system, colliders);

@@ -11,7 +11,7 @@
 #define OF_BLOCK
 #endif
 
-constexpr int CHAIN = GRIPPER + 6 * RODS, RATES = GRIPPER + 3 * RODS;
+constexpr int RATES = GRIPPER + 3 * RODS;
 constexpr int SCENE = 3 + COLLIDER * NC;
 // What the largest kernel keeps in a block's memory.
 static_assert(8 * (3 * CHAIN + 13 * RODS + 40) + (NC + 1) * sizeof(Surface) < 49152, "so many rods or colliders are too many to be trained on the card; leave --device cuda out");

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError, Graph};
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS};
-use nerd_model::device::{chain_program, memo};
+use nerd_model::device::{chain_program, numbers};
 use nerd_model::folder::Model;
 use nerd_model::program::Slot;
 use nerd_model::transformer::Weights;
@@ -84,7 +84,7 @@ impl Motion for Along {
         network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
         let device = &network.device;
         let (weights, hold) = (device.upload(&self.weights.flat).map_err(failed)?, device.zeros(1).map_err(failed)?);
-        let memos = device.zeros(batch.len() * memo(&self.chain)).map_err(failed)?;
+        let memos = device.zeros(batch.len() * numbers(&self.chain)).map_err(failed)?;
         network.fold(weights.ptr).map_err(failed)?;
         self.made = Some(Made { network, weights, memos, hold, graph: None });
         Ok(())
