@@ -122,7 +122,7 @@ impl Device {
     /// # Errors
     /// Kernels that do not compile or load.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
-        let (major, minor) = self.context.compute_capability().map_err(failed("compute capability"))?;
+        let (major, minor) = self.capability()?;
         // Lambdas bear no word for where they run: NVRTC 13.0 takes them for the host's, which it refuses, 13.5 does not.
         let here = "--device-as-default-execution-space".into();
         let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}"), here], ..Default::default() };
@@ -132,6 +132,14 @@ impl Device {
             self.kernels.insert(name, module.load_function(name).map_err(failed(name))?);
         }
         Ok(())
+    }
+
+    /// Its compute capability, major and minor.
+    ///
+    /// # Errors
+    /// If the driver does not tell.
+    pub fn capability(&self) -> Result<(i32, i32), DeviceError> {
+        self.context.compute_capability().map_err(failed("compute capability"))
     }
 
     /// The same device, with cuBLAS.

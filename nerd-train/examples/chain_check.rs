@@ -47,31 +47,37 @@ fn main() -> Caught<()> {
             Err(error) => demand(false, format!("{setting}: {error}")),
         }
     }
-    for (setting, real, frames, most) in [
-        (learned(), Real::F32, 1, 1e-4),
-        (learned(), Real::F32, 30, 0.05),
-        (Setting::Implicit(1), Real::F64, 1, 1e-6),
-        (Setting::Implicit(4), Real::F64, 1, 1e-6),
-        (Setting::Implicit(4), Real::F64, 10, 1e-3),
-        (Setting::Implicit(4), Real::F32, 1, 1e-2),
-        (Setting::Implicit(16), Real::F32, 1, 1e-2),
+    let (full, short) = (Precision::F32, Precision::Tf32);
+    for (setting, kind, frames, most) in [
+        (learned(), (Real::F32, full), 1, 1e-4),
+        (learned(), (Real::F32, full), 30, 0.05),
+        (learned(), (Real::F32, short), 1, 3e-3),
+        (learned(), (Real::F32, short), 30, 0.1),
+        (Setting::Implicit(1), (Real::F64, full), 1, 1e-6),
+        (Setting::Implicit(4), (Real::F64, full), 1, 1e-6),
+        (Setting::Implicit(4), (Real::F64, full), 10, 1e-3),
+        (Setting::Implicit(4), (Real::F32, full), 1, 1e-2),
+        (Setting::Implicit(16), (Real::F32, full), 1, 1e-2),
     ] {
-        match apart(&setting, real, frames, &fallen) {
+        match apart(&setting, kind, frames, &fallen) {
             Ok([middle, worst]) => {
-                let what = format!("{setting}, {real:?}, {frames} frames: {middle:.1e} from the CPU in the median, {worst:.1e} at most");
+                let what = format!("{setting}, {kind:?}, {frames} frames: {middle:.1e} from the CPU in the median, {worst:.1e} at most");
                 demand(middle < most, what);
             }
-            Err(error) => demand(false, format!("{setting}, {real:?}: {error}")),
+            Err(error) => demand(false, format!("{setting}, {kind:?}: {error}")),
         }
     }
-    for setting in [learned(), Setting::Implicit(4)] {
-        match in_a_row(&setting, &fallen) {
-            Ok(same) => demand(same, format!("{setting}: frames one by one and in a row, the same bits")),
-            Err(error) => demand(false, format!("{setting}: {error}")),
+    for (setting, precision) in [(learned(), full), (learned(), short), (Setting::Implicit(4), full)] {
+        let kind = (Real::F32, precision);
+        match in_a_row(&setting, kind, &fallen) {
+            Ok(same) => demand(same, format!("{setting}, {precision:?}: frames one by one and in a row, the same bits")),
+            Err(error) => demand(false, format!("{setting}, {precision:?}: {error}")),
         }
-        match harmed(&setting, &fallen) {
-            Ok((others, said)) => demand(others && said.contains("environment 7"), format!("{setting}, one that is no number: {said}")),
-            Err(error) => demand(false, format!("{setting}: {error}")),
+        match harmed(&setting, kind, &fallen) {
+            Ok((others, said)) => {
+                demand(others && said.contains("environment 7"), format!("{setting}, {precision:?}, one that is no number: {said}"));
+            }
+            Err(error) => demand(false, format!("{setting}, {precision:?}: {error}")),
         }
     }
     match learned_alike() {
@@ -143,14 +149,17 @@ fn torques(n: usize, frame: usize) -> Vec<f64> {
     (0..86 * n).map(|k| if k % 86 < 6 { 3.0 * ((k + 31 * frame) as f64 * 0.7).sin() } else { 0.0 }).collect()
 }
 
-fn solver(setting: &Setting, real: Real, batch: &Batch) -> Caught<Box<dyn Roll>> {
-    Ok(resident(setting, &batch.system, real, Precision::F32)?)
+/// What is reckoned within a frame, and a network's products.
+type Kind = (Real, Precision);
+
+fn solver(setting: &Setting, (real, precision): Kind, batch: &Batch) -> Caught<Box<dyn Roll>> {
+    Ok(resident(setting, &batch.system, real, precision)?)
 }
 
 /// Differences after so many frames, by environment: in the median, and the largest.
-fn apart(setting: &Setting, real: Real, frames: usize, fallen: &Batch) -> Caught<[f64; 2]> {
+fn apart(setting: &Setting, kind: Kind, frames: usize, fallen: &Batch) -> Caught<[f64; 2]> {
     let (mut here, mut there, d) = (fallen.clone(), fallen.clone(), fallen.system.robot.state_dim());
-    let (mut own, mut device) = (setting.solver(&fallen.system)?, solver(setting, real, fallen)?);
+    let (mut own, mut device) = (setting.solver(&fallen.system)?, solver(setting, kind, fallen)?);
     for frame in 0..frames {
         own.step(&mut here, &torques(LEADS, frame))?;
         device.step(&mut there, &torques(LEADS, frame))?;
@@ -161,21 +170,21 @@ fn apart(setting: &Setting, real: Real, frames: usize, fallen: &Batch) -> Caught
     Ok([all[LEADS / 2], all[LEADS - 1]])
 }
 
-fn in_a_row(setting: &Setting, fallen: &Batch) -> Caught<bool> {
+fn in_a_row(setting: &Setting, kind: Kind, fallen: &Batch) -> Caught<bool> {
     let (mut one, mut all) = (fallen.clone(), fallen.clone());
-    let mut stepped = solver(setting, Real::F32, fallen)?;
+    let mut stepped = solver(setting, kind, fallen)?;
     (0..5).try_for_each(|frame| stepped.step(&mut one, &torques(LEADS, frame)))?;
     let every: Vec<f64> = (0..5).flat_map(|frame| torques(LEADS, frame)).collect();
-    solver(setting, Real::F32, fallen)?.roll(&mut all, &every, 5)?;
+    solver(setting, kind, fallen)?.roll(&mut all, &every, 5)?;
     Ok(one.states == all.states && one.frames == all.frames)
 }
 
 /// A state that is none is set aside: whether no other environment notices, and what is said.
-fn harmed(setting: &Setting, fallen: &Batch) -> Caught<(bool, String)> {
+fn harmed(setting: &Setting, kind: Kind, fallen: &Batch) -> Caught<(bool, String)> {
     let (mut sound, mut harmed, d) = (fallen.clone(), fallen.clone(), fallen.system.robot.state_dim());
     harmed.states[7 * d + 9] = f64::NAN;
-    solver(setting, Real::F32, fallen)?.step(&mut sound, &torques(LEADS, 0))?;
-    let said = solver(setting, Real::F32, fallen)?.step(&mut harmed, &torques(LEADS, 0)).err().ok_or("nothing was said")?;
+    solver(setting, kind, fallen)?.step(&mut sound, &torques(LEADS, 0))?;
+    let said = solver(setting, kind, fallen)?.step(&mut harmed, &torques(LEADS, 0)).err().ok_or("nothing was said")?;
     let others = |b: &Batch| [&b.states[..7 * d], &b.states[8 * d..]].concat();
     Ok((others(&sound) == others(&harmed), said.to_string()))
 }

@@ -21,7 +21,7 @@ use crate::form::View;
 use crate::turns::Turns;
 
 pub use chain::{chain_functions, chain_program, numbers};
-pub use whole::{Whole, whole_program};
+pub use whole::{Products, Whole, whole_program};
 
 /// Numbers from one token to the next: cuBLAS likes rows aligned.
 pub fn padded(inputs: usize) -> usize {

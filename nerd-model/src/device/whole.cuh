@@ -1,4 +1,5 @@
-// Steps of a program whose slots fit into the memory that a block shares, in 32 bits: a block a window of T tokens. whole.rs writes what calls them.
+// Steps of a program whose slots fit into the memory that a block shares: a block a few windows of T tokens, which are ROWS rows. whole.rs writes
+// what calls them; products stand in whole_f32.cuh and whole_tf32.cuh.
 
 #ifdef __CUDACC_RTC__
 #define FN static __device__ __forceinline__
@@ -7,6 +8,7 @@
 #else
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <vector>
 using std::erf;
 #define erff erf
@@ -21,116 +23,41 @@ FN float gelu(float x) { return x * (0.5f + 0.5f * erff(x * 0.70710678118654752f
 // What is no number stays so.
 FN float relu(float x) { return x < 0.0f ? 0.0f : x; }
 
-struct Four { float x[4]; };
+// What a product is to read, as it reads it.
+FN float factor(float x);
 
-// Four numbers from an address that four divide; of the last ones of a row no more than there are.
-FN Four four(const float* p) {
+// y = (x - mean) / sqrt(variance + 1e-5), for products: eight threads a row.
+template <int WIDE, int L> FN void norm(const float* x, float* y) {
 #ifdef __CUDACC_RTC__
-    const float4 v = *(const float4*)p;
-    return {{v.x, v.y, v.z, v.w}};
+    constexpr int LANES = 8;
+    const int lane = threadIdx.x % LANES, own = threadIdx.x / LANES, step = blockDim.x / LANES;
+    auto sum = [](float part) {
+#pragma unroll
+        for (int k = LANES / 2; k; k /= 2) part += __shfl_xor_sync(~0u, part, k);
+        return part;
+    };
 #else
-    return {{p[0], p[1], p[2], p[3]}};
+    constexpr int LANES = 1;
+    const int lane = 0, own = 0, step = 1;
+    auto sum = [](float all) { return all; };
 #endif
-}
-template <int OUT> FN Four weights(const float* row, int c) {
-    if (OUT % 4 == 0) return four(row + c);
-    Four b = {{0, 0, 0, 0}};
-    for (int j = 0; j < 4; j++) if (c + j < OUT) b.x[j] = row[c + j];
-    return b;
-}
-
-// y = f(x W + bias), or y += where ADD: four rows and four columns a thread. x has PARTS rows side by side, of WIDE numbers each and `off` tokens
-// apart, and none beyond the ends of a window. Rows of x are LX numbers apart, of y LY.
-template <int WIDE, int PARTS, int OUT, int LX, int LY, bool ADD, float (*F)(float)>
-FN void linear(const float* x, int off, const float* w, const float* bias, float* y) {
-    constexpr int COLUMNS = (OUT + 3) / 4, ROWS = (T + 3) / 4;
-    EACH(tile, ROWS * COLUMNS) {
-        const int column = tile % COLUMNS * 4, row = tile / COLUMNS * 4;
-        float sum[4][4] = {};
-#pragma unroll
-        for (int part = 0; part < PARTS; part++) {
-            const float* rows[4];
-            bool has[4];
-#pragma unroll
-            for (int i = 0; i < 4; i++) {
-                const int other = row + i + (part - PARTS / 2) * off;
-                has[i] = row + i < T && other >= 0 && other < T;
-                rows[i] = x + (has[i] ? other : 0) * LX;
-            }
-#pragma unroll 2
-            for (int c = 0; c + 4 <= WIDE; c += 4) {
-                Four a[4];
-#pragma unroll
-                for (int i = 0; i < 4; i++) {
-                    a[i] = four(rows[i] + c);
-                    if (!has[i]) a[i] = {{0, 0, 0, 0}};
-                }
-#pragma unroll
-                for (int k = 0; k < 4; k++) {
-                    const Four b = weights<OUT>(w + (part * WIDE + c + k) * OUT, column);
-#pragma unroll
-                    for (int i = 0; i < 4; i++)
-#pragma unroll
-                        for (int j = 0; j < 4; j++) sum[i][j] += a[i].x[k] * b.x[j];
-                }
-            }
-#pragma unroll
-            for (int c = WIDE / 4 * 4; c < WIDE; c++) {
-                const Four b = weights<OUT>(w + (part * WIDE + c) * OUT, column);
-#pragma unroll
-                for (int i = 0; i < 4; i++) {
-                    const float a = has[i] ? rows[i][c] : 0.0f;
-#pragma unroll
-                    for (int j = 0; j < 4; j++) sum[i][j] += a * b.x[j];
-                }
-            }
-        }
-#pragma unroll
-        for (int i = 0; i < 4; i++)
-#pragma unroll
-            for (int j = 0; j < 4; j++) {
-                if (row + i >= T || column + j >= OUT) continue;
-                float& to = y[(row + i) * LY + column + j];
-                const float z = sum[i][j] + (bias ? bias[column + j] : 0.0f);
-                to = ADD ? to + z : F(z);
-            }
-    }
-    SYNC;
-}
-
-// y = (x - mean) / sqrt(variance + 1e-5); a few threads a row. `part` has room for 2 T GROUPS numbers.
-template <int WIDE, int L> FN void norm(const float* x, float* y, float* part) {
-    constexpr int SOME = (WIDE + GROUPS - 1) / GROUPS;
-    EACH(p, T * GROUPS) {
-        float sum = 0;
-        for (int c = p % GROUPS * SOME; c < WIDE && c < (p % GROUPS + 1) * SOME; c++) sum += x[p / GROUPS * L + c];
-        part[p] = sum;
-    }
-    SYNC;
-    EACH(p, T * GROUPS) {
-        float mean = 0, sum = 0;
-        for (int k = 0; k < GROUPS; k++) mean += part[p / GROUPS * GROUPS + k] / WIDE;
-        for (int c = p % GROUPS * SOME; c < WIDE && c < (p % GROUPS + 1) * SOME; c++) {
-            const float off = x[p / GROUPS * L + c] - mean;
-            sum += off * off;
-        }
-        part[T * GROUPS + p] = sum;
-    }
-    SYNC;
-    EACH(i, T * WIDE) {
-        const int row = i / WIDE, at = row * L + i % WIDE;
-        float mean = 0, variance = 0;
-        for (int k = 0; k < GROUPS; k++) {
-            mean += part[row * GROUPS + k] / WIDE;
-            variance += part[T * GROUPS + row * GROUPS + k] / WIDE;
-        }
-        y[at] = (x[at] - mean) / sqrtf(variance + 1e-5f);
+    // Those of the last row go on as long as others of their warp, and write nothing.
+    for (int first = 0; first < ROWS; first += step) {
+        const bool has = first + own < ROWS;
+        const int row = (has ? first + own : ROWS - 1) * L;
+        float part = 0;
+        for (int c = lane; c < WIDE; c += LANES) part += x[row + c];
+        const float mean = sum(part) / WIDE;
+        part = 0;
+        for (int c = lane; c < WIDE; c += LANES) part += (x[row + c] - mean) * (x[row + c] - mean);
+        const float scale = 1 / sqrtf(sum(part) / WIDE + 1e-5f);
+        for (int c = lane; has && c < WIDE; c += LANES) y[row + c] = factor((x[row + c] - mean) * scale);
     }
     SYNC;
 }
 
 // x += P, of every place in a window.
 template <int WIDE, int L> FN void place(const float* table, float* x) {
-    EACH(i, T * WIDE) x[i / WIDE * L + i % WIDE] += table[i];
+    EACH(i, ROWS * WIDE) x[i / WIDE * L + i % WIDE] += table[i % (T * WIDE)];
     SYNC;
 }

@@ -1,5 +1,5 @@
-//! A small program as one kernel, `whole_pass`: every slot stands in the memory that a block shares, and a block passes a window. Where many
-//! windows of narrow rows are passed, kernels one by one would mostly move rows to and fro.
+//! A small program as one kernel, `whole_pass`: every slot stands in the memory that a block shares, and a block passes a window, or a few on
+//! tensor cores. Where many windows of narrow rows are passed, kernels one by one would mostly move rows to and fro.
 
 use std::fmt::Write;
 
@@ -8,10 +8,10 @@ use crate::program::{Activation, Op, Program, Slot, Step, Weight};
 
 /// Shared bytes that every device gives without asking.
 const SHARED: usize = 48 << 10;
-/// Threads of a row in a norm.
-const GROUPS: usize = 4;
 /// Most threads of a block.
 const MOST: usize = 256;
+/// Most rows of a block on tensor cores: what its threads sum stands in registers.
+const ROWS: usize = 96;
 
 /// A program's pass as a kernel.
 pub struct Whole {
@@ -19,6 +19,17 @@ pub struct Whole {
     pub text: String,
     /// Threads that a block should have.
     pub threads: usize,
+    /// Windows that a block passes.
+    pub windows: usize,
+}
+
+/// How products are reckoned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Products {
+    /// In 32 bits.
+    F32,
+    /// On tensor cores, operands rounded to TF32: for devices of compute capability 8 and above.
+    Tf32,
 }
 
 /// Where a slot's rows stand.
@@ -35,6 +46,8 @@ enum Home {
 struct Writer<'a> {
     program: &'a Program,
     tokens: usize,
+    windows: usize,
+    products: Products,
     starts: Vec<usize>,
     homes: Vec<Home>,
     /// Numbers that are taken: first, how many, by which slot.
@@ -44,56 +57,80 @@ struct Writer<'a> {
 }
 
 /// A program over windows of so many tokens `[T][padded inputs]`; none where a step has no such form, or it does not fit.
-pub fn whole_program(program: &Program, tokens: usize) -> Option<Whole> {
+pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
     // A product says what is predicted, and tokens stay as they are.
     let last = program.steps.last()?;
     let last = matches!(last.op, Op::Linear { add: false, .. }) && program.steps.iter().filter(|step| step.to == last.to).count() == 1;
     if !last || program.steps.iter().any(|step| step.to == Slot(0)) {
         return None;
     }
-    let homes = vec![Home::Nowhere; program.widths.len()];
-    let mut writer = Writer { program, tokens, starts: program.starts(), homes, taken: Vec::new(), most: 0, text: String::new() };
-    let mut i = 0;
-    while i < program.steps.len() {
-        i += writer.step(i)?;
+    let most = if products == Products::F32 { 1 } else { (ROWS / tokens).max(1) };
+    (1..=most).rev().find_map(|windows| Writer::new(program, tokens, windows, products).whole())
+}
+
+impl<'a> Writer<'a> {
+    fn new(program: &'a Program, tokens: usize, windows: usize, products: Products) -> Self {
+        let homes = vec![Home::Nowhere; program.widths.len()];
+        Self { program, tokens, windows, products, starts: program.starts(), homes, taken: Vec::new(), most: 0, text: String::new() }
     }
-    let norms = 2 * tokens * GROUPS;
-    let floats = writer.most + norms;
-    let widest = program.widths[1..].iter().zip(&writer.homes[1..]).filter(|(_, home)| !matches!(home, Home::Beside(..)));
-    let columns = widest.map(|(width, _)| width.div_ceil(4)).max()?;
-    let threads = (columns * tokens.div_ceil(4)).next_multiple_of(32).min(MOST);
-    let (inputs, outputs) = (padded(program.width(Slot(0))), program.width(program.predictions()));
-    let text = format!(
-        "#define T {tokens}\n#define GROUPS {GROUPS}\n{}\n\
-         FN void pass(const float* w, const float* tokens, float* out, float* s) {{\n    float* part = s + {};\n{}}}\n\n\
-         #ifdef __CUDACC_RTC__\n\
-         extern \"C\" __global__ void __launch_bounds__({threads}) whole_pass(const float* w, const float* tokens, float* out) {{\n    \
-         __shared__ __align__(16) float s[{floats}];\n    \
-         const long long window = blockIdx.x;\n    \
-         pass(w, tokens + window * T * {inputs}, out + window * T * {outputs}, s);\n}}\n\
-         #else\n\
-         int main() {{\n    int head[2];\n    if (std::fread(head, 4, 2, stdin) != 2) return 1;\n    \
-         std::vector<float> w(head[1]), tokens(head[0] * T * {inputs}), out(head[0] * T * {outputs}), s({floats});\n    \
-         size_t got = std::fread(w.data(), 4, w.size(), stdin) + std::fread(tokens.data(), 4, tokens.size(), stdin);\n    \
-         for (int i = 0; i < head[0]; i++) pass(w.data(), tokens.data() + i * T * {inputs}, out.data() + i * T * {outputs}, s.data());\n    \
-         std::fwrite(out.data(), 4, out.size(), stdout);\n    return got != w.size() + tokens.size();\n}}\n#endif\n",
-        include_str!("whole.cuh"),
-        writer.most,
-        writer.text,
-    );
-    (4 * floats <= SHARED).then_some(Whole { text, threads })
-}
 
-/// Numbers from one row of a slot to the next in shared memory.
-fn apart(width: usize) -> usize {
-    width.next_multiple_of(4) + 4
-}
+    fn whole(mut self) -> Option<Whole> {
+        let (program, tokens, windows, tensor) = (self.program, self.tokens, self.windows, self.products == Products::Tf32);
+        let mut i = 0;
+        if tensor {
+            let (inputs, x) = (program.width(Slot(0)), self.write(Slot(0)));
+            let _ = writeln!(self.text, "    take<{inputs}, {}, {}>(tokens, {x}, rows);", padded(inputs), self.apart(inputs));
+        }
+        while i < program.steps.len() {
+            i += self.step(i)?;
+        }
+        let widths =
+            || program.widths.iter().zip(&self.homes).skip(1).filter(|(_, home)| !matches!(home, Home::Beside(..))).map(|(w, _)| *w);
+        // Zeros that stand for a row.
+        let floats = self.most + program.widths.iter().map(|width| self.apart(*width)).max()?;
+        let warps = if tensor { widths().max()?.div_ceil(16) } else { (widths().max()?.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) };
+        let threads = (32 * warps).min(MOST);
+        let (inputs, outputs) = (padded(program.width(Slot(0))), program.width(program.predictions()));
+        let text = format!(
+            "#define T {tokens}\n#define ROWS {}\n#define WARPS {}\n{}\n{}\n\
+             FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {};\n    \
+             EACH(k, {}) none[k] = 0;\n    SYNC;\n{}}}\n\n\
+             #ifdef __CUDACC_RTC__\n\
+             extern \"C\" __global__ void __launch_bounds__({threads}) whole_pass(const float* w, const float* tokens, float* out, int n) {{\n    \
+             __shared__ __align__(16) float s[{floats}];\n    \
+             const long long first = (long long)blockIdx.x * {windows};\n    \
+             const int here = n - first < {windows} ? n - first : {windows};\n    \
+             pass(w, tokens + first * T * {inputs}, out + first * T * {outputs}, s, here * T);\n}}\n\
+             #else\n\
+             int main() {{\n    int head[2];\n    if (std::fread(head, 4, 2, stdin) != 2) return 1;\n    \
+             std::vector<float> w(head[1]), tokens(head[0] * T * {inputs}), out(head[0] * T * {outputs}), s({floats});\n    \
+             size_t got = std::fread(w.data(), 4, w.size(), stdin) + std::fread(tokens.data(), 4, tokens.size(), stdin);\n    \
+             for (int i = 0; i < head[0]; i += {windows}) {{\n        \
+             const int here = head[0] - i < {windows} ? head[0] - i : {windows};\n        \
+             pass(w.data(), tokens.data() + i * T * {inputs}, out.data() + i * T * {outputs}, s.data(), here * T);\n    }}\n    \
+             std::fwrite(out.data(), 4, out.size(), stdout);\n    return got != w.size() + tokens.size();\n}}\n#endif\n",
+            tokens * windows,
+            threads / 32,
+            include_str!("whole.cuh"),
+            if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") },
+            self.most,
+            floats - self.most,
+            self.text,
+        );
+        (4 * floats <= SHARED).then_some(Whole { text, threads, windows })
+    }
 
-impl Writer<'_> {
+    /// Numbers from one row of a slot to the next in shared memory, so that threads which read at once read different banks.
+    fn apart(&self, width: usize) -> usize {
+        match self.products {
+            Products::F32 => width.next_multiple_of(4) + 4,
+            Products::Tf32 => 8 * (width.div_ceil(8) | 1),
+        }
+    }
     /// Writes the step, and the next one if that is done with it; how many were.
     fn step(&mut self, i: usize) -> Option<usize> {
         let Step { from, to, op } = self.program.steps[i];
-        let (wide, row) = (self.program.width(to), apart(self.program.width(to)));
+        let (wide, row) = (self.program.width(to), self.apart(self.program.width(to)));
         let mut done = 1;
         match op {
             // Four weights are read at once.
@@ -104,6 +141,9 @@ impl Writer<'_> {
                     (target, f, done) = (self.program.steps[i + 1].to, name, 2);
                 }
                 let (x, apart_x, parts, off) = self.read(from)?;
+                if self.products == Products::Tf32 && !add {
+                    self.release(i + done);
+                }
                 let last = i + done == self.program.steps.len();
                 let (y, apart_y) = if last { ("out".into(), wide) } else { (self.write(target), row) };
                 let inner = self.program.width(from) / parts;
@@ -111,7 +151,7 @@ impl Writer<'_> {
                 let w = self.tensor(weight);
                 let _ = writeln!(
                     self.text,
-                    "    linear<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>({x}, {off}, {w}, {bias}, {y});"
+                    "    linear<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>({x}, {off}, {w}, {bias}, {y}, none, rows);"
                 );
             }
             Op::Place(table) => {
@@ -121,7 +161,7 @@ impl Writer<'_> {
             Op::Norm => {
                 let (x, apart_x, ..) = self.read(from).filter(|(_, apart_x, parts, _)| *parts == 1 && *apart_x == row)?;
                 let y = self.write(to);
-                let _ = writeln!(self.text, "    norm<{wide}, {apart_x}>({x}, {y}, part);");
+                let _ = writeln!(self.text, "    norm<{wide}, {apart_x}>({x}, {y});");
             }
             Op::Neighbours(off) => {
                 self.read(from).filter(|(_, _, parts, _)| *parts == 1)?;
@@ -153,8 +193,8 @@ impl Writer<'_> {
     fn read(&self, slot: Slot) -> Option<(String, usize, usize, usize)> {
         let width = self.program.width(slot);
         match self.homes[slot.0] {
-            _ if slot == Slot(0) => Some(("tokens".into(), padded(width), 1, 0)),
-            Home::Shared(at) => Some((format!("s + {at}"), apart(width), 1, 0)),
+            Home::Nowhere if slot == Slot(0) => Some(("tokens".into(), padded(width), 1, 0)),
+            Home::Shared(at) => Some((format!("s + {at}"), self.apart(width), 1, 0)),
             Home::Beside(of, off) => self.read(of).map(|(at, row, ..)| (at, row, 3, off)),
             Home::Nowhere => None,
         }
@@ -165,7 +205,7 @@ impl Writer<'_> {
         if let Home::Shared(at) = self.homes[slot.0] {
             return format!("s + {at}");
         }
-        let (len, mut at) = (self.tokens * apart(self.program.width(slot)), 0);
+        let (len, mut at) = (self.windows * self.tokens * self.apart(self.program.width(slot)), 0);
         self.taken.sort_unstable_by_key(|(first, ..)| *first);
         for (first, taken, _) in &self.taken {
             if at + len <= *first {

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Operand};
-use nerd_model::device::whole_program;
+use nerd_model::device::{Products, whole_program};
 use nerd_model::program::Op::{self, Attend};
 use nerd_model::program::{Activation, Slot, Step, Weight};
 
@@ -56,8 +56,8 @@ pub(crate) struct Network {
     /// By part: of a norm reciprocal deviations; of a cell states found, what is kept, and what states say to the gates.
     pub asides: Vec<Vec<Buffer<f32>>>,
     partial: Buffer<f32>,
-    /// Threads of a block that makes a whole pass of a window, of a small program.
-    whole: Option<usize>,
+    /// Threads of a block that makes whole passes of a small program, and how many windows it passes.
+    whole: Option<[usize; 2]>,
     staging: Vec<f32>,
     pub(super) back: Option<Back>,
 }
@@ -76,7 +76,9 @@ impl Network {
         let mut device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
         // Those whose tokens are asked for all at once, and are many.
         let along = plan.program.steps.iter().any(|step| matches!(step.op, Op::Neighbours(_)));
-        let whole = if along { whole_program(&plan.program, plan.tokens) } else { None };
+        let short = precision != Precision::F32 && device.capability().map_err(LearnError::from)? >= (8, 0);
+        let products = if short { Products::Tf32 } else { Products::F32 };
+        let whole = if along { whole_program(&plan.program, plan.tokens, products) } else { None };
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;
         }
@@ -106,7 +108,7 @@ impl Network {
             turns: device.upload(&plan.attention.map_or(Vec::new(), |a| a.turns(&plan.program.frequencies)))?,
             asides: plan.parts.iter().map(aside).collect::<Result<_, _>>()?,
             partial: zeros(partial)?,
-            whole: whole.map(|whole| whole.threads),
+            whole: whole.map(|whole| [whole.threads, whole.windows]),
             staging: Vec::new(),
             back: if train { Some(Back::new(&device)?) } else { None },
             rows,
@@ -175,11 +177,11 @@ impl Network {
     }
 
     /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`. Of a small program nothing
-    /// else is kept, and it has 32 bits whatever [`Precision`] says.
+    /// else is kept, and its products have 32 bits or those of TF32.
     pub fn predict(&self, w: u64, rows: usize, last: Option<u64>) -> Result<(), DeviceError> {
-        if let (Some(threads), None) = (self.whole, last) {
-            let args = [w, self.at(Slot(0)), self.predictions().ptr].map(Ptr);
-            return self.device.launch("whole_pass", (rows, 1), (threads, 1), 0, &args);
+        if let (Some([threads, windows]), None) = (self.whole, last) {
+            let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
+            return self.device.launch("whole_pass", (rows.div_ceil(windows), 1), (threads, 1), 0, &args);
         }
         let (mut at, mut n, mut first, all) = (self.addresses(), rows * self.plan.tokens, 0, self.plan.parts.len());
         let attend = |_, qkv, out| self.attention(rows, qkv, out);
