@@ -15,8 +15,6 @@ pub enum Precision {
     /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
     #[default]
     Tf32,
-    /// Operands rounded to bf16 (7-bit mantissa) on tensor cores, f32 sums.
-    Bf16,
 }
 
 /// Whether an operand of a product is transposed.
@@ -131,7 +129,6 @@ impl Device {
     fn compute(&self) -> blas::cublasComputeType_t {
         match self.precision {
             Precision::F32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,
-            Precision::Bf16 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_16BF,
             Precision::Tf32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
         }
     }

@@ -4,7 +4,7 @@
 //! cargo run --release -p nerd-train --features cuda --example cuda_check            checks, then times
 //! cargo run --release -p nerd-train --features cuda --example cuda_check -- NAME..      some of them, by name
 //! cargo run --release -p nerd-train --features cuda --example cuda_check -- dump DIR    raw f32 files of a short run
-//! cargo run --release -p nerd-train --features cuda --example cuda_check -- step BATCH [bf16]  one update for a profiler
+//! cargo run --release -p nerd-train --features cuda --example cuda_check -- step BATCH  one update for a profiler
 //! ```
 //!
 //! Checks: every operation and every network against burn, outputs and gradients by weights and by tokens; every entry of the gradient of
@@ -49,10 +49,7 @@ fn main() -> Outcome {
     let args: Vec<String> = std::env::args().skip(1).collect();
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["dump", dir] => dump::dump(Path::new(dir)),
-        ["step", batch, ref short @ ..] => {
-            let precision = if short == ["bf16"] { Precision::Bf16 } else { Precision::Tf32 };
-            with::learner(batch.parse()?, precision, 1.0)?.update_eagerly(1e-4).map_err(Into::into)
-        }
+        ["step", batch] => with::learner(batch.parse()?, Precision::Tf32, 1.0)?.update_eagerly(1e-4).map_err(Into::into),
         ref names => {
             let mut failed = Vec::new();
             for (name, check) in CHECKS.iter().filter(|(name, _)| names.is_empty() || names.contains(name)) {

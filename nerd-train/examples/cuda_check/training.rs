@@ -180,7 +180,7 @@ pub fn resume() -> Outcome {
 }
 
 pub fn learning() -> Outcome {
-    for precision in [Precision::F32, Precision::Tf32, Precision::Bf16] {
+    for precision in [Precision::F32, Precision::Tf32] {
         let mut learner = learner(512, precision, 0.0)?;
         let before = learner.validate(1000)?;
         for k in 0..=5 {
