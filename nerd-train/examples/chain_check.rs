@@ -51,7 +51,7 @@ fn main() -> Caught<()> {
     for (setting, kind, frames, most) in [
         (learned(), (Real::F32, full), 1, 1e-4),
         (learned(), (Real::F32, full), 30, 0.05),
-        (learned(), (Real::F32, short), 1, 3e-3),
+        (learned(), (Real::F32, short), 1, 1e-2),
         (learned(), (Real::F32, short), 30, 0.1),
         (Setting::Implicit(1), (Real::F64, full), 1, 1e-6),
         (Setting::Implicit(4), (Real::F64, full), 1, 1e-6),
