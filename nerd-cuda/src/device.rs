@@ -191,44 +191,6 @@ impl Device {
         stream.synchronize().map_err(failed("copy to the device"))
     }
 
-    /// Copies rows of `width` values to the columns of `to` from `first` on, whose rows have `apart` values; all other columns become 0. In stream
-    /// order, without waiting.
-    pub fn spread<T: Copy>(
-        &self,
-        from: &Buffer<T>,
-        to: &Buffer<T>,
-        rows: usize,
-        [first, width, apart]: [usize; 3],
-    ) -> Result<(), DeviceError> {
-        check_fit(from, rows * width)?;
-        check_fit(to, rows * apart)?;
-        self.context.bind_to_thread().map_err(failed("context"))?;
-        let (stream, bytes) = (self.stream(Lane::Main).cu_stream(), |values: usize| values * size_of::<T>());
-        unsafe { driver::result::memset_d8_async(to.ptr, 0, bytes(rows * apart), stream) }.map_err(failed("memset"))?;
-        if width * rows == 0 {
-            return Ok(());
-        }
-        let copy = sys::CUDA_MEMCPY2D {
-            srcXInBytes: 0,
-            srcY: 0,
-            srcMemoryType: sys::CUmemorytype::CU_MEMORYTYPE_DEVICE,
-            srcHost: std::ptr::null(),
-            srcArray: std::ptr::null_mut(),
-            srcDevice: from.ptr,
-            srcPitch: bytes(width),
-            dstXInBytes: 0,
-            dstY: 0,
-            dstMemoryType: sys::CUmemorytype::CU_MEMORYTYPE_DEVICE,
-            dstHost: std::ptr::null_mut(),
-            dstArray: std::ptr::null_mut(),
-            dstDevice: to.at(first),
-            dstPitch: bytes(apart),
-            WidthInBytes: bytes(width),
-            Height: rows,
-        };
-        unsafe { sys::cuMemcpy2DAsync_v2(&copy, stream) }.result().map_err(failed("copy of columns"))
-    }
-
     /// Copies the start of `buffer` to `values`, after the work before it.
     pub fn read<T: Copy>(&self, buffer: &Buffer<T>, values: &mut [T]) -> Result<(), DeviceError> {
         check_fit(buffer, values.len())?;

@@ -1,11 +1,9 @@
 //! A batch in a device's memory.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_cuda::{Buffer, Device, DeviceError};
-use rayon::prelude::*;
 
 use super::super::ArticulatedConfig;
 use super::program::{Reach, packed, record};
@@ -24,8 +22,6 @@ pub struct Held {
     pub drives: Buffer<f64>,
     /// Of each environment, or `[frame]` of each.
     pub torques: Buffer<f64>,
-    /// Those of the joints that torques act on, where they are few.
-    few: Buffer<f64>,
     /// Scenes, one after the other, and which of them is whose.
     pub records: Buffer<f64>,
     /// See `records`.
@@ -51,7 +47,6 @@ impl Held {
             states: device.zeros(n * robot.state_dim())?,
             drives: device.zeros(5 * batch.drives.len())?,
             torques: device.zeros(n * robot.joint_count())?,
-            few: device.zeros(0)?,
             records: device.zeros(0)?,
             scene_of: device.zeros(n)?,
             faults: device.zeros(n)?,
@@ -80,28 +75,13 @@ impl Held {
         if !same {
             self.know(device, batch, config, reach)?;
         }
+        if self.torques.len < torques.len() {
+            self.torques = device.zeros(torques.len()).map_err(failed)?;
+        }
         self.told = !batch.forces.is_empty();
         device.write(&self.states, &batch.states).map_err(failed)?;
-        self.push(device, torques, batch.system.robot.joint_count()).map_err(failed)?;
+        device.write(&self.torques, torques).map_err(failed)?;
         device.write(&self.drives, &packed(&batch.drives)).map_err(failed)
-    }
-
-    /// Takes over torques, rows of so many joints.
-    fn push(&mut self, device: &Device, torques: &[f64], joints: usize) -> Result<(), DeviceError> {
-        if self.torques.len < torques.len() {
-            self.torques = device.zeros(torques.len())?;
-        }
-        let acting = acting(torques, joints);
-        if 2 * acting.len() > joints {
-            return device.write(&self.torques, torques);
-        }
-        // A cable has a gripper's six joints and no motor behind them: nearly all of its torques are 0, and the way to a device is long.
-        let few = columns(torques, joints, acting.clone());
-        if self.few.len < few.len() {
-            self.few = device.zeros(few.len())?;
-        }
-        device.write(&self.few, &few)?;
-        device.spread(&self.few, &self.torques, torques.len() / joints.max(1), [acting.start, acting.len(), joints])
     }
 
     /// Takes over the batch's scenes.
@@ -136,52 +116,5 @@ impl Held {
             batch.forces.iter_mut().zip(forces.as_chunks::<3>().0).for_each(|(f, x)| *f = Vector3::from(*x));
         }
         Ok(wrong.into_iter().zip(went).collect())
-    }
-}
-
-/// Rows that a thread looks at in one go.
-const ROWS: usize = 1024;
-
-/// The columns outside of which all entries are 0, of rows of so many.
-fn acting(rows: &[f64], width: usize) -> Range<usize> {
-    let none = (width, 0);
-    let both = |a: (usize, usize), b: (usize, usize)| (a.0.min(b.0), a.1.max(b.1));
-    let of = |row: &[f64]| {
-        let first = row.iter().position(|x| *x != 0.0)?;
-        Some((first, row.iter().rposition(|x| *x != 0.0)? + 1))
-    };
-    let some = |rows: &[f64]| rows.chunks(width).filter_map(of).fold(none, both);
-    let (first, end) = if width == 0 { none } else { rows.par_chunks(ROWS * width).map(some).reduce(|| none, both) };
-    first.min(end)..end
-}
-
-/// These columns alone.
-fn columns(rows: &[f64], width: usize, range: Range<usize>) -> Vec<f64> {
-    let few = range.len();
-    let mut packed = vec![0.0; rows.len() / width.max(1) * few];
-    if few > 0 {
-        let parts = packed.par_chunks_mut(ROWS * few).zip(rows.par_chunks(ROWS * width));
-        parts.for_each(|(to, from)| {
-            to.chunks_mut(few).zip(from.chunks(width)).for_each(|(to, from)| to.copy_from_slice(&from[range.clone()]));
-        });
-    }
-    packed
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_that_act_are_found_and_packed() {
-        let width = 7;
-        let mut rows = vec![0.0; 3000 * width];
-        assert_eq!((acting(&rows, width), acting(&[], width), acting(&[], 0)), (0..0, 0..0, 0..0), "nothing acts");
-        (rows[2500 * width + 4], rows[10 * width + 2]) = (f64::NAN, -1.0);
-        assert_eq!(acting(&rows, width), 2..5, "what is no number acts");
-        rows[2500 * width + 4] = 3.0;
-        let packed = columns(&rows, width, 2..5);
-        assert_eq!((packed.len(), packed[30], packed[7502]), (9000, -1.0, 3.0));
-        assert_eq!(packed.iter().filter(|x| **x != 0.0).count(), 2);
     }
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_cuda::{Device, DeviceError};
-use rayon::prelude::*;
 
 use super::super::ArticulatedConfig;
 use super::held::Held;
@@ -170,7 +169,7 @@ impl<M: Motion> OnDevice<M> {
             return Err(StepError::Torques { found: torques.len(), environments: n, joints });
         }
         sound(batch, &torques[..width], &mut self.faults)?;
-        if let Some(at) = torques[width..].par_iter().with_min_len(1 << 14).position_first(|x| !x.is_finite()) {
+        if let Some(at) = torques[width..].iter().position(|x| !x.is_finite()) {
             let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
             return Err(StepError::Solver(format!("a torque of environment {env} in frame {frame} of the roll is {x}")));
         }
