@@ -112,7 +112,8 @@ fn learned_alike() -> Caught<([f32; 2], String)> {
         device.update(1e-4)?;
         let (a, b) = (here.progress()?, device.progress()?);
         let off = [b.loss / a.loss - 1.0, b.gradient_norm / a.gradient_norm - 1.0];
-        apart.iter_mut().zip(off).for_each(|(apart, off)| *apart = apart.max(off.abs()));
+        // What is no number is the largest of all.
+        apart.iter_mut().zip(off).for_each(|(apart, off)| *apart = if off.abs() <= *apart { *apart } else { off.abs() });
         last = [a.loss, b.loss];
     }
     let mut paces = Vec::new();
@@ -164,7 +165,9 @@ fn apart(setting: &Setting, kind: Kind, frames: usize, fallen: &Batch) -> Caught
         own.step(&mut here, &torques(LEADS, frame))?;
         device.step(&mut there, &torques(LEADS, frame))?;
     }
-    let largest = |(a, b): (&[f64], &[f64])| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
+    let largest = |(a, b): (&[f64], &[f64])| {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, off| if off <= most { most } else { off })
+    };
     let mut all: Vec<f64> = there.states.chunks(d).zip(here.states.chunks(d)).map(largest).collect();
     all.sort_by(f64::total_cmp);
     Ok([all[LEADS / 2], all[LEADS - 1]])

@@ -23,7 +23,7 @@ FN float gelu(float x) { return x * (0.5f + 0.5f * erff(x * 0.70710678118654752f
 // What is no number stays so.
 FN float relu(float x) { return x < 0.0f ? 0.0f : x; }
 
-// What a product is to read, as it reads it.
+// A number as an operand of a product.
 FN float factor(float x);
 
 // y = (x - mean) / sqrt(variance + 1e-5), for products: eight threads a row.
@@ -41,7 +41,7 @@ template <int WIDE, int L> FN void norm(const float* x, float* y) {
     const int lane = 0, own = 0, step = 1;
     auto sum = [](float all) { return all; };
 #endif
-    // Those of the last row go on as long as others of their warp, and write nothing.
+    // Threads beyond the last row repeat it, since a warp shuffles together, and write nothing.
     for (int first = 0; first < ROWS; first += step) {
         const bool has = first + own < ROWS;
         const int row = (has ? first + own : ROWS - 1) * L;

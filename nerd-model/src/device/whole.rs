@@ -10,8 +10,8 @@ use crate::program::{Activation, Op, Program, Slot, Step, Weight};
 const SHARED: usize = 48 << 10;
 /// Most threads of a block.
 const MOST: usize = 256;
-/// Most rows of a block on tensor cores: what its threads sum stands in registers.
-const ROWS: usize = 96;
+/// Most rows of a block on tensor cores, but where a window alone has more: what its threads sum stands in registers.
+const MOST_ROWS: usize = 96;
 
 /// A program's pass as a kernel.
 pub struct Whole {
@@ -64,7 +64,7 @@ pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Op
     if !last || program.steps.iter().any(|step| step.to == Slot(0)) {
         return None;
     }
-    let most = if products == Products::F32 { 1 } else { (ROWS / tokens).max(1) };
+    let most = if products == Products::F32 { 1 } else { (MOST_ROWS / tokens).max(1) };
     (1..=most).rev().find_map(|windows| Writer::new(program, tokens, windows, products).whole())
 }
 
@@ -103,7 +103,7 @@ impl<'a> Writer<'a> {
              pass(w, tokens + first * T * {inputs}, out + first * T * {outputs}, s, here * T);\n}}\n\
              #else\n\
              int main() {{\n    int head[2];\n    if (std::fread(head, 4, 2, stdin) != 2) return 1;\n    \
-             std::vector<float> w(head[1]), tokens(head[0] * T * {inputs}), out(head[0] * T * {outputs}), s({floats});\n    \
+             std::vector<float> w(head[1]), tokens(head[0] * T * {inputs}), out(head[0] * T * {outputs}), s({floats}, NAN);\n    \
              size_t got = std::fread(w.data(), 4, w.size(), stdin) + std::fread(tokens.data(), 4, tokens.size(), stdin);\n    \
              for (int i = 0; i < head[0]; i += {windows}) {{\n        \
              const int here = head[0] - i < {windows} ? head[0] - i : {windows};\n        \
@@ -140,6 +140,7 @@ impl<'a> Writer<'a> {
                 if let (false, Some(name)) = (add, self.activated(i)) {
                     (target, f, done) = (self.program.steps[i + 1].to, name, 2);
                 }
+                self.plain(from, to)?;
                 let (x, apart_x, parts, off) = self.read(from)?;
                 if self.products == Products::Tf32 && !add {
                     self.release(i + done);
@@ -171,6 +172,13 @@ impl<'a> Writer<'a> {
         }
         self.release(i + done);
         Some(done)
+    }
+
+    /// Nothing where a product may not read `from` for `to`: a sum that it adds to itself, or, on tensor cores, what nobody has rounded.
+    fn plain(&self, from: Slot, to: Slot) -> Option<()> {
+        let source = if let Home::Beside(of, _) = self.homes[from.0] { of } else { from };
+        let rough = |op: &Op| matches!(op, Op::Linear { .. } | Op::Place(_)) && self.products == Products::Tf32;
+        (source != to && !self.program.steps.iter().any(|step| step.to == source && rough(&step.op))).then_some(())
     }
 
     /// The activation that alone reads what step i writes, and follows it.

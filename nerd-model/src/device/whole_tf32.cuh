@@ -1,6 +1,6 @@
 // Products on tensor cores: operands rounded to TF32 (10-bit mantissa), sums in 32 bits.
 
-// What a product is to read, as it reads it: rounded, halves away from zero.
+// A number as an operand of a product: rounded, halves away from zero.
 FN float factor(float x) {
 #ifdef __CUDACC_RTC__
     unsigned bits;
@@ -83,7 +83,7 @@ FN void linear(const float* x, int off, const float* w, const float* bias, float
 #pragma unroll
                     for (int j = 0; j < 2; j++) {
                         float* d = sum[turn][m][j];
-                        asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+                        asm volatile("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
                             : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
                             : "r"(__float_as_uint(a[0].x)), "r"(__float_as_uint(a[1].x)), "r"(__float_as_uint(a[0].y)),
                               "r"(__float_as_uint(a[1].y)), "r"(__float_as_uint(b[turn][0][j])), "r"(__float_as_uint(b[turn][1][j])));

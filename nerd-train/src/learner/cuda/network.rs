@@ -74,10 +74,11 @@ impl Network {
         }
         let source = Source::of(&plan);
         let mut device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
-        // Those whose tokens are asked for all at once, and are many.
+        // Those whose tokens are asked for all at once.
         let along = plan.program.steps.iter().any(|step| matches!(step.op, Op::Neighbours(_)));
-        let short = precision != Precision::F32 && device.capability().map_err(LearnError::from)? >= (8, 0);
-        let products = if short { Products::Tf32 } else { Products::F32 };
+        // Older cards have no tensor cores for TF32.
+        let tensor = precision != Precision::F32 && device.capability()? >= (8, 0);
+        let products = if tensor { Products::Tf32 } else { Products::F32 };
         let whole = if along { whole_program(&plan.program, plan.tokens, products) } else { None };
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;

@@ -1,8 +1,8 @@
 //! [`CudaUnroll`]: updates of a chain's network through many frames, on the device.
 //!
 //! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last frame on,
-//! `loss and look -> network -> what was said -> network back -> frame back`: activations are made once more in place of being kept, in TF32 where
-//! that is asked for, while the way forward has 32 bits. All of it is one captured graph. The host draws where rollouts begin, and is told which are near enough to be carried on.
+//! `loss and look -> network -> what was said -> network back -> frame back`: activations are made once more in place of being kept. All of it
+//! is one captured graph. The host draws where rollouts begin, and is told which are near enough to be carried on.
 
 use std::ops::Range;
 use std::sync::Arc;
