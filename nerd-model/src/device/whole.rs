@@ -8,8 +8,8 @@ use crate::program::{Activation, Op, Program, Slot, Step, Weight};
 
 /// Shared bytes that every device gives without asking.
 const SHARED: usize = 48 << 10;
-/// Most threads of a block.
-const MOST: usize = 256;
+/// Most warps of a block.
+const MOST_WARPS: usize = 8;
 /// Most rows of a block on tensor cores, but where a window alone has more: what its threads sum stands in registers.
 const MOST_ROWS: usize = 96;
 
@@ -84,40 +84,32 @@ impl<'a> Writer<'a> {
         while i < program.steps.len() {
             i += self.step(i)?;
         }
-        let widths =
-            || program.widths.iter().zip(&self.homes).skip(1).filter(|(_, home)| !matches!(home, Home::Beside(..))).map(|(w, _)| *w);
+        let kept = program.widths.iter().zip(&self.homes).skip(1).filter(|(_, home)| !matches!(home, Home::Beside(..)));
+        let widest = *kept.map(|(width, _)| width).max()?;
         // Zeros that stand for a row.
-        let floats = self.most + program.widths.iter().map(|width| self.apart(*width)).max()?;
-        let warps = if tensor { widths().max()?.div_ceil(16) } else { (widths().max()?.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) };
-        let threads = (32 * warps).min(MOST);
-        let (inputs, outputs) = (padded(program.width(Slot(0))), program.width(program.predictions()));
-        let text = format!(
-            "#define T {tokens}\n#define ROWS {}\n#define WARPS {}\n{}\n{}\n\
-             FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {};\n    \
-             EACH(k, {}) none[k] = 0;\n    SYNC;\n{}}}\n\n\
-             #ifdef __CUDACC_RTC__\n\
-             extern \"C\" __global__ void __launch_bounds__({threads}) whole_pass(const float* w, const float* tokens, float* out, int n) {{\n    \
-             __shared__ __align__(16) float s[{floats}];\n    \
-             const long long first = (long long)blockIdx.x * {windows};\n    \
-             const int here = n - first < {windows} ? n - first : {windows};\n    \
-             pass(w, tokens + first * T * {inputs}, out + first * T * {outputs}, s, here * T);\n}}\n\
-             #else\n\
-             int main() {{\n    int head[2];\n    if (std::fread(head, 4, 2, stdin) != 2) return 1;\n    \
-             std::vector<float> w(head[1]), tokens(head[0] * T * {inputs}), out(head[0] * T * {outputs}), s({floats}, NAN);\n    \
-             size_t got = std::fread(w.data(), 4, w.size(), stdin) + std::fread(tokens.data(), 4, tokens.size(), stdin);\n    \
-             for (int i = 0; i < head[0]; i += {windows}) {{\n        \
-             const int here = head[0] - i < {windows} ? head[0] - i : {windows};\n        \
-             pass(w.data(), tokens.data() + i * T * {inputs}, out.data() + i * T * {outputs}, s.data(), here * T);\n    }}\n    \
-             std::fwrite(out.data(), 4, out.size(), stdout);\n    return got != w.size() + tokens.size();\n}}\n#endif\n",
-            tokens * windows,
-            threads / 32,
-            include_str!("whole.cuh"),
-            if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") },
-            self.most,
-            floats - self.most,
-            self.text,
+        let zeros = program.widths.iter().map(|width| self.apart(*width)).max()?;
+        let floats = self.most + zeros;
+        let warps = if tensor { widest.div_ceil(16) } else { (widest.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) }.min(MOST_WARPS);
+        let sizes = [
+            ("T", tokens),
+            ("WINDOWS", windows),
+            ("ROWS", tokens * windows),
+            ("WARPS", warps),
+            ("INPUTS", padded(program.width(Slot(0)))),
+            ("OUTPUTS", program.width(program.predictions())),
+            ("FLOATS", floats),
+        ];
+        let mut text: String = sizes.iter().map(|(name, n)| format!("#define {name} {n}\n")).collect();
+        text += include_str!("whole.cuh");
+        text += if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") };
+        let _ = writeln!(
+            text,
+            "FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {};\n    \
+             EACH(k, {zeros}) none[k] = 0;\n    SYNC;\n{}}}",
+            self.most, self.text,
         );
-        (4 * floats <= SHARED).then_some(Whole { text, threads, windows })
+        text += include_str!("whole_main.cuh");
+        (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows })
     }
 
     /// Numbers from one row of a slot to the next in shared memory, so that threads which read at once read different banks.
@@ -127,6 +119,7 @@ impl<'a> Writer<'a> {
             Products::Tf32 => 8 * (width.div_ceil(8) | 1),
         }
     }
+
     /// Writes the step, and the next one if that is done with it; how many were.
     fn step(&mut self, i: usize) -> Option<usize> {
         let Step { from, to, op } = self.program.steps[i];
