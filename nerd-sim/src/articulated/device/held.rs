@@ -8,6 +8,7 @@ use nerd_cuda::{Buffer, Device, DeviceError};
 use super::super::ArticulatedConfig;
 use super::program::{Reach, packed, record};
 use super::roll::failed;
+use super::torques::Sender;
 use crate::batch::Batch;
 use crate::scene::Scene;
 use crate::solver::StepError;
@@ -30,6 +31,7 @@ pub struct Held {
     pub faults: Buffer<i32>,
     /// Frames that went well.
     pub done: Buffer<u32>,
+    sender: Sender,
     forces: Buffer<f64>,
     told: bool,
     scenes: Vec<Arc<Scene>>,
@@ -51,6 +53,7 @@ impl Held {
             scene_of: device.zeros(n)?,
             faults: device.zeros(n)?,
             done: device.zeros(n)?,
+            sender: Sender::new()?,
             forces: device.zeros(3 * n * robot.contact_points.len())?,
             told: false,
             scenes: Vec::new(),
@@ -62,14 +65,14 @@ impl Held {
         if self.told { self.forces.ptr } else { 0 }
     }
 
-    /// Takes over a batch and its torques.
+    /// Takes over a batch and its torques, of which so many columns act.
     pub(super) fn take(
         &mut self,
         device: &Device,
         batch: &Batch,
         config: &ArticulatedConfig,
         reach: Reach,
-        torques: &[f64],
+        (torques, columns): (&[f64], usize),
     ) -> Result<(), StepError> {
         let same = self.scenes.len() == batch.len() && self.scenes.iter().zip(&batch.scenes).all(|(a, b)| Arc::ptr_eq(a, b));
         if !same {
@@ -80,7 +83,7 @@ impl Held {
         }
         self.told = !batch.forces.is_empty();
         device.write(&self.states, &batch.states).map_err(failed)?;
-        device.write(&self.torques, torques).map_err(failed)?;
+        self.sender.send(device, &self.torques, torques, columns, batch.system.robot.joint_count()).map_err(failed)?;
         device.write(&self.drives, &packed(&batch.drives)).map_err(failed)
     }
 

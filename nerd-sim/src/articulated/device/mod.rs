@@ -8,6 +8,8 @@ mod program;
 mod roll;
 #[cfg(feature = "cuda")]
 mod solver;
+#[cfg(feature = "cuda")]
+mod torques;
 
 pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]

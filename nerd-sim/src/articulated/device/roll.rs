@@ -8,6 +8,7 @@ use nerd_cuda::{Device, DeviceError};
 use super::super::ArticulatedConfig;
 use super::held::Held;
 use super::program::{Reach, fault};
+use super::torques::acting;
 use crate::batch::Batch;
 use crate::solver::{Fault, Solver, StepError, commit, sound};
 use crate::system::System;
@@ -103,7 +104,7 @@ impl<M: Motion> Resident for OnDevice<M> {
         self.motion.check(batch)?;
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        held.take(device, batch, self.motion.config(), *reach, &torques)?;
+        held.take(device, batch, self.motion.config(), *reach, (&torques, 0))?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
         self.motion.follow(&batch.frames).map_err(failed)
     }
@@ -169,7 +170,10 @@ impl<M: Motion> OnDevice<M> {
             return Err(StepError::Torques { found: torques.len(), environments: n, joints });
         }
         sound(batch, &torques[..width], &mut self.faults)?;
-        if let Some(at) = torques[width..].iter().position(|x| !x.is_finite()) {
+        let columns = acting(torques, joints);
+        if columns.is_none()
+            && let Some(at) = torques[width..].iter().position(|x| !x.is_finite())
+        {
             let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
             return Err(StepError::Solver(format!("a torque of environment {env} in frame {frame} of the roll is {x}")));
         }
@@ -179,7 +183,7 @@ impl<M: Motion> OnDevice<M> {
         }
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        held.take(device, batch, self.motion.config(), *reach, torques)?;
+        held.take(device, batch, self.motion.config(), *reach, (torques, columns.unwrap_or(joints)))?;
         self.motion.advance(held, &batch.frames, frames, hold).map_err(failed)?;
         let Some(device) = self.motion.device() else { return Ok(()) };
         let done = held.give(device, batch, &mut self.next).map_err(failed)?;
