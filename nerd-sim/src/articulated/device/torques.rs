@@ -44,7 +44,14 @@ impl Sender {
     }
 
     /// Writes `[row][joints]`, of which so many columns act, to `all`, after the work of `device` before it.
-    pub(super) fn send(&mut self, device: &Device, all: &Buffer<f64>, torques: &[f64], columns: usize, joints: usize) -> Result<(), DeviceError> {
+    pub(super) fn send(
+        &mut self,
+        device: &Device,
+        all: &Buffer<f64>,
+        torques: &[f64],
+        columns: usize,
+        joints: usize,
+    ) -> Result<(), DeviceError> {
         // Packing costs a pass over the columns that act, so half of them have to stay away for it to pay.
         if 2 * columns > joints {
             return device.write(all, torques);
