@@ -134,6 +134,11 @@ impl Device {
         Ok(())
     }
 
+    /// Which GPU it is, counted from 0.
+    pub fn ordinal(&self) -> usize {
+        self.context.ordinal()
+    }
+
     /// Its compute capability, major and minor.
     ///
     /// # Errors

@@ -31,6 +31,7 @@ fn main() -> Outcome {
         begun_anew(&solver)?;
         full(&solver)?;
     }
+    without_joints()?;
     hills()?;
     too_large()?;
     learning()
@@ -128,6 +129,23 @@ fn full(solver: Make) -> Outcome {
     demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| said.contains(word)), format!("a full memory: {said}"))?;
     solver()?.step(&mut batch, &torques(2000, 0))?;
     Ok(())
+}
+
+/// A cube, which has no torques to send, moves as on the CPU.
+fn without_joints() -> Outcome {
+    let system = System::named("cube")?;
+    let config = ArticulatedConfig::accurate(&system);
+    let batch = |n: usize| -> Result<Batch, Box<dyn Error>> {
+        let mut batch = Batch::new(&system, &system.scene("ground")?, n);
+        (0..n).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(3, env as u64))));
+        Ok(batch)
+    };
+    let (mut there, mut here) = (batch(4)?, batch(4)?);
+    CudaArticulated::new(config.clone(), Real::F64).roll(&mut there, &[], 3)?;
+    let mut solver = Articulated::new(config);
+    (0..3).try_for_each(|_| solver.step(&mut here, &[]))?;
+    let off = largest(&there.states, &here.states);
+    demand(off < 1e-9, format!("cubes, three frames: {off:.1e} from the CPU"))
 }
 
 /// A ground that has no kernels: the network alone is on the device, and moves as on the CPU.

@@ -41,7 +41,7 @@ impl Held {
     /// Memory for a batch.
     ///
     /// # Errors
-    /// If there is not enough.
+    /// If there is not enough, or the kernel that takes torques does not compile.
     pub fn new(device: &Device, batch: &Batch) -> Result<Self, DeviceError> {
         let (n, robot) = (batch.len(), &batch.system.robot);
         Ok(Self {
@@ -53,7 +53,7 @@ impl Held {
             scene_of: device.zeros(n)?,
             faults: device.zeros(n)?,
             done: device.zeros(n)?,
-            sender: Sender::new()?,
+            sender: Sender::new(device)?,
             forces: device.zeros(3 * n * robot.contact_points.len())?,
             told: false,
             scenes: Vec::new(),

@@ -14,10 +14,10 @@ const SPREAD: &str = "extern \"C\" __global__ void spread(const double* sent, do
 /// Rows that a thread looks at together.
 const ROWS: usize = 256;
 
-/// How many leading columns of `[row][joints]` hold all that is not 0; nothing if a number is not finite.
+/// How many leading columns of `[row][joints]` hold all that is not 0; `None` if a number is not finite.
 pub(super) fn acting(torques: &[f64], joints: usize) -> Option<usize> {
     let seen = |rows: &[f64]| {
-        // Both grow from column to column without a branch: a product with 0 is 0, or no number.
+        // For each column, over all rows and without a branch: the bits that are set, and a sum that stays 0 unless a number is not finite.
         let (mut bits, mut sound) = (vec![0u64; joints], vec![0.0; joints]);
         for row in rows.chunks_exact(joints) {
             bits.iter_mut().zip(row).for_each(|(bits, x)| *bits |= x.to_bits() << 1);
@@ -29,6 +29,20 @@ pub(super) fn acting(torques: &[f64], joints: usize) -> Option<usize> {
     torques.par_chunks((ROWS * joints).max(1)).map(seen).try_reduce(|| 0, |a, b| Some(a.max(b)))
 }
 
+/// Writes the leading columns of `[row][joints]` to `packed`, where they pay: packing costs a pass over them, so half of all have to stay away.
+fn pack(torques: &[f64], columns: usize, joints: usize, packed: &mut Vec<f64>) -> bool {
+    if torques.is_empty() || 2 * columns > joints {
+        return false;
+    }
+    packed.resize(torques.len() / joints * columns, 0.0);
+    let parts = packed.par_chunks_mut((ROWS * columns).max(1)).zip(torques.par_chunks(ROWS * joints));
+    parts.for_each(|(packed, torques)| {
+        let rows = packed.chunks_exact_mut(columns.max(1)).zip(torques.chunks_exact(joints));
+        rows.for_each(|(packed, torques)| packed.copy_from_slice(&torques[..columns]));
+    });
+    true
+}
+
 /// What sends torques.
 pub(super) struct Sender {
     /// Of its own, since kernels are a device's.
@@ -38,12 +52,13 @@ pub(super) struct Sender {
 }
 
 impl Sender {
-    pub(super) fn new() -> Result<Self, DeviceError> {
-        let device = Device::open(nerd_cuda::ordinal(), SPREAD, &["spread"])?;
+    /// To the GPU of `device`.
+    pub(super) fn new(device: &Device) -> Result<Self, DeviceError> {
+        let device = Device::open(device.ordinal(), SPREAD, &["spread"])?;
         Ok(Self { sent: device.zeros(0)?, packed: Vec::new(), device })
     }
 
-    /// Writes `[row][joints]`, of which so many columns act, to `all`, after the work of `device` before it.
+    /// Writes `[row][joints]`, of which so many leading columns act, to `all`, after the work of `device` before it.
     pub(super) fn send(
         &mut self,
         device: &Device,
@@ -52,35 +67,28 @@ impl Sender {
         columns: usize,
         joints: usize,
     ) -> Result<(), DeviceError> {
-        // Packing costs a pass over the columns that act, so half of them have to stay away for it to pay.
-        if 2 * columns > joints {
+        if !pack(torques, columns, joints, &mut self.packed) {
             return device.write(all, torques);
         }
-        let rows = torques.len() / joints.max(1);
-        self.packed.resize(rows * columns, 0.0);
-        let parts = self.packed.par_chunks_mut((ROWS * columns).max(1)).zip(torques.par_chunks(ROWS * joints));
-        parts.for_each(|(packed, torques)| {
-            packed.chunks_exact_mut(columns).zip(torques.chunks_exact(joints)).for_each(|(p, t)| p.copy_from_slice(&t[..columns]));
-        });
         if self.sent.len < self.packed.len() {
             self.sent = self.device.zeros(self.packed.len())?;
         }
         device.wait()?;
         self.device.write(&self.sent, &self.packed)?;
         let args = [Ptr(self.sent.ptr), Ptr(all.ptr), Int(joints), Int(columns)];
-        self.device.launch("spread", (rows, 1), (64, 1), 0, &args)?;
+        self.device.launch("spread", (torques.len() / joints, 1), (64, 1), 0, &args)?;
         self.device.wait()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::acting;
+    use super::{ROWS, acting, pack};
 
     #[test]
     fn columns_that_act_lead_to_the_last_that_is_not_zero() {
         let joints = 7;
-        let mut torques = vec![0.0; 3 * super::ROWS * joints];
+        let mut torques = vec![0.0; 3 * ROWS * joints];
         assert_eq!(acting(&torques, joints), Some(0), "of zeros");
         torques[5] = -0.0;
         assert_eq!(acting(&torques, joints), Some(0), "of a zero with a sign");
@@ -94,5 +102,21 @@ mod tests {
             assert_eq!(acting(&torques, joints), None, "{bad}");
         }
         assert_eq!((acting(&[], joints), acting(&[], 0)), (Some(0), Some(0)), "of nothing");
+    }
+
+    #[test]
+    fn packed_rows_are_the_leading_columns_of_all_rows() {
+        let (joints, mut packed) = (7, Vec::new());
+        for rows in [1, ROWS, 2 * ROWS + 3] {
+            let torques: Vec<f64> = (0..rows * joints).map(|k| k as f64).collect();
+            for columns in 0..=3 {
+                assert!(pack(&torques, columns, joints, &mut packed), "{columns} of {joints}");
+                let wanted: Vec<f64> = torques.chunks_exact(joints).flat_map(|row| row[..columns].iter().copied()).collect();
+                assert_eq!(packed, wanted, "{columns} columns of {rows} rows");
+            }
+            assert!(!pack(&torques, 4, joints, &mut packed), "more than half of the columns are packed");
+        }
+        assert!(!pack(&[], 0, joints, &mut packed), "of no rows");
+        assert!(!pack(&[], 0, 0, &mut packed), "of a robot without joints");
     }
 }
