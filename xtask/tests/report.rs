@@ -42,7 +42,14 @@ fn the_page_opens_without_an_error_and_its_replays_move() {
     let lead = replays(&text).find(|replay| replay["title"] == "lead-pegs, moved at random").expect("a replay of the learned cable");
     shows_a_cable(&lead, 40, 4, 30);
     let Some(browser) = browser() else { return println!("skipped: no browser") };
-    let seen = opened(browser, &page, folder.path());
+    // The browser's own clock may run out before a busy machine has drawn a second frame; what really stands still does so each time.
+    let drawn = |seen: &str| !seen.contains("data-painted=\"1\"");
+    let mut seen = opened(browser, &page, folder.path());
+    for _ in 0..2 {
+        if !drawn(&seen) {
+            seen = opened(browser, &page, folder.path());
+        }
+    }
     assert!(seen.contains("</html>"), "{browser} shows no page");
     assert!(
         !seen.contains("data-error"),
