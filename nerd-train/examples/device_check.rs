@@ -141,7 +141,7 @@ fn without_joints() -> Outcome {
         Ok(batch)
     };
     let (mut there, mut here) = (batch(4)?, batch(4)?);
-    CudaArticulated::new(config.clone(), Real::F64).roll(&mut there, &[], 3)?;
+    CudaArticulated::new(config, Real::F64).roll(&mut there, &[], 3)?;
     let mut solver = Articulated::new(config);
     (0..3).try_for_each(|_| solver.step(&mut here, &[]))?;
     let off = largest(&there.states, &here.states);
