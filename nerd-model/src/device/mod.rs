@@ -5,6 +5,7 @@
 //! CUDA, so that a test runs them where there is no GPU.
 
 mod chain;
+mod places;
 mod whole;
 
 use std::fmt::Write;

@@ -4,6 +4,7 @@
 use std::fmt::Write;
 
 use super::padded;
+use super::places::Places;
 use crate::program::{Activation, Op, Program, Slot, Step, Weight};
 
 /// Shared bytes that every device gives without asking.
@@ -32,16 +33,6 @@ pub enum Products {
     Tf32,
 }
 
-/// Where a slot's rows stand.
-#[derive(Clone, Copy)]
-enum Home {
-    /// From this number of the shared memory on.
-    Shared(usize),
-    /// As neighbours so many tokens apart of another slot.
-    Beside(Slot, usize),
-    Nowhere,
-}
-
 /// What writes the kernel.
 struct Writer<'a> {
     program: &'a Program,
@@ -49,10 +40,7 @@ struct Writer<'a> {
     windows: usize,
     products: Products,
     starts: Vec<usize>,
-    homes: Vec<Home>,
-    /// Numbers that are taken: first, how many, by which slot.
-    taken: Vec<(usize, usize, Slot)>,
-    most: usize,
+    places: Places<'a>,
     text: String,
 }
 
@@ -70,25 +58,24 @@ pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Op
 
 impl<'a> Writer<'a> {
     fn new(program: &'a Program, tokens: usize, windows: usize, products: Products) -> Self {
-        let homes = vec![Home::Nowhere; program.widths.len()];
-        Self { program, tokens, windows, products, starts: program.starts(), homes, taken: Vec::new(), most: 0, text: String::new() }
+        let places = Places::new(program, windows * tokens, products);
+        Self { program, tokens, windows, products, starts: program.starts(), places, text: String::new() }
     }
 
     fn whole(mut self) -> Option<Whole> {
         let (program, tokens, windows, tensor) = (self.program, self.tokens, self.windows, self.products == Products::Tf32);
         let mut i = 0;
         if tensor {
-            let (inputs, x) = (program.width(Slot(0)), self.write(Slot(0)));
-            let _ = writeln!(self.text, "    take<{inputs}, {}, {}>(tokens, {x}, rows);", padded(inputs), self.apart(inputs));
+            let (inputs, x) = (program.width(Slot(0)), self.places.write(Slot(0)));
+            let _ = writeln!(self.text, "    take<{inputs}, {}, {}>(tokens, {x}, rows);", padded(inputs), self.places.apart(inputs));
         }
         while i < program.steps.len() {
             i += self.step(i)?;
         }
-        let kept = program.widths.iter().zip(&self.homes).skip(1).filter(|(_, home)| !matches!(home, Home::Beside(..)));
-        let widest = *kept.map(|(width, _)| width).max()?;
+        let widest = self.places.widest()?;
         // Zeros that stand for a row.
-        let zeros = program.widths.iter().map(|width| self.apart(*width)).max()?;
-        let floats = self.most + zeros;
+        let zeros = program.widths.iter().map(|width| self.places.apart(*width)).max()?;
+        let floats = self.places.most + zeros;
         let warps = if tensor { widest.div_ceil(16) } else { (widest.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) }.min(MOST_WARPS);
         let sizes = [
             ("T", tokens),
@@ -106,24 +93,16 @@ impl<'a> Writer<'a> {
             text,
             "FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {};\n    \
              EACH(k, {zeros}) none[k] = 0;\n    SYNC;\n{}}}",
-            self.most, self.text,
+            self.places.most, self.text,
         );
         text += include_str!("whole_main.cuh");
         (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows })
     }
 
-    /// Numbers from one row of a slot to the next in shared memory, so that threads which read at once read different banks.
-    fn apart(&self, width: usize) -> usize {
-        match self.products {
-            Products::F32 => width.next_multiple_of(4) + 4,
-            Products::Tf32 => 8 * (width.div_ceil(8) | 1),
-        }
-    }
-
     /// Writes the step, and the next one if that is done with it; how many were.
     fn step(&mut self, i: usize) -> Option<usize> {
         let Step { from, to, op } = self.program.steps[i];
-        let (wide, row) = (self.program.width(to), self.apart(self.program.width(to)));
+        let (wide, row) = (self.program.width(to), self.places.apart(self.program.width(to)));
         let mut done = 1;
         match op {
             // Four weights are read at once.
@@ -134,12 +113,12 @@ impl<'a> Writer<'a> {
                     (target, f, done) = (self.program.steps[i + 1].to, name, 2);
                 }
                 self.plain(from, to)?;
-                let (x, apart_x, parts, off) = self.read(from)?;
+                let (x, apart_x, parts, off) = self.places.read(from)?;
                 if self.products == Products::Tf32 && !add {
-                    self.release(i + done);
+                    self.places.release(i + done);
                 }
                 let last = i + done == self.program.steps.len();
-                let (y, apart_y) = if last { ("out".into(), wide) } else { (self.write(target), row) };
+                let (y, apart_y) = if last { ("out".into(), wide) } else { (self.places.write(target), row) };
                 let inner = self.program.width(from) / parts;
                 let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| self.tensor(bias));
                 let w = self.tensor(weight);
@@ -149,27 +128,27 @@ impl<'a> Writer<'a> {
                 );
             }
             Op::Place(table) => {
-                let (x, table) = (self.write(to), self.tensor(table));
+                let (x, table) = (self.places.write(to), self.tensor(table));
                 let _ = writeln!(self.text, "    place<{wide}, {row}>({table}, {x});");
             }
             Op::Norm => {
-                let (x, apart_x, ..) = self.read(from).filter(|(_, apart_x, parts, _)| *parts == 1 && *apart_x == row)?;
-                let y = self.write(to);
+                let (x, apart_x, ..) = self.places.read(from).filter(|(_, apart_x, parts, _)| *parts == 1 && *apart_x == row)?;
+                let y = self.places.write(to);
                 let _ = writeln!(self.text, "    norm<{wide}, {apart_x}>({x}, {y});");
             }
             Op::Neighbours(off) => {
-                self.read(from).filter(|(_, _, parts, _)| *parts == 1)?;
-                self.homes[to.0] = Home::Beside(from, off);
+                self.places.read(from).filter(|(_, _, parts, _)| *parts == 1)?;
+                self.places.beside(to, from, off);
             }
             _ => return None,
         }
-        self.release(i + done);
+        self.places.release(i + done);
         Some(done)
     }
 
     /// Nothing where a product may not read `from` for `to`: a sum that it adds to itself, or, on tensor cores, what nobody has rounded.
     fn plain(&self, from: Slot, to: Slot) -> Option<()> {
-        let source = if let Home::Beside(of, _) = self.homes[from.0] { of } else { from };
+        let source = self.places.source(from);
         let rough = |op: &Op| matches!(op, Op::Linear { .. } | Op::Place(_)) && self.products == Products::Tf32;
         (source != to && !self.program.steps.iter().any(|step| step.to == source && rough(&step.op))).then_some(())
     }
@@ -188,45 +167,5 @@ impl<'a> Writer<'a> {
 
     fn tensor(&self, weight: Weight) -> String {
         format!("w + {}", self.starts[weight.0])
-    }
-
-    /// Where a slot is read, how far its rows are apart, of how many parts a row is, and how far those are apart.
-    fn read(&self, slot: Slot) -> Option<(String, usize, usize, usize)> {
-        let width = self.program.width(slot);
-        match self.homes[slot.0] {
-            Home::Nowhere if slot == Slot(0) => Some(("tokens".into(), padded(width), 1, 0)),
-            Home::Shared(at) => Some((format!("s + {at}"), self.apart(width), 1, 0)),
-            Home::Beside(of, off) => self.read(of).map(|(at, row, ..)| (at, row, 3, off)),
-            Home::Nowhere => None,
-        }
-    }
-
-    /// Where a slot is written: where it stands, or in the first place that is free.
-    fn write(&mut self, slot: Slot) -> String {
-        if let Home::Shared(at) = self.homes[slot.0] {
-            return format!("s + {at}");
-        }
-        let (len, mut at) = (self.windows * self.tokens * self.apart(self.program.width(slot)), 0);
-        self.taken.sort_unstable_by_key(|(first, ..)| *first);
-        for (first, taken, _) in &self.taken {
-            if at + len <= *first {
-                break;
-            }
-            at = first + taken;
-        }
-        self.taken.push((at, len, slot));
-        self.most = self.most.max(at + len);
-        self.homes[slot.0] = Home::Shared(at);
-        format!("s + {at}")
-    }
-
-    /// Frees what no step from `next` on reads, adds to, or reads as neighbours.
-    fn release(&mut self, next: usize) {
-        let rest = &self.program.steps[next..];
-        let met = |slot: Slot| rest.iter().any(|step| step.from == slot || step.to == slot);
-        let beside = |home: &Home, slot: Slot| matches!(home, Home::Beside(of, _) if *of == slot);
-        let homes = &self.homes;
-        let open = |slot: Slot| met(slot) || homes.iter().enumerate().any(|(k, home)| beside(home, slot) && met(Slot(k)));
-        self.taken.retain(|(.., slot)| open(*slot));
     }
 }
