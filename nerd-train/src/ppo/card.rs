@@ -35,8 +35,8 @@ pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer:
         provenance: rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect::<BTreeMap<_, _>>(),
     };
     let mut card = format!(
-        "# A policy of `{task}`\n\nLearned by PPO in `{solver}`: {} iterations of {} environments x {} steps. Network {:?} {:?}, {} \
-         parameters; the best of the run by the mean reward of its own noisy episodes{}.\n\n| | |\n|---|---|\n",
+        "# A policy of `{task}`\n\nTrained by PPO in `{solver}`: {} iterations of {} environments x {} steps. Network {:?} {:?}, {} \
+         parameters; the best of the run by mean training reward{}.\n\n| | |\n|---|---|\n",
         trainer.state.iteration,
         trainer.config.environments,
         trainer.config.horizon,
@@ -46,7 +46,9 @@ pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer:
         reward.map_or_else(String::new, |r| format!(", {r:.1}")),
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
-    card.push_str("\nWhat it earns in the truth and in the learned simulator: `cargo xtask policy evaluate`. Written by `cargo xtask policy train`.\n");
+    card.push_str(
+        "\n`cargo xtask policy evaluate` plays it in the truth and in the learned simulator. Written by `cargo xtask policy train`.\n",
+    );
     save(&out.join("policy"), &config, policy, &card)?;
     curve::write(out, &out.join("policy"))
 }

@@ -152,7 +152,7 @@ pub fn export(
     let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
     let config = model_config(run, &provenance);
     let mut card = format!(
-        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
+        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that predicts {} of `{}`.\n\
          {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
         run.variant.name(),
         run.robot,
@@ -162,9 +162,9 @@ pub fn export(
         run.network.layers,
         run.network.history,
         match run.base {
-            Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight".into(),
-            Base::Draft(n) => format!("what a frame of {n} coarse substep{} lacks", if n == 1 { "" } else { "s" }),
-            Base::State | Base::Nothing => "one frame".into(),
+            Base::Flight | Base::ExactFlight => "what contact adds to flight in a frame".into(),
+            Base::Draft(n) => format!("what a draft of {n} substep{} misses of a frame", if n == 1 { "" } else { "s" }),
+            Base::State | Base::Nothing => "the change over one frame".into(),
         },
         run.truth,
         run.trainer.updates,
@@ -175,7 +175,8 @@ pub fn export(
         run.data_sha256,
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
-    card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
+    card.push_str("\n`cargo xtask evaluate --solver neural --model FOLDER` measures its errors; compare them with its base alone\n");
+    card.push_str("(`--solver articulated`). Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
     // becomes 0.017): for that `cargo xtask light` rounds with more care.
     let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
