@@ -13,7 +13,6 @@ use nerd_sim::truth::Truth;
 
 use crate::device::Device;
 use crate::error::Result;
-use crate::report::{Input, Inputs};
 use crate::shipped;
 
 /// A solver with its settings.
@@ -132,19 +131,6 @@ impl Choice {
         // Tokens of a window, and keys and values of every layer.
         let token = network.inputs.saturating_add(network.layers.saturating_mul(network.embedding).saturating_mul(2));
         Ok(network.history.saturating_mul(token).saturating_mul(8))
-    }
-
-    /// What its figures depend on in a scene, as that is now; `robot` is the robot as [`System::named`] knows it.
-    ///
-    /// # Errors
-    /// If it cannot be read, or cannot step.
-    pub fn inputs(&self, robot: &str, scene: &str, into: &mut Inputs) -> Result<()> {
-        match self.setting(&*System::named(robot)?) {
-            Some(Setting::Neural(folder)) => into.add(Input::model(&folder)?),
-            Some(setting) => into.add(Input::motion(robot, scene, &setting)?),
-            None => {}
-        }
-        Ok(())
     }
 
     /// Makes the solver for `n` environments of `system` in `scene`.

@@ -32,10 +32,6 @@ pub enum Error {
     /// A model of a truth that is not there.
     #[error(transparent)]
     Truth(#[from] UnknownTruth),
-    /// A row of the stability suite.
-    #[cfg(feature = "report")]
-    #[error(transparent)]
-    Suite(#[from] nerd_sim::suite::Error),
     /// A choice by a chart.
     #[error(transparent)]
     Pick(#[from] PickError),
@@ -45,22 +41,6 @@ pub enum Error {
     /// A data set.
     #[error(transparent)]
     Data(#[from] nerd_sim::dataset::DatasetError),
-    /// Real motions.
-    #[cfg(feature = "report")]
-    #[error(transparent)]
-    Measured(#[from] nerd_sim::measured::MeasuredError),
-    /// Measured trajectories.
-    #[cfg(feature = "report")]
-    #[error(transparent)]
-    Log(#[from] nerd_sim::log::LogError),
-    /// A calibration.
-    #[cfg(feature = "report")]
-    #[error(transparent)]
-    Calibrate(#[from] nerd_sim::calibrate::CalibrateError),
-    /// MuJoCo.
-    #[cfg(feature = "report")]
-    #[error("--mujoco: {0}")]
-    Mjcf(#[from] nerd_sim::mjcf::MjcfError),
     /// A setting.
     #[error(transparent)]
     Range(#[from] OutOfRange),
@@ -101,9 +81,6 @@ pub enum Error {
         /// What is wrong.
         reason: String,
     },
-    /// A picture.
-    #[error("cannot draw: {0}")]
-    Draw(String),
     /// Settings that mean nothing together, or more than there is.
     #[error("{0}")]
     Refused(String),

@@ -10,24 +10,18 @@ pub mod bounds;
 pub mod chain;
 pub mod checkpoint;
 pub mod choice;
-#[cfg(feature = "report")]
-pub mod cotrain;
 pub mod device;
 pub mod difference;
 pub mod error;
 pub mod evaluate;
-#[cfg(feature = "report")]
-pub mod experiments;
-pub mod inspect;
 pub mod learner;
 pub mod metrics;
-pub mod paper;
 pub mod ppo;
 pub mod prepare;
 pub mod progress;
+pub mod provenance;
 pub mod ranges;
 pub mod ranks;
-pub mod report;
 pub mod run;
 pub mod schedule;
 pub mod sessions;
@@ -36,8 +30,6 @@ pub mod shipped;
 pub mod stats;
 pub mod supply;
 pub mod trainer;
-#[cfg(feature = "report")]
-pub mod unroll;
 pub mod windows;
 
 pub use error::{Error, Result};

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::report::provenance::machine;
+use crate::provenance::machine;
 
 const FILE: &str = "sessions.jsonl";
 

@@ -13,8 +13,10 @@ pub type Given = Map<String, Value>;
 /// One key.
 #[derive(Debug)]
 pub struct Key {
-    pub(crate) field: &'static str,
-    pub(crate) doc: &'static str,
+    #[doc(hidden)]
+    pub field: &'static str,
+    #[doc(hidden)]
+    pub doc: &'static str,
     /// What it may be.
     pub values: Values,
 }
@@ -132,6 +134,8 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
 
 /// Declares a struct of settings: `/// meaning`, `key: type = default, values;`, and in front of them, if there is one, a struct
 /// of settings that it has in common with others.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! settings {
     (
         $(#[doc = $about:literal])+
@@ -167,4 +171,4 @@ macro_rules! settings {
         }
     };
 }
-pub(crate) use settings;
+pub use settings;

@@ -1,11 +1,11 @@
-//! `cargo xtask campaign --cases 1000000 --kills 500 --out results`: hostile input by the million, tried by [`nerd_campaign`].
+//! `cargo xtask campaign --cases 1000000 --kills 500 --out results`: hostile input by the million, tried by [`nerd_lab::campaign`].
 //! About 40 minutes for a million on two cores.
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_campaign::{Campaign, Program, Rollout, Source};
-use nerd_train::experiments::{Experiment, conduct};
+use nerd_lab::campaign::{Campaign, Program, Rollout, Source};
+use nerd_lab::experiments::{Experiment, conduct};
 
 use crate::solvers::SolverArgs;
 
@@ -40,10 +40,10 @@ pub fn run(args: CampaignArgs) -> Result<()> {
     let program = Program { path: std::env::current_exe()?, rollout };
     let CampaignArgs { cases, seed, kills, faults: kept, .. } = args;
     if let Some([first, stride]) = args.work.as_deref() {
-        return Ok(nerd_campaign::work(program, &Source { seed, cases, corpus: args.replay }, *first, *stride)?);
+        return Ok(nerd_lab::campaign::work(program, &Source { seed, cases, corpus: args.replay }, *first, *stride)?);
     }
     if !args.replay.is_empty() {
-        nerd_campaign::replay(&program, &args.replay)?.iter().for_each(|line| println!("{line}"));
+        nerd_lab::campaign::replay(&program, &args.replay)?.iter().for_each(|line| println!("{line}"));
         return Ok(());
     }
     let campaign = Campaign { program, seed, cases, kills, kept };

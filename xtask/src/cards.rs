@@ -1,4 +1,4 @@
-//! `cargo xtask cards`: several graphics cards against one (`nerd_train::experiments::cards`, with the feature `cuda`).
+//! `cargo xtask cards`: several graphics cards against one (`nerd_lab::experiments::cards`, with the feature `cuda`).
 
 use std::path::PathBuf;
 
@@ -27,12 +27,12 @@ pub struct CardsArgs {
 /// Runs the verb.
 #[cfg(feature = "cuda")]
 pub fn run(args: CardsArgs) -> Result<()> {
-    use nerd_train::experiments::Experiment;
+    use nerd_lab::experiments::Experiment;
     use nerd_train::ranks::Place;
 
     let asked = if Place::here()?.world > 1 { args.gpus } else { Some(args.gpus.unwrap_or(2)) };
     crate::ranks::run(asked, |ranks| {
-        let experiment = nerd_train::experiments::cards::Cards { ranks: ranks.clone(), task: args.task, seed: args.seed };
+        let experiment = nerd_lab::experiments::cards::Cards { ranks: ranks.clone(), task: args.task, seed: args.seed };
         if ranks.leads() {
             return crate::out::conduct(&experiment, &args.out.unwrap_or_else(nerd_train::shipped::results));
         }

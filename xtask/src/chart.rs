@@ -1,10 +1,10 @@
 //! `cargo xtask chart --robot pendulum --scene ground1`: every solver of a scene on one picture, by speed and accuracy
-//! ([`nerd_train::experiments::chart`]). Some minutes on one core.
+//! ([`nerd_lab::experiments::chart`]). Some minutes on one core.
 
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::experiments::chart::{Chart, ChartSettings};
+use nerd_lab::experiments::chart::{Chart, ChartSettings};
 use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, STARTS, SUBSTEPS, count};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use nerd_train::experiments::Experiment;
+use nerd_lab::experiments::Experiment;
 use nerd_train::settings::Settings;
 use nerd_train::shipped::results;
 

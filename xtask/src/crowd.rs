@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use nerd_lab::report::artifact::Head;
+use nerd_lab::report::table::digits;
+use nerd_lab::report::{Input, Inputs, Provenance, Table};
 use nerd_sim::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
-use nerd_train::report::artifact::Head;
-use nerd_train::report::table::digits;
-use nerd_train::report::{Input, Inputs, Provenance, Table};
 
 use crate::common::bar;
 

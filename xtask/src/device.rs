@@ -1,4 +1,4 @@
-//! `cargo xtask device`: solvers on a GPU beside the CPU's (`nerd_train::experiments::device`, with the feature `cuda`).
+//! `cargo xtask device`: solvers on a GPU beside the CPU's (`nerd_lab::experiments::device`, with the feature `cuda`).
 
 use std::path::PathBuf;
 
@@ -99,7 +99,7 @@ pub fn run(args: DeviceArgs) -> Result<()> {
         fits.ok_or_else(|| anyhow::anyhow!("--races {text}: write TASK:SECONDS, for example ant-run:60"))
     };
     let races = races.iter().map(race).collect::<Result<Vec<_>>>()?;
-    let experiment = nerd_train::experiments::device::OnDevice {
+    let experiment = nerd_lab::experiments::device::OnDevice {
         name,
         robots,
         models,

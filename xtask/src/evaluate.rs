@@ -1,16 +1,16 @@
 //! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --starts 2048`: passive motion against the truth, a
-//! model's against the one it learned ([`nerd_train::experiments::passive`]).
+//! model's against the one it learned ([`nerd_lab::experiments::passive`]).
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
+use nerd_lab::experiments::Experiment;
+use nerd_lab::experiments::passive::{Case, Passive};
+use nerd_lab::report::motions;
+use nerd_lab::report::replay::Replay;
 use nerd_sim::prelude::*;
 use nerd_train::choice::Choice;
 use nerd_train::evaluate::Action;
-use nerd_train::experiments::Experiment;
-use nerd_train::experiments::passive::{Case, Passive};
-use nerd_train::report::motions;
-use nerd_train::report::replay::Replay;
 use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, STARTS, count, within};

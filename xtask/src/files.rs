@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use nerd_train::report::replay::Replay;
-use nerd_train::report::{Provenance, film};
+use nerd_lab::report::replay::Replay;
+use nerd_lab::report::{Provenance, film};
 
 /// Writes a file, whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {

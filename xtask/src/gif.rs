@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::report::film;
-use nerd_train::report::motions::{self, Cause};
+use nerd_lab::report::film;
+use nerd_lab::report::motions::{self, Cause};
 use nerd_train::shipped::results;
 
 /// Draw the moving picture.

@@ -1,10 +1,10 @@
-//! `cargo xtask grow`: what a frame costs as a robot grows ([`nerd_train::experiments::grow`]). Minutes on one core.
+//! `cargo xtask grow`: what a frame costs as a robot grows ([`nerd_lab::experiments::grow`]). Minutes on one core.
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::experiments::grow::Grow;
+use nerd_lab::experiments::grow::Grow;
 use nerd_train::shipped::results;
 
 use crate::numbers::{FRAMES, SEEDS, STARTS, count, positive};

@@ -1,9 +1,9 @@
-//! `cargo xtask reproduce horizons`: how the errors of models grow over 1000 frames ([`nerd_train::experiments::horizons`]).
+//! `cargo xtask reproduce horizons`: how the errors of models grow over 1000 frames ([`nerd_lab::experiments::horizons`]).
 
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::experiments::horizons::Horizons;
+use nerd_lab::experiments::horizons::Horizons;
 use nerd_train::shipped::results;
 
 use crate::common::{DEVICES, Device, word};

@@ -1,16 +1,16 @@
-//! `cargo xtask inspect FOLDER`: what a learner will see of a data set that `dataset` wrote, see [`nerd_train::inspect`]; or, with `--robot`
+//! `cargo xtask inspect FOLDER`: what a learner will see of a data set that `dataset` wrote, see [`nerd_lab::inspect`]; or, with `--robot`
 //! alone, what is known of a robot.
 
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
+use nerd_lab::inspect::Inspection;
 use nerd_sim::dataset::Manifest;
 use nerd_sim::prelude::*;
 use nerd_sim::source::Source;
-use nerd_train::inspect::Inspection;
 
 use crate::numbers::positive;
-use nerd_train::report::Provenance;
+use nerd_train::provenance::Provenance;
 
 /// Show what a data set holds, or with --robot alone what is known of a robot.
 #[derive(clap::Args, Clone, Debug)]

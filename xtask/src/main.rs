@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
-use nerd_train::report::Provenance;
+use nerd_train::provenance::Provenance;
 
 // Standard `println!` and `eprintln!` panic where nobody reads.
 macro_rules! println {
@@ -31,7 +31,6 @@ mod grow;
 mod horizons;
 mod inspect;
 mod keys;
-mod light;
 mod list;
 mod motions;
 mod numbers;
@@ -49,7 +48,6 @@ mod solvers;
 mod stability;
 mod stamp;
 mod stand;
-mod tosses;
 mod train;
 mod urdf;
 mod verbs;
@@ -92,13 +90,9 @@ enum Verb {
     /// Show where each method stays right, bends and breaks
     Stability(stability::StabilityArgs),
     /// Fit parameters of robot, contact and scene to measured trajectories, and judge them on others
-    Calibrate(conduct::ConductArgs<nerd_train::experiments::calibrated::Calibration>),
-    /// Predict real tosses of a cube, open loop
-    Tosses(tosses::TossesArgs),
+    Calibrate(conduct::ConductArgs<nerd_lab::experiments::calibrated::Calibration>),
     /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
     Stamp(stamp::StampArgs),
-    /// Store hidden matrices as f16, and measure what that costs
-    Light(light::LightArgs),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
     /// Show robots, scenes, tasks, models, rows: what can be named here
@@ -158,9 +152,7 @@ fn main() -> ExitCode {
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Calibrate(args) => args.run(),
-        Verb::Tosses(args) => tosses::run(args),
         Verb::Stamp(args) => stamp::run(args),
-        Verb::Light(args) => light::run(args),
         Verb::Urdf(args) => urdf::run(args),
         Verb::List(args) => list::run(args),
         Verb::Completions(args) => completions::run(args),

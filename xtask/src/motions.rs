@@ -1,10 +1,10 @@
-//! `cargo xtask motions`: how far solvers err along motions that none has seen ([`nerd_train::experiments::motions`]), and one of them to look at.
+//! `cargo xtask motions`: how far solvers err along motions that none has seen ([`nerd_lab::experiments::motions`]), and one of them to look at.
 
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::experiments::Experiment;
-use nerd_train::experiments::motions::Motions;
+use nerd_lab::experiments::Experiment;
+use nerd_lab::experiments::motions::Motions;
 
 use crate::conduct::ConductArgs;
 

@@ -7,8 +7,8 @@ use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::{Result, bail};
-use nerd_train::experiments::{self, Experiment};
-use nerd_train::report::Table;
+use nerd_lab::experiments::{self, Experiment};
+use nerd_lab::report::Table;
 
 static LOST: OnceLock<String> = OnceLock::new();
 static TABLES: OnceLock<Mutex<serde_json::Map<String, serde_json::Value>>> = OnceLock::new();

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use nerd_train::report::{Artifact, Inputs, Provenance, Table};
+use nerd_lab::report::{Artifact, Inputs, Provenance, Table};
 use nerd_train::shipped::{results, root};
 use serde::{Deserialize, Serialize};
 

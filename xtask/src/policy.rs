@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder, replay};
+use nerd_lab::report::curve;
+use nerd_lab::report::game::replay;
+use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder};
 
 mod arena;
 mod cotrain;
@@ -122,6 +124,7 @@ fn train(args: TrainArgs) -> Result<()> {
     let run = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out };
     ranks::run(args.ranks.or(args.gpus), |ranks| {
         if let Some(done) = run.train_among(ranks)? {
+            curve::draw(&run.out, &done.title)?;
             say(&done);
         }
         Ok(())

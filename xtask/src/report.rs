@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_train::report::page::{PageConfig, motions, page};
+use nerd_lab::report::page::{PageConfig, motions, page};
 use nerd_train::shipped::results;
 
 use crate::common::bar;

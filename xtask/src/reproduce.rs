@@ -7,18 +7,15 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use nerd_lab::experiments::ablations::Ablations;
+use nerd_lab::experiments::chart::{Chart, ChartSettings};
+use nerd_lab::experiments::judges::Judges;
+use nerd_lab::experiments::passive::{Case, Passive, Rows};
+use nerd_lab::experiments::policies::Policies;
+use nerd_lab::experiments::substeps::Substeps;
+use nerd_lab::report::Artifact;
 use nerd_train::choice::Choice;
-use nerd_train::experiments::ablations::Ablations;
-use nerd_train::experiments::changes;
-use nerd_train::experiments::chart::{Chart, ChartSettings};
-use nerd_train::experiments::judges::Judges;
-use nerd_train::experiments::passive::{Case, Passive, Rows};
-use nerd_train::experiments::policies::Policies;
-use nerd_train::experiments::substeps::Substeps;
-use nerd_train::experiments::sweep::Sweep;
-use nerd_train::experiments::transfer::Transfer;
-use nerd_train::report::Artifact;
-use nerd_train::run::RunConfig;
+use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
 use crate::common::{DEVICES, Device, word};
@@ -69,16 +66,12 @@ pub enum Part {
     Ablations(ConductArgs<Ablations>),
     /// Error against time of the shipped models, over 1000 frames
     Horizons(HorizonArgs),
-    /// One run's options changed one at a time, over several seeds
-    Sweep(ConductArgs<Sweep>),
     /// The shipped policies in the truth and in the simulator that learned it
     Policies(ConductArgs<Policies>),
     /// Every policy before judges that nobody trained on: twice the substeps, rapier, the reference's preset, MuJoCo
     Judges(ConductArgs<Judges>),
     /// The truth at half, once and twice its substeps: rollouts by robot, rewards by task
     Substeps(ConductArgs<Substeps>),
-    /// Policies' gaps by the size of the network they were trained in
-    Transfer(ConductArgs<Transfer>),
 }
 
 /// Runs the verb.
@@ -86,11 +79,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     match args.part {
         Some(Part::Ablations(args)) => return args.run(),
         Some(Part::Horizons(args)) => return horizons::run(args),
-        Some(Part::Sweep(args)) => return args.run(),
         Some(Part::Policies(args)) => return args.run(),
         Some(Part::Judges(args)) => return args.run(),
         Some(Part::Substeps(args)) => return args.run(),
-        Some(Part::Transfer(args)) => return args.run(),
         None => {}
     }
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
@@ -120,7 +111,7 @@ fn small(robot: &str, args: &ReproduceArgs) -> Result<Case> {
     eprintln!("training a small model of {robot} in {}", out.display());
     let mut run = RunConfig::recipe("quick", robot, out)?;
     run.device = args.device;
-    changes::trained(&run)?;
+    Run::new(&run)?.train()?;
     let solver = Choice::Neural { folder: run.out.join("model"), truth: None, device: args.device };
     Ok(Case { robot: robot.into(), solver, starts: args.starts, ..Case::default() })
 }

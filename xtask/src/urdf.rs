@@ -6,9 +6,9 @@ use anyhow::{Context, Result, bail};
 use nerd_sim::survey::{FRAMES, Found, PinocchioError, Surveyed, differences, find, survey};
 
 use crate::common::bar;
-use nerd_train::report::artifact::Head;
-use nerd_train::report::table::digits;
-use nerd_train::report::{Input, Inputs, Provenance, Table};
+use nerd_lab::report::artifact::Head;
+use nerd_lab::report::table::digits;
+use nerd_lab::report::{Input, Inputs, Provenance, Table};
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]

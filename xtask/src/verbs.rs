@@ -5,8 +5,8 @@ use clap::{Arg, ArgAction, ArgMatches, Command};
 /// Groups, and their verbs.
 pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "urdf"]),
-    ("Learn", &["train", "stamp", "light"]),
-    ("Measure", &["rollout", "evaluate", "chart", "device", "cards", "grow", "motions", "stability", "calibrate", "tosses", "reproduce"]),
+    ("Learn", &["train", "stamp"]),
+    ("Measure", &["rollout", "evaluate", "chart", "device", "cards", "grow", "motions", "stability", "calibrate", "reproduce"]),
     ("Policies", &["policy"]),
     ("Project", &["list", "results", "report", "gif", "completions", "reference", "campaign", "outside", "check"]),
 ];
@@ -24,11 +24,9 @@ const TABLES: &[&str] = &[
     "motions",
     "stability",
     "calibrate",
-    "tosses",
     "reproduce",
     "policy co-train",
     "policy evaluate",
-    "light",
     "campaign",
     "results",
 ];
@@ -96,7 +94,7 @@ mod tests {
     /// Commands that the manifest of results and the documents give.
     fn given() -> Vec<String> {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let manifest = nerd_train::report::manifest::Manifest::read(&root.join("results")).expect("manifest.toml");
+        let manifest = nerd_lab::report::manifest::Manifest::read(&root.join("results")).expect("manifest.toml");
         let mut all: Vec<String> = manifest.artefact.iter().map(|entry| entry.command.clone()).collect();
         let docs = std::fs::read_dir(root.join("docs")).expect("docs").flatten().map(|file| file.path());
         for page in docs.chain([root.join("README.md")]).filter(|p| p.extension().is_some_and(|e| e == "md") && !p.ends_with("commands.md"))

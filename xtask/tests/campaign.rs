@@ -15,7 +15,7 @@ type Expected = BTreeMap<String, BTreeMap<String, String>>;
 
 #[test]
 fn every_file_of_the_corpus_ends_as_it_should() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-campaign/corpus");
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-lab/corpus");
     let expected: Expected = toml::from_str(&std::fs::read_to_string(corpus.join("expected.toml")).expect("expected.toml")).expect("TOML");
     let run = campaign(&["--replay", corpus.to_str().expect("utf-8")]);
     let said = String::from_utf8_lossy(&run.stdout);

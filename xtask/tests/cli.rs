@@ -134,7 +134,6 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
                 .into(),
             "cartpole",
         ),
-        (["reproduce", "sweep", "--set", "sizes", "--robot", "ant", "--only", "huge", "--out", &out].map(String::from).into(), "huge"),
         (["reproduce", "horizons", "--model", "models/unicorn", "--out", &out].map(String::from).into(), "unicorn"),
         (["evaluate", "--robot", "cartpole", "--shake", "-1", "--out", &out].map(String::from).into(), "--shake"),
         (["dance"].map(String::from).into(), "dance"),

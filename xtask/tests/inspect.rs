@@ -25,8 +25,6 @@ fn what_dataset_wrote_is_shown_and_other_data_get_one_line() {
         (vec!["inspect", "--robot", "nobody"], "nobody"),
         (vec!["inspect", path, "--robot", "ant"], "`pendulum`"),
         (vec!["inspect", path, "--bound", "0"], "--bound"),
-        (vec!["tosses", "--data", path], "no toss data"),
-        (vec!["tosses", "--data", path, "--every", "0"], "--every"),
     ] {
         refused(&args, culprit);
     }

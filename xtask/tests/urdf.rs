@@ -9,7 +9,7 @@ fn every_file_has_its_line() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("written");
     write("a.urdf", b"<robot name=\"\xff\xfe\"/>");
-    write("b.urdf", include_bytes!("../../nerd-campaign/corpus/urdf/damping-blows-up-in-flight.urdf"));
+    write("b.urdf", include_bytes!("../../nerd-lab/corpus/urdf/damping-blows-up-in-flight.urdf"));
     let run = xtask(&["urdf", folder.path().to_str().expect("utf-8")]);
     let said = String::from_utf8_lossy(&run.stdout);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));

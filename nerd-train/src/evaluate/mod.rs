@@ -24,6 +24,15 @@ mod tally;
 pub use gaps::{differences, quantities, summary, summary_names};
 use tally::Tally;
 
+/// Frames of the paper's passive-motion protocol.
+pub fn horizon(robot: &str) -> usize {
+    match robot.strip_suffix("-paper").unwrap_or(robot) {
+        "cartpole" => 1000,
+        "ant" | "anymal" => 500,
+        _ => 100,
+    }
+}
+
 /// What to run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassiveConfig {

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::pick::Setting;
@@ -18,8 +19,21 @@ use crate::error::{Result, refuse};
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;
 
+/// Makes a solver of the caller's own for a system in a scene.
+#[derive(Clone)]
+pub struct Guest(pub Arc<Make>);
+
+/// See [`Guest`].
+pub type Make = dyn Fn(&Arc<System>, &Arc<Scene>) -> Result<Box<dyn Solver>> + Send + Sync;
+
+impl std::fmt::Debug for Guest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Guest")
+    }
+}
+
 /// What episodes run on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub enum Arena {
     /// A solver that models are learned from.
     Truth(Truth),
@@ -35,9 +49,8 @@ pub enum Arena {
     /// An analytic solver that keeps its batch on a GPU.
     #[cfg(feature = "cuda")]
     Card(Setting),
-    /// MuJoCo, run by this Python.
-    #[cfg(feature = "report")]
-    Mujoco(PathBuf),
+    /// A solver of the caller's own, by its name.
+    Guest(String, Guest),
 }
 
 impl Arena {
@@ -49,8 +62,7 @@ impl Arena {
             Self::Judge(setting) => setting.to_string().replace(' ', "-"),
             #[cfg(feature = "cuda")]
             Self::Card(setting) => setting.to_string().replace(' ', "-") + "-cuda",
-            #[cfg(feature = "report")]
-            Self::Mujoco(_) => "mujoco".into(),
+            Self::Guest(name, _) => name.to_lowercase(),
         }
     }
 
@@ -65,8 +77,7 @@ impl Arena {
             Self::Judge(setting) => setting.to_string(),
             #[cfg(feature = "cuda")]
             Self::Card(setting) => format!("{setting} in 32 bits"),
-            #[cfg(feature = "report")]
-            Self::Mujoco(_) => "MuJoCo".into(),
+            Self::Guest(name, _) => name.clone(),
         })
     }
 
@@ -149,8 +160,7 @@ impl Arena {
             Self::Judge(setting) => (setting.solver(&system)?, 0),
             #[cfg(feature = "cuda")]
             Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F32)?, 0),
-            #[cfg(feature = "report")]
-            Self::Mujoco(python) => (Box::new(nerd_sim::mjcf::Mujoco::new(python, &system, &batch.scenes[0])?), 0),
+            Self::Guest(_, make) => ((make.0)(&system, &batch.scenes[0])?, 0),
         };
         let solver = Box::new(Timed(solver, clock.solver.clone()));
         let mut episodes = Episodes::part(task, Simulation { batch, solver }, seed, envs.start);

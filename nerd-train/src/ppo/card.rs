@@ -6,7 +6,7 @@ use std::path::Path;
 use super::folder::{PolicyConfig, save};
 use super::{Environments, Trainer, curve};
 use crate::error::Result;
-use crate::report::Provenance;
+use crate::provenance::Provenance;
 use crate::sessions;
 
 /// Writes `<out>/policy`.

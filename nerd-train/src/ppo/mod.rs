@@ -39,7 +39,7 @@ pub mod update;
 
 pub use nerd_model::program::Activation;
 
-pub use arena::Arena;
+pub use arena::{Arena, Guest};
 pub use config::{ConfigError, PpoConfig};
 #[cfg(feature = "cuda")]
 pub use cuda::{CudaEngine, World, on_card};
@@ -47,7 +47,7 @@ pub use engine::{Engine, OnCpu};
 pub use environments::Environments;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;
-pub use play::{Game, play, replay};
+pub use play::{Game, play};
 pub use policy::{Actor, Answer, Policy, Shape};
 pub use run::{Learned, PolicyRun};
 pub use shared::Shared;

@@ -1,13 +1,10 @@
 //! Whole episodes under a policy's mean actions.
 
 use nerd_sim::solver::StepError;
-use nerd_tasks::Episodes;
 
 use super::environments::Environments;
 use super::policy::{Actor, Policy};
 use super::rollout::Running;
-use crate::progress::bar;
-use crate::report::replay::Replay;
 
 /// One game.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,30 +42,4 @@ fn last_half(misses: &[Option<f64>]) -> Option<f64> {
     let last = &misses[misses.len() / 2..];
     let sum: f64 = last.iter().map(|miss| miss.unwrap_or(f64::INFINITY)).sum();
     misses.iter().any(Option::is_some).then_some(sum / last.len() as f64)
-}
-
-/// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
-/// step; and its whole reward.
-///
-/// # Errors
-/// If the solver cannot step.
-pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
-    let bar = bar(title, episodes.task.episode_length());
-    let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
-    let mut page = Replay::new(title, &episodes.simulation.batch, dt);
-    page.begin(title);
-    let (mut running, mut reached, mut total) = (Running::new(episodes, policy.shape.stack), Vec::new(), 0.0);
-    let actor = Actor::new(policy.clone());
-    loop {
-        page.add(&episodes.simulation.batch);
-        page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
-        page.rewards.push(total as f32);
-        bar.set(page.frames() as u64);
-        let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
-        total += stepped.result.rewards[0];
-        if !stepped.ended.is_empty() {
-            bar.finish();
-            return Ok((page, total));
-        }
-    }
 }

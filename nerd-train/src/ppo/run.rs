@@ -176,8 +176,6 @@ impl PolicyRun {
         if trainer.state.iteration > first || !sessions::any(out) {
             sessions::log(out, first, trainer.state.iteration, done.elapsed.as_secs_f64(), &done.spent)?;
         }
-        #[cfg(feature = "report")]
-        super::curve::draw(out, &done.title)?;
         card::export(out, &self.task, (&solver, &identity), &trainer)?;
         Ok(done)
     }

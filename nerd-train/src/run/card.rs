@@ -14,7 +14,7 @@ use super::variant::Variant;
 use crate::difference::between;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{LearnerConfig, LearnerState};
-use crate::report::Provenance;
+use crate::provenance::Provenance;
 use crate::sessions;
 use crate::trainer::TrainerConfig;
 

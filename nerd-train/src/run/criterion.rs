@@ -10,8 +10,7 @@ use super::card::{Identity, model_config};
 use super::data::Judge;
 use crate::chain;
 use crate::error::Result;
-use crate::evaluate::{Action, PassiveConfig, passive};
-use crate::paper;
+use crate::evaluate::{Action, PassiveConfig, horizon, passive};
 
 impl Run {
     /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
@@ -22,7 +21,7 @@ impl Run {
             return chain::distance(&self.system, motions, &weights, normalizer);
         }
         let (config, system) = (&self.config, &self.system);
-        let (starts, steps, seed) = (config.rollouts, paper::horizon(&system.name), 1_000 + config.record.seed);
+        let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
         let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
         // Flight has no error where there is nothing to touch.
         let scenes: Vec<&str> = match identity.base {

@@ -48,7 +48,10 @@ pub use variant::Variant;
 use crate::error::{Error, Result};
 
 /// A folder that this process alone writes.
-pub(crate) fn claimed(folder: &Path) -> Result<Claim> {
+///
+/// # Errors
+/// If another process writes it.
+pub fn claimed(folder: &Path) -> Result<Claim> {
     claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
 }
 

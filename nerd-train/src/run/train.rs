@@ -24,7 +24,6 @@ use crate::error::{Error, Result, refuse};
 use crate::learner::{Learner, LearnerConfig, LearnerState};
 use crate::progress;
 use crate::ranks::Ranks;
-use crate::report::write;
 use crate::sessions;
 use crate::shipped;
 use crate::supply::{Supply, SupplyConfig};
@@ -150,7 +149,8 @@ impl Run {
             let chosen = format!("{}; the run was ended there", self.averaged(&best));
             return self.export(&identity, data.judge.normalizer, best.weights, chosen);
         }
-        write(&path, serde_json::to_string_pretty(&identity).map_err(Error::format(&path))?.as_bytes())?;
+        let text = serde_json::to_string_pretty(&identity).map_err(Error::format(&path))?;
+        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
         let (updates, windows) = (self.trainer.updates, data.windows);
         eprintln!("{} parameters, {windows} windows, update {} of {updates}", self.network.parameters(), state.step);
 

@@ -1,9 +1,9 @@
-//! `cargo xtask policy co-train TASKS`: policies and model in turn ([`nerd_train::cotrain`]).
+//! `cargo xtask policy co-train TASKS`: policies and model in turn ([`nerd_lab::cotrain`]).
 
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use nerd_train::cotrain::{CoTrain, CoTrainConfig};
+use nerd_lab::cotrain::{CoTrain, CoTrainConfig};
 use nerd_train::settings::Settings;
 
 use crate::keys::Keys;

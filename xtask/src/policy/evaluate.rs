@@ -2,7 +2,7 @@
 //! actions, in the truth and in the simulator that learned it.
 
 use anyhow::Result;
-use nerd_train::experiments::policies::Policies;
+use nerd_lab::experiments::policies::Policies;
 
 use crate::conduct::ConductArgs;
 

@@ -1,0 +1,146 @@
+//! Parts of a log by trajectory, and how far predictions are from the part that nothing was fitted to.
+
+use std::collections::BTreeMap;
+
+use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
+use nerd_sim::log::Log;
+use nerd_sim::sampling::stream;
+use rand::RngExt;
+use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, refuse};
+
+/// Trials that are fitted to and those that are judged on; no trajectory is in both.
+#[derive(Clone)]
+pub struct Parts {
+    pub train: Vec<Trial>,
+    pub judged: Vec<Trial>,
+    /// Whole trajectories of the judged part.
+    pub whole: Vec<Trial>,
+    ids: Vec<u64>,
+}
+
+/// Mean distances, and the ends of their 95 % intervals from resampling trajectories.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scored {
+    /// Mean over trials.
+    pub mean: Distance,
+    /// Lower end.
+    pub low: Distance,
+    /// Upper end.
+    pub high: Distance,
+}
+
+/// One split.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Split {
+    /// Trajectories that are judged on.
+    pub judged: Vec<u64>,
+    /// What was found on the others.
+    pub fit: FitOf,
+    /// Without the fit, on the judged part.
+    pub before: Scored,
+    /// With it.
+    pub after: Scored,
+    /// Whole trajectories without the fit.
+    pub whole_before: Scored,
+    /// And with it.
+    pub whole_after: Scored,
+}
+
+/// Values of the parameters, and the objective on what they were fitted to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitOf {
+    /// In their order.
+    pub values: Vec<f64>,
+    /// Where 1 is no fit.
+    pub objective: f64,
+}
+
+/// Shares of the trajectories that are judged on, of those that are not fitted to: the paper's 85 of 170.
+const JUDGED: f64 = 0.5;
+/// Resampled sets of trajectories.
+const SETS: usize = 1000;
+
+impl Parts {
+    /// A random split: `train` % of the trajectories, and half of the rest.
+    ///
+    /// # Errors
+    /// If one part would be empty.
+    pub fn new(log: &Log, trials: &[Trial], train: usize, seed: u64) -> Result<Self> {
+        let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
+        ids.dedup();
+        ids.shuffle(&mut stream(seed, 0));
+        let first = (ids.len() * train).div_ceil(100);
+        let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
+        let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
+        let mut judged = ids[first..last].to_vec();
+        judged.sort_unstable();
+        let parts =
+            Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
+        if parts.train.is_empty() || parts.judged.is_empty() {
+            let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
+            refuse!(
+                "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; take fewer --frames, or another --train",
+                ids.len(),
+                parts.train.len(),
+                parts.judged.len()
+            );
+        }
+        Ok(parts)
+    }
+
+    /// Trajectories that are judged on.
+    pub fn ids(&self) -> &[u64] {
+        &self.ids
+    }
+
+    /// A subject before and after its fit.
+    ///
+    /// # Errors
+    /// If neither can step.
+    pub fn split(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
+        let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
+        Ok(Split {
+            judged: self.ids.clone(),
+            fit: FitOf { values: fit.values, objective: fit.objective },
+            before: of(before, &self.judged)?,
+            after: of(after, &self.judged)?,
+            whole_before: of(before, &self.whole)?,
+            whole_after: of(after, &self.whole)?,
+        })
+    }
+
+    /// Predicting that nothing moves.
+    pub fn still(&self, log: &Log, seed: u64) -> Scored {
+        let none = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
+        Scored::new(&self.judged, &self.judged.iter().map(none).collect::<Vec<_>>(), seed)
+    }
+}
+
+impl Scored {
+    /// Of trials' distances; whole trajectories are drawn with replacement.
+    pub fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
+        let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
+        trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
+        let groups: Vec<Vec<Distance>> = by_id.into_values().collect();
+        let mut rng = stream(seed, 1);
+        let drawn = |_| mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect::<Vec<_>>());
+        let sets: Vec<Distance> = (0..SETS).map(drawn).collect();
+        let end = |share: f64| {
+            let of = |field: fn(&Distance) -> f64| {
+                let mut x: Vec<f64> = sets.iter().map(field).collect();
+                x.sort_by(f64::total_cmp);
+                x[((x.len() - 1) as f64 * share).round() as usize]
+            };
+            Distance {
+                position: of(|g| g.position),
+                rotation: of(|g| g.rotation),
+                joints: of(|g| g.joints),
+                other_side: of(|g| g.other_side),
+            }
+        };
+        Self { mean: mean(distances), low: end(0.025), high: end(0.975) }
+    }
+}

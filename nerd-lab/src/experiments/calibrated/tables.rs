@@ -1,0 +1,115 @@
+//! Errors before and after, and what was found.
+
+use nerd_sim::calibrate::Distance;
+
+use super::{Calibrated, CalibratedAll, Scored, Split};
+use crate::report::Table;
+use crate::report::table::digits;
+
+/// A parameter along whose bounds the objective rises by less than this share is not determined.
+const FLAT: f64 = 0.01;
+
+impl CalibratedAll {
+    /// Errors on what nothing was fitted to.
+    pub(super) fn errors(&self) -> Table {
+        let joints = self.still.iter().any(|s| s.mean.joints > 0.0);
+        let plain = |name: &str, of: &[Scored]| line(name, joints, &of.iter().collect::<Vec<_>>(), None);
+        let mut rows = vec![plain("no motion", &self.still)];
+        rows.extend((!self.falling.is_empty()).then(|| plain("falling through the ground", &self.falling)));
+        let none = usize::from(joints) + 2;
+        rows.extend(self.published.iter().map(|p| {
+            let figures = [format!("{}, as published", p.method), digits(p.position), digits(p.rotation)];
+            figures.into_iter().chain(std::iter::repeat_n("-".to_string(), none)).collect()
+        }));
+        for solver in &self.fitted {
+            let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
+            rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
+            rows.push(line(&format!("{}, calibrated", solver.solver), joints, &of(|s| &s.after), Some(&of(|s| &s.whole_after))));
+        }
+        rows.extend((!self.noise.is_empty()).then(|| plain("the same rollout begun a frame later", &self.noise)));
+        let mut header = vec!["method", "position (m)", "rotation (rad)"];
+        header.extend(joints.then_some("joints (rad or m)"));
+        header.extend(["other side up (%)", "whole trajectories"]);
+        let notes = self.notes.iter().map(|n| format!(" {n}.")).collect::<String>();
+        Table::new("errors", &header).with(rows).noted(&format!(
+            "Open loop from measured states, {} rollouts of {} frames from {} trajectories of `{}`. {} splits by trajectory: fitted to {} %, \
+             judged on half of the rest. Mean over splits [mean ends of the 95 % intervals from resampling trajectories].{notes}",
+            self.sizes[1],
+            self.settings.frames,
+            self.sizes[0],
+            self.robot,
+            self.settings.splits,
+            self.settings.train
+        ))
+    }
+
+    /// What was found, by solver.
+    pub(super) fn parameters(&self) -> Table {
+        let rows = self.fitted.iter().flat_map(|solver| {
+            solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
+                let [value, spread] = over_splits(solver, k);
+                let word = match rise(solver, k) {
+                    Some((rise, _)) if rise < FLAT => "not determined".into(),
+                    Some((rise, true)) => format!("{:+.0} %, from a bound", 100.0 * rise),
+                    Some((rise, false)) => format!("{:+.0} %", 100.0 * rise),
+                    None => "-".into(),
+                };
+                let unit = if unit == "1" { String::new() } else { format!(" ({unit})") };
+                let bounds = format!("{} .. {}", digits(*low), digits(*high));
+                vec![
+                    solver.solver.clone(),
+                    format!("{name}{unit}"),
+                    digits(*nominal),
+                    format!("{} ± {}", digits(value), digits(spread)),
+                    bounds,
+                    word,
+                ]
+            })
+        });
+        let header = ["solver", "parameter", "described", "calibrated", "bounds", "objective at a bound"];
+        Table::new("parameters", &header).with(rows).noted(
+            "Calibrated: mean and standard deviation over splits. Last column: how much the objective of the first split rises when this \
+             parameter alone is moved to that of its bounds where it rises less; where the fit stands at one, to the other. Below 1 % the data \
+             do not determine it.",
+        )
+    }
+}
+
+/// Mean and standard deviation of a parameter over splits.
+fn over_splits(solver: &Calibrated, k: usize) -> [f64; 2] {
+    let x: Vec<f64> = solver.splits.iter().map(|s| s.fit.values[k]).collect();
+    let mean = x.iter().sum::<f64>() / x.len() as f64;
+    [mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (x.len().max(2) - 1) as f64).sqrt()]
+}
+
+/// How much the objective rises to that of a parameter's bounds where it rises less, as a share of itself, and whether the fit stands at
+/// the other.
+fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
+    let (profile, fitted) = (solver.profiles.get(k)?, solver.splits.first()?.fit.values[k]);
+    let best = profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    let (low, high) = (profile.first()?, profile.last()?);
+    let near = |end: &[f64; 2]| (end[0] - fitted).abs() < 1e-3 * (high[0] - low[0]).abs();
+    let rise = match (near(low), near(high)) {
+        (true, false) => high[1],
+        (false, true) => low[1],
+        _ => low[1].min(high[1]),
+    };
+    Some((rise / best - 1.0, near(low) || near(high)))
+}
+
+fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>) -> Vec<String> {
+    let of = |splits: &[&Scored], field: fn(&Distance) -> f64| {
+        let mean = |end: fn(&Scored) -> &Distance| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
+        [mean(|s| &s.mean), mean(|s| &s.low), mean(|s| &s.high)]
+    };
+    let text = |[mean, low, high]: [f64; 3]| format!("{} [{}, {}]", digits(mean), digits(low), digits(high));
+    let mut row = vec![name.to_string(), text(of(splits, |g| g.position)), text(of(splits, |g| g.rotation))];
+    row.extend(joints.then(|| text(of(splits, |g| g.joints))));
+    row.push(text(of(splits, |g| 100.0 * g.other_side)));
+    let some = |w: &[&Scored]| {
+        let all = [of(w, |g| g.position)[0], of(w, |g| g.rotation)[0], of(w, |g| g.joints)[0]];
+        all[..if joints { 3 } else { 2 }].iter().map(|x| digits(*x)).collect::<Vec<_>>().join(" / ")
+    };
+    row.push(whole.map_or("-".into(), some));
+    row
+}

@@ -1,0 +1,90 @@
+//! MuJoCo's marks on a chart. Without contact its errors are measured against our converged reference, as all others.
+//! With contact it solves another problem (its contacts are soft constraints of its own), so there it is held against a
+//! run of its own at four times the most substeps: how fast it comes to its own answer, not how near that is to ours.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_sim::instruments::Replay;
+use nerd_sim::mjcf::{Referee, Scheme};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use serde::{Deserialize, Serialize};
+
+use super::{Chart, Point};
+use crate::error::Result;
+use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
+use nerd_train::progress;
+use nerd_train::stats::mean;
+
+/// What MuJoCo was held against.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Against {
+    /// MuJoCo's version.
+    pub version: String,
+    /// In words.
+    pub reference: String,
+    /// That reference's distance from half its substeps, where it is MuJoCo's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_error: Option<f64>,
+}
+
+/// MuJoCo at the starts of an evaluation.
+pub(super) fn referee(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, config: PassiveConfig) -> Result<Referee> {
+    let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
+    Ok(Referee::new(python, system, scene, &starts, config.steps)?)
+}
+
+/// Its settings: integrator, name, substeps.
+fn settings(contact: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
+    let schemes: &[(Scheme, &str, usize)] = if contact {
+        &[(Scheme::Euler, "MuJoCo Euler (against itself)", most), (Scheme::ImplicitFast, "MuJoCo implicitfast (against itself)", most)]
+    } else {
+        &[(Scheme::Euler, "MuJoCo Euler", most), (Scheme::ImplicitFast, "MuJoCo implicitfast", most), (Scheme::Rk4, "MuJoCo RK4", 32)]
+    };
+    let powers = |last: usize| std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last.min(most));
+    schemes.iter().flat_map(|(scheme, name, last)| powers(*last).map(move |n| (*scheme, *name, n))).collect()
+}
+
+/// How many marks it makes.
+pub(super) fn marks(contact: bool, most: usize) -> usize {
+    settings(contact, most).len()
+}
+
+/// Its points at powers of two of substeps; `truth` are the frames of our reference, named `reference`.
+pub(super) fn points(mujoco: &mut Referee, chart: &Chart, truth: &[Vec<f64>], reference: &str) -> Result<(Vec<Point>, Against)> {
+    let (contact, most, config) = (chart.contact(), chart.settings.substeps, chart.protocol);
+    let errors = |truth: &[Vec<f64>], frames: &[Vec<f64>]| -> Result<PassiveReport> {
+        let (mut truth, mut replay) = (Replay::new(truth), Replay::new(frames));
+        Ok(passive(&chart.system, &chart.scene, &mut truth, &mut replay, config, &mut |_| ())?)
+    };
+    let mut against = Against { version: mujoco.version.clone(), reference: reference.into(), reference_error: None };
+    let mut own = Vec::new();
+    if contact {
+        own = mujoco.play(Scheme::Euler, 4 * most, false)?.frames;
+        let half = mujoco.play(Scheme::Euler, 2 * most, false)?;
+        against.reference = format!("MuJoCo itself, Euler, {} substeps", 4 * most);
+        against.reference_error = Some(mean(&errors(&own, &half.frames)?.error));
+    }
+    let settings = settings(contact, most);
+    let bar = progress::bar("MuJoCo", settings.len() as u64);
+    let mut points = Vec::new();
+    for (k, (scheme, name, substeps)) in settings.into_iter().enumerate() {
+        bar.set(k as u64);
+        let played = mujoco.play(scheme, substeps, true)?;
+        let report = errors(if contact { &own } else { truth }, &played.frames)?;
+        points.push(Point {
+            series: name.into(),
+            setting: None,
+            substeps: Some(substeps),
+            microseconds: played.seconds * 1e6 / (config.starts * config.steps) as f64,
+            error: mean(&report.error),
+            by_coordinate: report.error,
+            diverged: report.diverged,
+            front: false,
+            own: contact,
+        });
+    }
+    bar.finish();
+    Ok((points, against))
+}

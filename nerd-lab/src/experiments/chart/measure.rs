@@ -1,0 +1,76 @@
+//! Our own solvers, timed and held against the reference.
+
+use nerd_model::pick::Setting;
+use nerd_sim::instruments::{Recorder, Replay};
+use nerd_sim::prelude::*;
+
+use super::{Chart, ChartData, Method, Point, only_implicit};
+use crate::error::Result;
+use crate::experiments::cost::timed;
+use nerd_train::evaluate::{PassiveReport, passive};
+use nerd_train::stats::mean;
+use nerd_train::{bounds, progress};
+
+/// States by frame.
+type Frames = Vec<Vec<f64>>;
+
+/// Every method's point, and the frames of the reference.
+pub(super) fn all(chart: &Chart) -> Result<(ChartData, Frames)> {
+    let Chart { system, scene, methods, protocol, settings, .. } = chart;
+    let implicit = chart.contact() || only_implicit(system);
+    let (finest, reference) = if implicit { (4 * settings.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
+    let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
+    let solvers = methods.iter().map(|m| Ok(m.setting.solver(system)?)).collect::<Result<Vec<_>>>()?;
+    let bar = progress::bar("solvers", solvers.len() as u64 + 1);
+    let mut truth = Recorder::new(exact(finest).solver(system)?);
+    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, *protocol, &mut |_| ())?;
+    let truth = truth.frames;
+    let [reference_error, hold, glide] = [&base.error, &base.hold, &base.glide].map(|x| mean(x));
+    bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold, glide])?;
+    let mut points = Vec::new();
+    for (k, (method, solver)) in methods.iter().zip(solvers).enumerate() {
+        bar.set(k as u64 + 1);
+        bar.say(&method.setting.to_string());
+        let theirs = method.own.map(|own| recorded(chart, own.solver(system), &truth)).transpose()?;
+        match timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol) {
+            Ok((report, microseconds)) => points.push(point(method, report, microseconds)?),
+            Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
+        }
+    }
+    bar.finish();
+    let data = ChartData {
+        robot: system.name.clone(),
+        scene: scene.name.clone(),
+        protocol: *protocol,
+        reference: format!("{reference}, {finest} substeps"),
+        reference_error,
+        hold,
+        glide,
+        points,
+        mujoco: None,
+    };
+    Ok((data, truth))
+}
+
+/// The frames of a truth of another engine.
+fn recorded(chart: &Chart, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {
+    let mut truth = Recorder::new(truth);
+    passive(&chart.system, &chart.scene, &mut truth, &mut Replay::new(idle), chart.protocol, &mut |_| ())?;
+    Ok(truth.frames)
+}
+
+fn point(method: &Method, report: PassiveReport, microseconds: f64) -> Result<Point> {
+    let error = mean(&report.error);
+    bounds::figures(&format!("{}: its mean error", method.setting), &[error])?;
+    Ok(Point {
+        series: method.series.clone(),
+        substeps: method.setting.substeps(),
+        setting: Some(method.setting.clone()),
+        microseconds,
+        error,
+        by_coordinate: report.error,
+        diverged: report.diverged,
+        front: false,
+        own: method.own.is_some(),
+    })
+}

@@ -1,0 +1,118 @@
+//! Games of a policy: in a truth, in a model, and how far their rewards are apart.
+
+use std::path::{Path, PathBuf};
+
+use nerd_model::pick::Setting;
+use nerd_sim::system::System;
+use nerd_sim::truth::Truth;
+use nerd_tasks::{Episodes, named};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, refuse};
+use crate::report::{Input, Inputs};
+use nerd_train::ppo::{Arena, Game, Policy, folder, play};
+use nerd_train::progress::bar;
+
+/// Mean and spread over games.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reward {
+    /// Mean return.
+    pub mean: f64,
+    /// Standard deviation of a game's.
+    pub spread: f64,
+    /// Standard error of the mean.
+    #[serde(default)]
+    pub standard_error: f64,
+    /// Mean length (steps).
+    pub length: f64,
+    /// Share of games that succeeded ([`Game::miss`]); none of a task that does not speak of success.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success: Option<f64>,
+}
+
+impl Reward {
+    /// Of these games.
+    pub fn of(games: &[Game]) -> Self {
+        let n = games.len() as f64;
+        let mean = games.iter().map(|g| g.reward).sum::<f64>() / n;
+        let spread = (games.iter().map(|g| (g.reward - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let succeeded = games.iter().filter(|g| g.miss.is_some_and(|miss| miss <= 1.0)).count();
+        let success = games.iter().any(|g| g.miss.is_some()).then_some(succeeded as f64 / n);
+        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n, success }
+    }
+}
+
+/// `(learned - real) / |real|` in percent.
+pub fn gap(real: f64, learned: f64) -> f64 {
+    100.0 * (learned - real) / real.abs()
+}
+
+/// Standard error of [`gap`] between the means of games that began alike, pair by pair: `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
+pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
+    let (r, l) = (Reward::of(real).mean, Reward::of(learned).mean);
+    let square = |(a, b): (&Game, &Game)| (b.reward - a.reward * l / r).powi(2);
+    100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
+}
+
+/// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
+///
+/// # Errors
+/// If the task is unknown, the model cannot be read, or the solver cannot step.
+pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
+    if n == 0 {
+        refuse!("--games 0: at least one is needed");
+    }
+    finished(&format!("{task} on {}", arena.title()?), arena.episodes(task, n, seed)?, policy)
+}
+
+/// Plays games to their ends under mean actions; `what` they are is told while that takes time.
+///
+/// # Errors
+/// If the solver cannot step.
+pub fn finished(what: &str, mut episodes: Episodes, policy: &Policy) -> Result<Vec<Game>> {
+    // Nobody goes on with these.
+    episodes.remember(0);
+    let bar = bar(&format!("steps of {} games of {what}", episodes.len()), episodes.task.episode_length());
+    let mut step = 0;
+    let games = play(policy, &mut episodes, &mut |_| {
+        step += 1;
+        bar.set(step);
+    })?;
+    bar.finish();
+    Ok(games)
+}
+
+/// What games of policies before analytic judges depend on.
+///
+/// # Errors
+/// If a policy cannot be read.
+pub fn judged(policies: &[PathBuf], inputs: &mut Inputs) -> Result<()> {
+    for path in policies {
+        let task = named(&folder::load(path)?.0.task)?;
+        inputs.add(Input::robot(&*System::named(task.robot())?));
+        inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
+        inputs.add(Input::policy(path)?);
+    }
+    Ok(())
+}
+
+/// The policy of a folder, which is of that task.
+///
+/// # Errors
+/// If it cannot be read, or is of another task.
+pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
+    let (config, policy) = folder::load(path)?;
+    if config.task != task {
+        refuse!("{} is a policy of `{}`, not of `{task}`", path.display(), config.task);
+    }
+    Ok(policy)
+}
+
+/// A truth as what a task's games depend on.
+///
+/// # Errors
+/// If the task is unknown, or the truth cannot step.
+pub fn truth_of(task: &str, truth: Truth) -> Result<Input> {
+    let task = named(task)?;
+    Input::motion(task.robot(), task.scene(), &truth.into())
+}

@@ -1,0 +1,141 @@
+//! Judges that nobody trained on: every policy in its truth, at twice the substeps, in rapier, at the reference simulator's
+//! preset and in MuJoCo. A policy that lives on one simulator's fault earns there alone.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use serde::{Deserialize, Serialize};
+
+use super::Experiment;
+use super::games::{Reward, games, judged};
+use super::policies::{Policies, short};
+use crate::error::Result;
+use crate::report::{Inputs, Table};
+use nerd_train::bounds::{SEEDS, STARTS};
+use nerd_train::ppo::{Arena, Guest, folder};
+use nerd_train::settings::settings;
+use nerd_train::shipped::from_root;
+
+settings! {
+    /// Every policy before judges that nobody trained on.
+    pub struct Judges {
+        /// Folders of policies, comma-separated [default: all in models/policies]
+        policy: Vec<PathBuf> = Vec::new(), Texts;
+        /// Games of each policy before each judge
+        games: usize = 64, Whole(STARTS);
+        /// Python that has MuJoCo, for the last judge [default: none]
+        mujoco: Option<PathBuf> = None, Text;
+        /// Judges too: our implicit step with so many substeps
+        substeps: Vec<u64> = Vec::new(), Wholes(1..=1024);
+        /// Leave rapier out, which takes most of the time
+        no_rapier: bool = false, Flag;
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+    }
+}
+
+/// One policy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Task.
+    pub task: String,
+    /// Folder of the policy.
+    pub policy: String,
+    /// What it was trained in.
+    pub trained_in: String,
+    /// What it earns, by judge.
+    pub judged: Vec<(String, Reward)>,
+}
+
+/// All of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// By policy.
+    pub rows: Vec<Row>,
+}
+
+impl Judges {
+    fn folders(&self) -> Result<Vec<PathBuf>> {
+        Policies { policy: self.policy.clone(), ..Policies::default() }.folders()
+    }
+
+    /// The judges of a robot, by name: first the truth itself.
+    fn arenas(&self, system: &System) -> Vec<(String, Arena)> {
+        let n = system.spec.substeps;
+        let rapier = (!self.no_rapier).then(|| ("rapier".to_string(), Arena::Truth(Truth::Rapier)));
+        let mujoco = self.mujoco.clone().map(|python| ("MuJoCo".to_string(), mujoco(python)));
+        let finer = if system.robot.contact_points.is_empty() { Setting::Rk4(8) } else { Setting::Implicit(2 * n) };
+        let more = self.substeps.iter().map(|n| (format!("x{n}"), Arena::Judge(Setting::Implicit(*n as usize))));
+        [("truth".to_string(), Arena::Truth(Truth::Articulated)), ("twice the substeps".to_string(), Arena::Judge(finer))]
+            .into_iter()
+            .chain(more)
+            .chain([("reference preset".to_string(), Arena::Judge(Setting::Paper))])
+            .chain(rapier)
+            .chain(mujoco)
+            .collect()
+    }
+
+    fn row(&self, path: &Path) -> Result<Row> {
+        let (config, policy) = folder::load(path)?;
+        let system = System::named(nerd_tasks::named(&config.task)?.robot())?;
+        let judged = self.arenas(&system).into_iter().map(|(name, arena)| {
+            let played = games(&config.task, &arena, &policy, self.games, self.seed)?;
+            Ok((name, Reward::of(&played)))
+        });
+        Ok(Row { policy: from_root(path), trained_in: config.solver, judged: judged.collect::<Result<_>>()?, task: config.task })
+    }
+}
+
+impl Experiment for Judges {
+    type Data = Judged;
+
+    fn name(&self) -> String {
+        "judges".into()
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn effort(&self) -> f64 {
+        (self.games * self.folders().map_or(0, |all| all.len())) as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let mut inputs = Inputs::default();
+        judged(&self.folders()?, &mut inputs)?;
+        Ok(inputs)
+    }
+
+    fn measure(&self) -> Result<Judged> {
+        Ok(Judged { rows: self.folders()?.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
+    }
+
+    fn tables(&self, data: &Judged) -> Result<Vec<Table>> {
+        let judges: Vec<&str> = data.rows.first().map_or_else(Vec::new, |r| r.judged.iter().map(|(name, _)| name.as_str()).collect());
+        let header: Vec<&str> = ["policy", "trained in"].into_iter().chain(judges).collect();
+        let line = |r: &Row| {
+            let own = r.judged.first().map_or(f64::NAN, |(_, reward)| reward.mean);
+            let word = |(i, (_, reward)): (usize, &(String, Reward))| match i {
+                0 => format!("{:.1} +- {:.1}", reward.mean, reward.standard_error),
+                _ => format!("{:.1} ({:+.1} %)", reward.mean, 100.0 * (reward.mean - own) / own.abs()),
+            };
+            [short(&r.policy), r.trained_in.clone()].into_iter().chain(r.judged.iter().enumerate().map(word)).collect()
+        };
+        let note = "Mean reward of a game under mean actions (in brackets: beside that in the truth). +-: standard error over games.";
+        Ok(vec![Table::new("judges", &header).with(data.rows.iter().map(line)).noted(note)])
+    }
+}
+
+/// MuJoCo, run by this Python.
+pub fn mujoco(python: PathBuf) -> Arena {
+    let make = move |system: &Arc<System>, scene: &Arc<Scene>| -> Result<Box<dyn Solver>, nerd_train::Error> {
+        let solver =
+            nerd_sim::mjcf::Mujoco::new(&python, system, scene).map_err(|e| nerd_train::Error::Refused(format!("--mujoco: {e}")))?;
+        Ok(Box::new(solver))
+    };
+    Arena::Guest("MuJoCo".into(), Guest(Arc::new(make)))
+}

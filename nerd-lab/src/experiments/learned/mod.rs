@@ -1,0 +1,106 @@
+//! The stability map's question for learned models: each against the truth it learned, from starts in and out of the box it
+//! learned in, beside two predictors that know no dynamics and another engine.
+//!
+//! Errors are shares of the hold-last floor's: 1 is a predictor that knows nothing.
+
+use std::path::Path;
+
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::neural::Neural;
+use nerd_model::pick::Setting;
+use nerd_sim::instruments::{Glide, Hold};
+use nerd_sim::prelude::*;
+use nerd_sim::suite::{Cell, Line, known};
+use nerd_sim::truth::Truth;
+
+mod asks;
+
+use asks::{ASKS, Ask, Case, Maker};
+
+use super::Experiment;
+use super::stability::StabilityMap;
+use crate::error::Result;
+use crate::report::{Input, Inputs, Table, heat};
+use nerd_train::progress::bar;
+
+/// A model asked where it holds.
+pub struct Learned {
+    case: Case,
+    asks: Vec<&'static Ask>,
+}
+
+impl Learned {
+    /// The model of a folder, asked the questions with one of `words` in their names, or all.
+    ///
+    /// # Errors
+    /// If the folder holds no model, or a word is in no name.
+    pub fn new(folder: &Path, words: &[String]) -> Result<Self> {
+        known(words, &ASKS.each_ref().map(|a| a.name))?;
+        let config = ModelConfig::read(folder)?;
+        let system = System::named(&config.robot)?;
+        let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
+        let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth)? };
+        Ok(Self { case, asks: ASKS.iter().filter(|a| words.is_empty() || words.iter().any(|w| a.name.contains(w.as_str()))).collect() })
+    }
+
+    /// The model, its scene and its truth, in words.
+    pub fn title(&self) -> String {
+        let Case { scene, model, truth, .. } = &self.case;
+        format!("{} in {}, learned from {}", model.display(), scene.name, truth.name())
+    }
+}
+
+impl Experiment for Learned {
+    type Data = StabilityMap;
+
+    fn name(&self) -> String {
+        let folder = self.case.model.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
+        format!("stability-{folder}")
+    }
+
+    fn seed(&self) -> u64 {
+        0
+    }
+
+    fn effort(&self) -> f64 {
+        self.asks.len() as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let Case { system, scene, model, truth } = &self.case;
+        let truth = Setting::from(*truth);
+        let motion = |setting| Input::motion(&system.name, &scene.name, setting);
+        Ok(Inputs(vec![Input::robot(system), Input::model(model)?, motion(&truth)?, motion(&Setting::RapierSteps(4))?]))
+    }
+
+    fn measure(&self) -> Result<StabilityMap> {
+        let case = &self.case;
+        let makers: [(&str, &Maker); 4] = [
+            ("learned", &|system| Ok(Box::new(Neural::on_cpu(Model::load(&case.model, system, None)?, system)))),
+            ("hold last", &|_| Ok(Box::new(Hold))),
+            ("constant velocity", &|_| Ok(Box::new(Glide))),
+            ("rapier 4x4", &|_| Ok(Box::new(Rapier::new(RapierConfig::default())))),
+        ];
+        let bar = bar(&format!("{}: cells", case.system.name), (self.asks.len() * makers.len()) as u64);
+        let mut rows = Vec::new();
+        for ask in &self.asks {
+            let mut cells = Vec::new();
+            for (_, maker) in &makers {
+                cells.push(Cell::new((ask.measure)(case, *maker), None, ask.limit));
+                bar.set((rows.len() * makers.len() + cells.len()) as u64);
+            }
+            let [row, figure, unit, source, why] = [ask.name, ask.figure, ask.unit, ask.source, ask.why].map(String::from);
+            rows.push(Line { row, figure, unit, source, why, limit: ask.limit, cells });
+        }
+        bar.finish();
+        Ok(StabilityMap { methods: makers.map(|m| m.0.to_string()).into(), rows })
+    }
+
+    fn tables(&self, data: &StabilityMap) -> Result<Vec<Table>> {
+        Ok(vec![data.table()])
+    }
+
+    fn pictures(&self, data: &StabilityMap, stem: &Path) -> Result<()> {
+        heat::draw(&format!("Where it holds: {}", self.title()), &data.methods, &data.rows, stem)
+    }
+}

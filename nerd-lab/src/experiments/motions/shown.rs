@@ -1,0 +1,90 @@
+//! How errors along motions are shown.
+
+use super::{LOOK, Motions, Moved};
+use crate::experiments::Experiment;
+use crate::report::Table;
+use crate::report::plot::{Figure, Series};
+use crate::report::table::digits;
+use nerd_train::device::Device;
+use nerd_train::stats::{mean, percentile};
+
+impl Motions {
+    /// The table.
+    pub(super) fn table(&self, data: &Moved) -> Table {
+        let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
+        let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
+        let rows = data.rows.iter().map(|row| {
+            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame / self.look() - 1).copied().unwrap_or(f64::NAN)));
+            let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
+            let first = [
+                row.series.clone(),
+                row.substeps.map_or_else(|| "-".into(), |n| n.to_string()),
+                row.microseconds.map_or_else(|| "-".into(), digits),
+                millimetres(mean(&row.motions)),
+                of(0.95),
+                of(1.0),
+            ];
+            first.into_iter().chain(frames).chain([row.lost.to_string()]).collect()
+        });
+        let frames: Vec<String> = shown.iter().map(|frame| format!("frame {frame}")).collect();
+        let header = ["solver", "substeps", "us a frame", "mean (mm)", "95 %", "worst"].into_iter();
+        let header: Vec<&str> = header.chain(frames.iter().map(String::as_str)).chain(["lost"]).collect();
+        let note = format!(
+            "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.{}",
+            data.robot,
+            self.frames,
+            self.starts,
+            data.reference,
+            self.crowded()
+        );
+        let lost: usize = data.rows.iter().map(|row| row.lost).sum();
+        let left =
+            if lost > 0 { format!(" {lost} were lost by some solver, and are in no other figure of its row.") } else { String::new() };
+        Table::new(&self.name(), &header).with(rows).noted(&(note + &left))
+    }
+
+    /// Error against time.
+    pub(super) fn figure(&self, data: &Moved) -> Figure {
+        let mut series: Vec<Series> = Vec::new();
+        for row in &data.rows {
+            let Some(microseconds) = row.microseconds.filter(|_| !row.motions.is_empty()) else { continue };
+            let mark = (microseconds, mean(&row.motions), row.substeps.map_or_else(String::new, |n| format!("x{n}")));
+            match series.iter_mut().find(|s| s.name == row.series) {
+                Some(s) => s.points.push(mark),
+                None => series.push(Series { name: row.series.clone(), points: vec![mark] }),
+            }
+        }
+        let mut levels: Vec<(f64, String)> = Vec::new();
+        for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {
+            let error = mean(&row.motions);
+            // What starts at rest stays where it is at constant velocity, too.
+            match levels.iter_mut().find(|(other, _)| (other / error - 1.0).abs() < 0.02) {
+                Some((_, name)) => *name += &format!(", {}", row.series),
+                None => levels.push((error, row.series.clone())),
+            }
+        }
+        Figure {
+            title: format!("{}: motions that no solver has seen", data.robot),
+            x: match self.device {
+                Device::Cpu => "microseconds a frame, one environment, one core".into(),
+                Device::Cuda => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
+            },
+            y: format!("mean distance of contact points over {} frames (m)", self.frames),
+            series,
+            front: Vec::new(),
+            levels,
+        }
+    }
+
+    /// What a table says of a card.
+    fn crowded(&self) -> String {
+        if self.device == Device::Cpu {
+            return String::new();
+        }
+        format!(
+            " On the device, looked at every {LOOK} frames: {} environments together, the motions in turn, transfers counted. \
+             Solvers have 32 bits there; around a learned cable's network all has 64.",
+            self.together()
+        )
+    }
+}

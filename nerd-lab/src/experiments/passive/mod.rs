@@ -1,0 +1,236 @@
+//! Passive motion: how far solvers drift from the truth, a model from the one it learned.
+//!
+//! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law, without
+//! torques; beside it the floors `hold` and `glide`, the paper's figure and the count of diverged rollouts. A paper-size
+//! network takes some half a millisecond an environment-frame on two cores if it recomputes windows, a tenth of that if it
+//! streams. The truth against itself is 0 everywhere and is asked for by name, as `control`.
+
+mod rows;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use nerd_model::folder::ModelConfig;
+use nerd_sim::instruments::Shaken;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+
+use super::Experiment;
+use crate::error::{Result, refuse};
+use crate::paper;
+use crate::report::{Input, Inputs, Table};
+use nerd_train::choice::Choice;
+use nerd_train::device::Device;
+use nerd_train::evaluate::{Action, PassiveConfig, passive};
+use nerd_train::{bounds, progress, shipped};
+
+pub use rows::{Row, Rows};
+
+/// One solver of one robot in some of its scenes.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Robot, as [`System::named`] knows it.
+    pub robot: String,
+    /// Scenes; none stands for all of the robot's.
+    pub scenes: Vec<String>,
+    /// What is measured.
+    pub solver: Choice,
+    /// What it is held against; none stands for what a model learned, else `articulated`.
+    pub truth: Option<Truth>,
+    /// Trajectories by scene (the paper: 2048).
+    pub starts: usize,
+    /// Frames; none stands for the paper's, 1000 for Cartpole, 100 for the pendulum.
+    pub steps: Option<usize>,
+    /// What drives the joints.
+    pub action: Action,
+    /// Noise (rad/s or m/s) on all velocities after every frame of the solver.
+    pub shake: f64,
+    /// The truth against itself: every error must be 0.
+    pub control: bool,
+}
+
+impl Default for Case {
+    fn default() -> Self {
+        Self {
+            robot: "pendulum".into(),
+            scenes: Vec::new(),
+            solver: Choice::model(shipped::model(Truth::Articulated, "pendulum")),
+            truth: None,
+            starts: 256,
+            steps: None,
+            action: Action::Zero,
+            shake: 0.0,
+            control: false,
+        }
+    }
+}
+
+impl Case {
+    /// The models that come with the project, by robot, over so many starts.
+    ///
+    /// # Errors
+    /// If there is none, or one of them cannot be read.
+    pub fn shipped(starts: usize, device: Device) -> Result<Vec<Self>> {
+        let mut models = Vec::new();
+        for folder in shipped::folders(&shipped::models(), "")? {
+            let robot = ModelConfig::read(&folder)?.robot;
+            let place = System::built_in().iter().position(|known| *known == robot).unwrap_or(usize::MAX);
+            models.push((place, robot, folder));
+        }
+        if models.is_empty() {
+            refuse!("models/ holds no model: train one with `cargo xtask train`, or name one with --model");
+        }
+        models.sort();
+        let case = |(_, robot, folder): (usize, String, PathBuf)| {
+            // rapier as a truth costs a hundred times what ours does.
+            let starts = if ModelConfig::truth_of(&folder)? == Truth::Rapier { starts.div_ceil(4) } else { starts };
+            // A held arm does not move: Franka's model is for driven ones.
+            let action = if robot.starts_with("franka") { Action::Random(1.0) } else { Action::Zero };
+            Ok(Self { robot, solver: Choice::Neural { folder, truth: None, device }, starts, action, ..Self::default() })
+        };
+        models.into_iter().map(case).collect()
+    }
+}
+
+/// Some solvers' errors.
+pub struct Passive {
+    name: String,
+    seed: u64,
+    asked: Vec<Asked>,
+}
+
+/// A case in one scene, with all that it names found.
+struct Asked {
+    case: Case,
+    system: Arc<System>,
+    scene: Arc<Scene>,
+    truth: Truth,
+    method: String,
+    protocol: PassiveConfig,
+}
+
+impl Passive {
+    /// Finds all that the cases name; a result called `name`, of starts with this seed.
+    ///
+    /// # Errors
+    /// If a robot, scene, model or chart is not there, a case says nothing, or asks for more than can be borne.
+    pub fn new(name: &str, seed: u64, cases: &[Case]) -> Result<Self> {
+        let mut asked = Vec::new();
+        for case in cases {
+            let system = System::named(&case.robot)?;
+            let usual = || system.usual_scenes().into_iter().map(String::from).collect();
+            let scenes: Vec<String> = if case.scenes.is_empty() { usual() } else { case.scenes.clone() };
+            let learned = case.solver.learned()?;
+            let truth = case.truth.or(learned).unwrap_or(system.spec.truth);
+            let steps = case.steps.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
+            let protocol = PassiveConfig { starts: case.starts, steps, seed, action: case.action };
+            let method = match case.shake {
+                _ if case.control => format!("{}, control", case.solver.title(&system)?),
+                0.0 => case.solver.title(&system)?,
+                by => format!("{}, shaken by {by}", case.solver.title(&system)?),
+            };
+            let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
+            for scene in found {
+                let case = Case { solver: case.solver.in_scene(&system, &scene.name)?, ..case.clone() };
+                check(&case, truth, &system, &scene, steps)?;
+                asked.push(Asked { case, system: system.clone(), scene, truth, method: method.clone(), protocol });
+            }
+        }
+        Ok(Self { name: name.into(), seed, asked })
+    }
+}
+
+/// Refuses what says nothing, and what is more than can be borne.
+fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
+    let itself = case.solver.is(truth, system, scene);
+    if itself && case.shake == 0.0 && !case.control {
+        refuse!(
+            "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
+             --tolerance, --shake; or --control for the zeros",
+            truth.name()
+        );
+    }
+    if case.control && (!itself || case.shake > 0.0) {
+        refuse!("--control holds the truth `{}` against itself: leave out what names or shakes another solver", truth.name());
+    }
+    // Two batches with what their solvers keep, sums over steps, working memory of the truth.
+    let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());
+    bounds::memory(&[("--starts", case.starts)], bytes)?;
+    Ok(bounds::time(&[("--starts", case.starts), ("--frames", steps), ("substeps", case.solver.substeps().max(system.spec.substeps))])?)
+}
+
+impl Asked {
+    fn measure(&self, progress: &mut dyn FnMut(usize)) -> Result<Row> {
+        let Self { case, system, scene, truth, method, protocol } = self;
+        let mut solver = case.solver.build(system, &scene.name, case.starts)?;
+        if case.shake > 0.0 {
+            solver = Box::new(Shaken::new(solver, case.shake, protocol.seed));
+        }
+        let report = passive(system, scene, &mut *truth.solver(system), &mut *solver, *protocol, progress)?;
+        let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
+        bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
+        bounds::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
+        // What is no solver's error has nothing to stand beside, and the paper's errors are from the reference simulator.
+        let comparable = *truth == Truth::Paper && !case.control;
+        let folder = match &case.solver {
+            Choice::Neural { folder, .. } => Some(shipped::from_root(folder)),
+            _ => None,
+        };
+        Ok(Row {
+            robot: system.name.clone(),
+            method: method.clone(),
+            model: folder,
+            scene: scene.name.clone(),
+            truth: truth.name(),
+            protocol: *protocol,
+            report,
+            paper: paper::passive_error(&system.name, &scene.name).filter(|_| comparable),
+        })
+    }
+
+    fn work(&self) -> usize {
+        self.protocol.starts * self.protocol.steps
+    }
+}
+
+impl Experiment for Passive {
+    type Data = Rows;
+
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn effort(&self) -> f64 {
+        self.asked.iter().map(|a| a.work() as f64).sum()
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let mut inputs = Inputs::default();
+        for Asked { case, system, scene, truth, .. } in &self.asked {
+            inputs.add(Input::robot(system));
+            inputs.add(Input::motion(&case.robot, &scene.name, &(*truth).into())?);
+            inputs.solver(&case.solver, &case.robot, &scene.name)?;
+        }
+        Ok(inputs)
+    }
+
+    fn measure(&self) -> Result<Rows> {
+        let bar = progress::bar("rollout frames", self.asked.iter().map(|a| a.work() as u64).sum());
+        let (mut done, mut rows) = (0, Vec::new());
+        for asked in &self.asked {
+            bar.say(&format!("{} in {}", asked.system.name, asked.scene.name));
+            rows.push(asked.measure(&mut |step| bar.set((done + step * asked.protocol.starts) as u64))?);
+            done += asked.work();
+        }
+        bar.finish();
+        Ok(Rows { rows })
+    }
+
+    fn tables(&self, data: &Rows) -> Result<Vec<Table>> {
+        Ok(vec![data.table(), data.summary()])
+    }
+}

@@ -1,0 +1,166 @@
+//! What was measured of passive motion, and how it is shown.
+
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use serde::{Deserialize, Serialize};
+
+use crate::report::Table;
+use crate::report::table::{digits, pair};
+use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
+use nerd_train::shipped;
+use nerd_train::stats::mean;
+
+/// What was measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Rows {
+    /// A scene each.
+    pub rows: Vec<Row>,
+}
+
+/// One scene's errors.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// Robot.
+    pub robot: String,
+    /// Solver, of a learned one form and size.
+    pub method: String,
+    /// Folder of a learned one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// Scene.
+    pub scene: String,
+    /// What it is held against.
+    pub truth: String,
+    /// Trajectories and frames.
+    pub protocol: PassiveConfig,
+    /// Errors and floors.
+    pub report: PassiveReport,
+    /// What the paper says, whose truth is `articulated`.
+    pub paper: Option<Vec<f64>>,
+}
+
+impl Rows {
+    /// All of it.
+    pub fn table(&self) -> Table {
+        let header = [
+            "robot",
+            "method",
+            "scene",
+            "starts x steps",
+            "error (rad or m)",
+            "standard error",
+            "paper",
+            "hold last",
+            "constant velocity",
+            "diverged",
+        ];
+        let cells = self.rows.iter().map(|r| {
+            let p = &r.report;
+            vec![
+                r.whose(),
+                r.method.clone(),
+                r.scene.clone(),
+                format!("{} x {}{}", r.protocol.starts, r.protocol.steps, r.driven()),
+                r.shown(&p.error),
+                r.shown(&p.standard_error),
+                r.paper.as_deref().map_or_else(|| "-".into(), pair),
+                r.shown(&p.hold),
+                r.shown(&p.glide),
+                p.diverged.to_string(),
+            ]
+        });
+        Table::new("passive", &header).with(cells).noted(
+            "Mean |dq| over all frames and trajectories, by joint; of more than two joints the mean, before it position (m) and \
+             orientation (rad) of a floating base. Where no truth is named it is the robot's own: `articulated accurate`, of a robot \
+             `NAME-paper` the reference simulator's preset, which alone the paper's figures can stand beside.",
+        )
+    }
+
+    /// The model meant where none is named, of each robot and truth; of a robot's grounds the one with the largest error.
+    pub fn summary(&self) -> Table {
+        let usual = |r: &&Row| {
+            let default = |truth: Truth| shipped::from_root(&shipped::model(truth, &r.robot));
+            r.model.as_ref().is_none_or(|m| Truth::named(&r.truth).is_ok_and(|truth| default(truth) == *m))
+        };
+        let mut rows: Vec<&Row> = self.rows.iter().filter(usual).collect();
+        if rows.is_empty() {
+            rows = self.rows.iter().collect();
+        }
+        let same = |a: &Row, b: &Row| (&a.robot, &a.method, &a.truth) == (&b.robot, &b.method, &b.truth) && a.touches() == b.touches();
+        let lines = rows.chunk_by(|a, b| same(a, b)).filter_map(|grounds| {
+            let r = *grounds.iter().max_by(|a, b| mean(&a.report.error).total_cmp(&mean(&b.report.error)))?;
+            let n = grounds.len();
+            let scene = if n > 1 { format!("{}, the largest of {n}", r.scene) } else { r.scene.clone() };
+            Some(vec![
+                r.whose(),
+                scene + &r.driven(),
+                System::named(&r.robot).map_or_else(|_| String::new(), |system| summary_names(&system).join(" / ")),
+                r.bounded(),
+                r.paper.as_deref().map_or_else(|| "-".into(), pair),
+                r.shown(&r.report.hold),
+            ])
+        });
+        let lines: Vec<_> = lines.collect();
+        Table::new("summary", &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last"]).with(lines)
+    }
+}
+
+impl Rows {
+    /// How far these errors are from another measurement of the same, in words; none if nothing is the same.
+    pub fn agreement(&self, other: &Self) -> Option<String> {
+        let pairs = self.rows.iter().filter_map(|a| Some((a, other.rows.iter().find(|b| a.measures(b))?)));
+        let apart: Vec<(f64, &Row)> = pairs.map(|(a, b)| (a.apart(b), a)).collect();
+        let (most, row) = *apart.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let near = apart.iter().filter(|(by, _)| *by <= 3.0).count();
+        let where_ = format!("{} in {}", row.whose(), row.scene);
+        Some(format!("{near} of {} errors within three standard errors, the farthest {most:.1} ({where_})", apart.len()))
+    }
+}
+
+impl Row {
+    /// Whether both are of the same model in the same scene, driven alike.
+    fn measures(&self, other: &Self) -> bool {
+        let what = |r: &Self| (r.robot.clone(), r.method.clone(), r.scene.clone(), r.truth.clone(), r.protocol.steps, r.driven());
+        what(self) == what(other) && (self.model.is_none() || other.model.is_none() || self.model == other.model)
+    }
+
+    /// The largest difference of their errors, in standard errors of both.
+    fn apart(&self, other: &Self) -> f64 {
+        let (a, b) = (&self.report, &other.report);
+        let each = a.error.iter().zip(&b.error).zip(a.standard_error.iter().zip(&b.standard_error));
+        each.map(|((x, y), (s, t))| if x == y { 0.0 } else { (x - y).abs() / s.hypot(*t) }).fold(0.0, f64::max)
+    }
+
+    fn shown(&self, figures: &[f64]) -> String {
+        pair(&self.summary(figures))
+    }
+
+    fn summary(&self, figures: &[f64]) -> Vec<f64> {
+        System::named(&self.robot).map_or_else(|_| figures.to_vec(), |system| summary(&system, figures))
+    }
+
+    /// Errors, each with its standard error.
+    fn bounded(&self) -> String {
+        let (error, spread) = (self.summary(&self.report.error), self.summary(&self.report.standard_error));
+        let two = |s: f64| format!("{s:.*}", (1 - s.log10().floor().max(-9.0) as i32).max(0) as usize);
+        let shown = |s: f64| if s > 0.0 { two(s) } else { s.to_string() };
+        error.iter().zip(&spread).map(|(e, s)| format!("{} ± {}", digits(*e), shown(*s))).collect::<Vec<_>>().join(" / ")
+    }
+
+    fn whose(&self) -> String {
+        let own = System::named(&self.robot).map_or_else(|_| Truth::default(), |system| system.spec.truth);
+        if self.truth == own.name() { self.robot.clone() } else { format!("{} ({})", self.robot, self.truth) }
+    }
+
+    fn driven(&self) -> String {
+        match self.protocol.action {
+            Action::Zero => String::new(),
+            Action::Limp => ", limp".into(),
+            Action::Random(factor) => format!(", torques x {factor}"),
+        }
+    }
+
+    fn touches(&self) -> bool {
+        self.scene != "free"
+    }
+}

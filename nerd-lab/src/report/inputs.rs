@@ -1,0 +1,203 @@
+//! What a result depends on, by content: so that a later check can say whether it still holds.
+//!
+//! Robots, models, policies and data sets are known by SHA-256. Solvers are known by what they do: the state that a short
+//! rollout ends in. A comment or a renamed file changes nothing then, a changed step does, however deep it lies.
+
+use std::path::{Path, PathBuf};
+
+use nerd_model::folder::ModelConfig;
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use nerd_train::choice::Choice;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::error::Result;
+use nerd_train::shipped::{from_root, root};
+
+/// Frames of the rollout by which a solver is known: long enough to fall, touch and bend, too short for rounding to grow.
+const FRAMES: usize = 40;
+/// How far apart (relative to the largest coordinate) two machines' roundings may bring it.
+const SAME: f64 = 1e-6;
+
+/// One of the things a result was measured on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Input {
+    /// A robot with how it is started, driven and controlled ([`System::sha256`]).
+    Robot {
+        /// Its name.
+        name: String,
+        /// Its hash.
+        sha256: String,
+    },
+    /// A model.
+    Model {
+        /// Its folder, from the workspace's root.
+        folder: String,
+        /// Hash of all that decides its predictions.
+        sha256: String,
+    },
+    /// A policy.
+    Policy {
+        /// Its folder, from the workspace's root.
+        folder: String,
+        /// Hash of its files.
+        sha256: String,
+    },
+    /// A solver, by where it takes a robot in a second or so.
+    Motion {
+        /// The robot.
+        robot: String,
+        /// The scene.
+        scene: String,
+        /// The solver.
+        solver: Setting,
+        /// State after some frames from the first start of the robot's reset law.
+        state: Vec<f64>,
+    },
+    /// Data from outside the repository.
+    Data {
+        /// What it is called.
+        name: String,
+        /// Hash of its files.
+        sha256: String,
+    },
+}
+
+impl Input {
+    /// A robot as it is now.
+    pub fn robot(system: &System) -> Self {
+        Self::Robot { name: system.name.clone(), sha256: system.sha256() }
+    }
+
+    /// A model as it is now.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn model(folder: &Path) -> Result<Self> {
+        Ok(Self::Model { folder: from_root(folder), sha256: ModelConfig::read(folder)?.model_sha256 })
+    }
+
+    /// A policy as it is now.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn policy(folder: &Path) -> Result<Self> {
+        let files = ["config.json", "policy.safetensors"].map(|file| folder.join(file));
+        Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
+    }
+
+    /// Data in files from outside the repository, in this order.
+    ///
+    /// # Errors
+    /// If one of them cannot be read.
+    pub fn files(name: &str, files: &[PathBuf]) -> Result<Self> {
+        Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
+    }
+
+    /// A solver as it steps now.
+    ///
+    /// # Errors
+    /// If it cannot step.
+    pub fn motion(robot: &str, scene: &str, solver: &Setting) -> Result<Self> {
+        let system = System::named(robot)?;
+        let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
+        let mut stepper = solver.solver(&system)?;
+        batch.reset(0, &start(&system, Start::Reset, &mut stream(1, 0)));
+        let torques = vec![0.0; system.robot.joint_count()];
+        for _ in 0..FRAMES {
+            stepper.step(&mut batch, &torques)?;
+        }
+        Ok(Self::Motion { robot: robot.into(), scene: scene.into(), solver: solver.clone(), state: batch.state(0).to_vec() })
+    }
+
+    /// The same thing as it is now; `None` where it is not here, as data from outside.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn now(&self) -> Result<Option<Self>> {
+        let here = |folder: &str| -> PathBuf { root().join(folder) };
+        Ok(match self {
+            Self::Robot { name, .. } => Some(Self::robot(&*System::named(name)?)),
+            Self::Model { folder, .. } => Some(Self::model(&here(folder))?),
+            Self::Policy { folder, .. } => Some(Self::policy(&here(folder))?),
+            Self::Motion { robot, scene, solver, .. } => Some(Self::motion(robot, scene, solver)?),
+            Self::Data { .. } => None,
+        })
+    }
+
+    /// Whether it is that one still; motions up to rounding.
+    pub fn same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Motion { state: a, .. }, Self::Motion { state: b, .. }) => {
+                let size = a.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+                a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() <= SAME * size)
+            }
+            _ => self == other,
+        }
+    }
+
+    /// In words.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Robot { name, .. } => format!("robot {name}"),
+            Self::Model { folder, .. } | Self::Policy { folder, .. } => folder.clone(),
+            Self::Motion { robot, scene, solver, .. } => format!("{solver:?} on {robot} in {scene}"),
+            Self::Data { name, .. } => format!("data {name}"),
+        }
+    }
+}
+
+/// All that a result was measured on, each once.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Inputs(pub Vec<Input>);
+
+impl Inputs {
+    /// With another one, unless it is there.
+    pub fn add(&mut self, input: Input) {
+        if !self.0.contains(&input) {
+            self.0.push(input);
+        }
+    }
+
+    /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as [`System::named`] knows it.
+    ///
+    /// # Errors
+    /// If it cannot be read, or cannot step.
+    pub fn solver(&mut self, choice: &Choice, robot: &str, scene: &str) -> Result<()> {
+        match choice.setting(&*System::named(robot)?) {
+            Some(Setting::Neural(folder)) => self.add(Input::model(&folder)?),
+            Some(setting) => self.add(Input::motion(robot, scene, &setting)?),
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// Those that are no longer what they were, in words.
+    pub fn changed(&self) -> Vec<String> {
+        let changed = self.0.iter().filter_map(|then| match then.now() {
+            Ok(None) => None,
+            Ok(Some(now)) => (!then.same(&now)).then(|| then.name()),
+            Err(e) => Some(format!("{} ({e})", then.name())),
+        });
+        changed.collect()
+    }
+}
+
+/// Hash of files, one behind the other.
+fn of_files(files: &[PathBuf]) -> Result<String> {
+    let mut all = Sha256::new();
+    for path in files {
+        all.update(std::fs::read(path).map_err(crate::error::file(path))?);
+    }
+    Ok(hex(&all.finalize()))
+}
+
+/// Lower-case hex.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,189 @@
+//! Figures in documents: each stands between marks that name the result it comes from, and is written by a command.
+//!
+//! ```text
+//! <!--= ant-2048 /rows/0/report/error pair -->0.0145 / 0.0226<!--/-->     a number, or several
+//! <!-- table passive summary -->                                           a table of a result
+//! | robot | ..
+//! <!-- /table -->
+//! ```
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::artifact::Head;
+use super::table::{digits, pair};
+use crate::error::{Result, refuse};
+
+const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
+const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");
+
+/// Fills documents from the results of a folder.
+#[derive(Debug)]
+pub struct Marks {
+    folder: PathBuf,
+    read: BTreeMap<String, (Head, Value)>,
+}
+
+impl Marks {
+    /// From the results of a folder.
+    pub fn new(folder: &Path) -> Self {
+        Self { folder: folder.into(), read: BTreeMap::new() }
+    }
+
+    /// A document with all its figures and tables as the results have them.
+    ///
+    /// # Errors
+    /// If a mark is not closed, or names what is not there.
+    pub fn fill(&mut self, text: &str) -> Result<String> {
+        let figures = between(text, FIGURE, |mark| self.figure(mark))?;
+        between(&figures, TABLE, |mark| self.table(mark))
+    }
+
+    fn result(&mut self, name: &str) -> Result<&(Head, Value)> {
+        if !self.read.contains_key(name) {
+            let head = Head::read(&self.folder, name)?;
+            let path = self.folder.join(name);
+            let whole = serde_json::to_value(&head).map_err(crate::error::format(&path))?;
+            self.read.insert(name.into(), (head, whole));
+        }
+        Ok(&self.read[name])
+    }
+
+    fn figure(&mut self, mark: &str) -> Result<String> {
+        let words: Vec<&str> = mark.split_whitespace().collect();
+        let (name, pointer, format) = match words[..] {
+            [name, pointer] => (name, pointer, "digits"),
+            [name, pointer, format] => (name, pointer, format),
+            _ => refuse!("`{mark}`: a result, a JSON pointer and perhaps a format are needed"),
+        };
+        let Some(value) = self.result(name)?.1.pointer(pointer) else { refuse!("`{mark}`: results/{name}.json has no {pointer}") };
+        match show(value, format) {
+            Some(text) => Ok(text),
+            None => refuse!("`{mark}`: {value} cannot be shown as `{format}`"),
+        }
+    }
+
+    fn table(&mut self, mark: &str) -> Result<String> {
+        let words: Vec<&str> = mark.split_whitespace().collect();
+        let [name, table] = words[..] else { refuse!("`{mark}`: a result and one of its tables are needed") };
+        let (head, _) = self.result(name)?;
+        match head.tables.iter().find(|t| t.name == table) {
+            Some(table) => Ok(format!("\n{}", table.markdown())),
+            None => {
+                let known: Vec<&str> = head.tables.iter().map(|t| t.name.as_str()).collect();
+                refuse!("`{mark}`: results/{name}.json has no such table, but {}", known.join(", "))
+            }
+        }
+    }
+}
+
+/// A value in words.
+fn show(value: &Value, format: &str) -> Option<String> {
+    let numbers = |value: &Value| -> Option<Vec<f64>> {
+        match value {
+            Value::Array(all) => all.iter().map(Value::as_f64).collect(),
+            one => one.as_f64().map(|x| vec![x]),
+        }
+    };
+    Some(match format {
+        "digits" => digits(value.as_f64()?),
+        "pair" => pair(&numbers(value)?),
+        "percent" => format!("{:.1}", 100.0 * value.as_f64()?),
+        "raw" => value.as_str().map_or_else(|| value.to_string(), String::from),
+        _ => return None,
+    })
+}
+
+/// A text in which what stands between `open MARK -->` and `close` is what `fill` says of the mark.
+fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -> Result<String>) -> Result<String> {
+    let (mut done, mut rest) = (String::new(), text);
+    while let Some(at) = rest.find(open) {
+        let (before, after) = rest.split_at(at);
+        let end = after.find("-->").zip(after.find(close)).filter(|(a, b)| a < b);
+        let Some((mark, stop)) = end else { refuse!("a mark is not closed: {}", after.lines().next().unwrap_or_default()) };
+        done += before;
+        done += &after[..mark + 3];
+        done += &fill(after[open.len()..mark].trim())?;
+        done += close;
+        rest = &after[stop + close.len()..];
+    }
+    Ok(done + rest)
+}
+
+/// The documents of a workspace.
+pub fn documents(root: &Path) -> Vec<PathBuf> {
+    let mut found = vec![root.join("README.md"), root.join("ARCHITECTURE.md")];
+    let mut folders = vec![root.join("docs")];
+    while let Some(folder) = folders.pop() {
+        for path in std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|file| file.path()) {
+            match path.is_dir() {
+                true => folders.push(path),
+                false if path.extension().is_some_and(|e| e == "md") => found.push(path),
+                false => {}
+            }
+        }
+    }
+    found.retain(|path| path.exists());
+    found.sort();
+    found
+}
+
+/// Decimal numbers of a document that stand neither between marks nor in code nor in a link, by line: nothing tells where they
+/// come from.
+pub fn unmarked(text: &str) -> Vec<(usize, String)> {
+    let mut found = Vec::new();
+    let (mut fenced, mut table) = (false, false);
+    for (number, line) in text.lines().enumerate() {
+        if line.trim_start().starts_with("```") {
+            fenced = !fenced;
+        }
+        table = (table || line.contains(TABLE.0)) && !line.contains(TABLE.1);
+        if !fenced && !table {
+            found.extend(decimals(&bare(line)).into_iter().map(|figure| (number + 1, figure)));
+        }
+    }
+    found
+}
+
+/// A line without figures between marks, comments, code and the targets of links.
+fn bare(line: &str) -> String {
+    let mut line = line.to_string();
+    for (open, close) in [FIGURE, ("<!--", "-->"), ("`", "`"), ("](", ")"), ("https://", " ")] {
+        while let Some(at) = line.find(open) {
+            let end = line[at + open.len()..].find(close).map_or(line.len(), |n| at + open.len() + n + close.len());
+            line.replace_range(at..end, " ");
+        }
+    }
+    line
+}
+
+fn decimals(line: &str) -> Vec<String> {
+    let words = line.split(|c: char| !(c.is_ascii_digit() || c == '.'));
+    let decimal = |word: &&str| {
+        word.split_once('.')
+            .is_some_and(|(a, b)| !b.is_empty() && b.bytes().all(|c| c.is_ascii_digit()) && a.bytes().all(|c| c.is_ascii_digit()))
+    };
+    words.map(|word| word.trim_end_matches('.')).filter(decimal).map(String::from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_no_mark_and_no_code_explains_is_found() {
+        let text = "It errs by <!--= x /y -->0.5<!--/--> rad, in `0.2` or [a](b0.3) or 0.25 s, 1.5.\n```\n0.7\n```\n<!-- table a b -->\n| 0.1 |\n<!-- /table -->\n.4\n";
+        let found: Vec<String> = unmarked(text).into_iter().map(|(line, figure)| format!("{line}:{figure}")).collect();
+        assert_eq!(found, ["1:0.25", "1:1.5", "8:.4"]);
+    }
+
+    #[test]
+    fn what_stands_between_marks_is_replaced_and_the_marks_stay() {
+        let filled =
+            between("a <!--= x /y -->old<!--/--> b <!--= z /w -->old<!--/-->", FIGURE, |mark| Ok(mark.to_uppercase())).expect("closed");
+        assert_eq!(filled, "a <!--= x /y -->X /Y<!--/--> b <!--= z /w -->Z /W<!--/-->");
+        assert!(between("<!--= x /y -->1", FIGURE, |_| Ok(String::new())).is_err(), "an open mark was filled");
+    }
+}
