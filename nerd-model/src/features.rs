@@ -22,7 +22,6 @@ use nerd_sim::system::System;
 
 use crate::base::Base;
 use crate::form::{Form, View};
-use crate::turns::{Turns, count};
 
 /// Turns states into tokens and predictions into states, for one system.
 #[derive(Clone)]
@@ -31,8 +30,6 @@ pub struct Features {
     form: Form,
     data: Data,
     ways: Vec<Vector3<f64>>,
-    turns: Vec<Vector3<f64>>,
-    moved: Vec<f64>,
     near: Vec<f64>,
     far: Vec<f64>,
 }
@@ -42,7 +39,7 @@ impl Features {
     pub fn new(system: &Arc<System>, form: impl Into<Form>) -> Self {
         let d = system.robot.state_dim();
         let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
-        Self { data, system: system.clone(), form: form.into(), ways: Vec::new(), turns: Vec::new(), moved: Vec::new(), near, far }
+        Self { data, system: system.clone(), form: form.into(), ways: Vec::new(), near, far }
     }
 
     /// Whether the robot's surroundings matter: it has contact points or a free base.
@@ -188,13 +185,6 @@ impl Features {
             let turn = quaternion(&self.far[3..7]) * quaternion(&self.near[3..7]).inverse();
             cast(turn.coords.as_slice(), &mut out[3..7]);
         }
-        if self.form.turns == Turns::Root {
-            self.moved.clear();
-            self.moved.extend(out.iter().map(|x| f64::from(*x)));
-            kinematics(robot, base, &mut self.data);
-            count(robot, &self.data, &mut self.moved, false, &mut self.turns);
-            cast(&self.moved, out);
-        }
     }
 
     /// Writes the state that lies `change` (as in [`Self::target`]) from `base`.
@@ -203,13 +193,7 @@ impl Features {
         let robot = &system.robot;
         let frame = self.place(state);
         self.ground(&frame, base);
-        self.moved.clear();
-        self.moved.extend_from_slice(change);
-        if self.form.turns == Turns::Root {
-            kinematics(robot, base, &mut self.data);
-            count(robot, &self.data, &mut self.moved, true, &mut self.turns);
-        }
-        self.far.iter_mut().zip(self.near.iter().zip(&self.moved)).for_each(|(f, (n, c))| *f = n + c);
+        self.far.iter_mut().zip(self.near.iter().zip(change)).for_each(|(f, (n, c))| *f = n + c);
         if robot.floating() {
             let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
             write_quaternion(&mut self.far[3..7], &turned);

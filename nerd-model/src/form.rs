@@ -4,7 +4,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::base::Base;
-use crate::turns::Turns;
 
 /// Where a token is seen from, and whether it holds the surroundings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,12 +25,10 @@ pub struct Form {
     pub base: Base,
     /// Where tokens are seen from.
     pub view: View,
-    /// What predicted turns of joints count from.
-    pub turns: Turns,
 }
 
 impl From<Base> for Form {
-    /// Seen from the robot's own frame, turns counted from the parent.
+    /// Seen from the robot's own frame.
     fn from(base: Base) -> Self {
         Self { base, ..Self::default() }
     }

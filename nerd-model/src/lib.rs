@@ -12,9 +12,9 @@ pub mod normalizer;
 pub mod pick;
 pub mod program;
 pub mod transformer;
-pub mod turns;
 
 /// Where burn computes: `BurnDevice::flex()`, the CPU.
+#[cfg(feature = "burn")]
 pub use burn::tensor::Device as BurnDevice;
 pub use nerd_sim;
 

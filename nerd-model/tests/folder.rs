@@ -82,6 +82,7 @@ fn a_shape_that_cannot_be_is_refused_before_any_memory_is_taken() {
         ("heads", "0"),
         ("heads", "7"),
         ("heads", "33"),
+        ("heads", "24"),
         ("heads", "1000000000"),
         ("layers", "0"),
         ("layers", "1000000000"),
@@ -187,6 +188,22 @@ fn a_folder_without_hashes_is_told_how_to_get_them() {
     model.stamp(&pendulum());
     model.save(folder.path(), "# card\n", Storage::F16).expect("saved");
     Model::load(folder.path(), &pendulum(), None).expect("stamped");
+}
+
+#[test]
+fn a_model_of_another_robot_or_truth_is_refused_by_name() {
+    let (pendulum, cartpole) = (System::named("pendulum").expect("built in"), System::named("cartpole").expect("built in"));
+    let folder = tempfile::tempdir().expect("temporary folder");
+    model(&pendulum, Base::State).save(folder.path(), "# card\n", Storage::F32).expect("saved");
+    let loaded = Model::load(folder.path(), &pendulum, Some("articulated accurate")).expect("its own");
+    assert_eq!(loaded.weights.flat, model(&pendulum, Base::State).weights.flat);
+    let refusal = |system: &System, truth| Model::load(folder.path(), system, truth).expect_err("refused").to_string();
+    let error = refusal(&cartpole, None);
+    assert!(error.contains("`pendulum`") && error.contains("`cartpole`") && !error.contains('\n'), "{error}");
+    let error = refusal(&pendulum, Some("rapier"));
+    assert!(error.contains("`articulated accurate`") && error.contains("`rapier`"), "{error}");
+    std::fs::write(folder.path().join("model.safetensors"), b"short").expect("written");
+    assert!(refusal(&pendulum, None).contains("model.safetensors"));
 }
 
 #[test]

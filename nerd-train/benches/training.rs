@@ -5,7 +5,6 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Device;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nerd_model::transformer::{TransformerConfig, Weights};
 use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
@@ -22,7 +21,8 @@ fn training(c: &mut Criterion) {
         let config = LearnerConfig { batch: 512, clip: 1.0, average: 0.999, seed: 0, huber: None, optimizer: Default::default() };
         let state = LearnerState::new(Weights::init(network, 0));
         let cpu = CpuLearner::new(config, state.clone(), windows.clone(), windows.clone()).expect("windows fit the network");
-        let burn = BurnLearner::new(config, state, windows.clone(), windows, &Device::flex()).expect("windows fit the network");
+        let burn =
+            BurnLearner::new(config, state, windows.clone(), windows, &nerd_model::BurnDevice::flex()).expect("windows fit the network");
         for (by, mut learner) in [("written out", Box::new(cpu) as Box<dyn Learner>), ("burn flex", Box::new(burn))] {
             group.bench_function(format!("{name}, {by}"), |b| b.iter(|| learner.update(1e-4).expect("a finite loss")));
         }

@@ -37,15 +37,22 @@ pub enum Device {
     Cpu,
     /// An NVIDIA GPU (feature `cuda`).
     Cuda,
+    /// The CPU through burn (feature `burn`).
+    Flex,
+    /// Any card that Vulkan, Metal or DirectX drives, through burn (feature `wgpu`).
+    Wgpu,
 }
 
 impl std::fmt::Display for Device {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(if *self == Self::Cpu { "cpu" } else { "cuda" })
+        f.write_str(Self::WORDS[*self as usize])
     }
 }
 
 impl Device {
+    /// Their names, as serde has them.
+    pub const WORDS: &[&str] = &["cpu", "cuda", "flex", "wgpu"];
+
     /// A network on this device, for so many environments.
     ///
     /// # Errors
@@ -54,6 +61,7 @@ impl Device {
         match self {
             Self::Cpu => Ok(nerd_model::transformer::packed(weights)),
             Self::Cuda => on_cuda(weights, envs),
+            Self::Flex | Self::Wgpu => on_burn(self, weights),
         }
     }
 
@@ -186,6 +194,44 @@ pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
     // What needs a card was refused before.
     #[cfg(not(feature = "cuda"))]
     Box::new(Articulated::new(config))
+}
+
+#[cfg(feature = "burn")]
+fn on_burn(device: Device, weights: &Weights) -> Result<Box<dyn Stream>> {
+    use nerd_model::transformer::{BurnForward, Windowed};
+    Ok(Box::new(Windowed::new(BurnForward::new(weights, &device.burn()?), weights.config)))
+}
+
+#[cfg(not(feature = "burn"))]
+fn on_burn(device: Device, _weights: &Weights) -> Result<Box<dyn Stream>> {
+    device.no_burn()
+}
+
+impl Device {
+    /// That of burn.
+    #[cfg(feature = "burn")]
+    pub(crate) fn burn(self) -> Result<nerd_model::BurnDevice> {
+        #[cfg(not(feature = "wgpu"))]
+        if self == Self::Wgpu {
+            return self.no_burn();
+        }
+        #[cfg(feature = "wgpu")]
+        if self == Self::Wgpu {
+            use burn::tensor::{DeviceKind, DeviceType};
+            if nerd_model::BurnDevice::enumerate(DeviceType::Wgpu).is_empty() {
+                crate::error::refuse!(
+                    "--device wgpu finds no card: install a driver of Vulkan, Metal or DirectX (Mesa's lavapipe is one for the CPU)"
+                );
+            }
+            return Ok(nerd_model::BurnDevice::wgpu(DeviceKind::DefaultDevice));
+        }
+        Ok(nerd_model::BurnDevice::flex())
+    }
+
+    #[cfg(not(feature = "wgpu"))]
+    pub(crate) fn no_burn<T>(self) -> Result<T> {
+        crate::error::refuse!("--device {self} needs a build with `--features {}`", if self == Self::Wgpu { "wgpu" } else { "burn" })
+    }
 }
 
 #[cfg(feature = "cuda")]

@@ -3,8 +3,9 @@
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 
+use nerd_model::chain::numbers;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said};
-use nerd_model::device::{numbers, padded};
+use nerd_model::device::padded;
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;

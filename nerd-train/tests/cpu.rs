@@ -36,7 +36,7 @@ fn gradient_is_burns_for_every_shape_and_loss() {
             let (state, windows) = case(network);
             let config = LearnerConfig { huber, ..LEARNER };
             let mut cpu = CpuLearner::new(config, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
-            let device = burn::tensor::Device::flex();
+            let device = nerd_model::BurnDevice::flex();
             let mut burn = BurnLearner::new(config, state, windows.clone(), windows, &device).expect("windows fit");
             let (expected, found) = (burn.gradient(&rows).expect("finite"), cpu.gradient(&rows).expect("finite"));
             assert!((found.0 / expected.0 - 1.0).abs() < 1e-5, "{network:?}: loss {} for burn's {}", found.0, expected.0);

@@ -64,11 +64,11 @@ fn a_loss_that_is_no_number_names_its_update() {
 #[test]
 fn windows_that_do_not_fit_are_refused() {
     let wide = std::sync::Arc::new(nerd_train::windows::Windows { history: 5, ..(*windows(0.0)).clone() });
-    let made = |config, train| BurnLearner::new(config, fresh(), train, windows(0.5), &burn::tensor::Device::flex()).err();
+    let made = |config, train| BurnLearner::new(config, fresh(), train, windows(0.5), &nerd_model::BurnDevice::flex()).err();
     assert!(matches!(made(LEARNER, wide), Some(LearnError::Mismatch(m)) if m.contains("(3, 2, 5)")));
     assert!(matches!(made(LearnerConfig { batch: 0, ..LEARNER }, windows(0.0)), Some(LearnError::Mismatch(_))));
     let short = LearnerState { m: vec![0.0; 3], ..fresh() };
-    assert!(BurnLearner::new(LEARNER, short, windows(0.0), windows(0.5), &burn::tensor::Device::flex()).is_err());
+    assert!(BurnLearner::new(LEARNER, short, windows(0.0), windows(0.5), &nerd_model::BurnDevice::flex()).is_err());
 }
 
 /// First Adam update from zero moments moves every weight by lr against its gradient's sign; the average follows.

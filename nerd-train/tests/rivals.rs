@@ -15,7 +15,7 @@ fn network(architecture: Architecture) -> TransformerConfig {
 
 fn learner(state: LearnerState, optimizer: Optimizer) -> BurnLearner {
     let config = LearnerConfig { optimizer, ..LEARNER };
-    BurnLearner::new(config, state, windows(0.0), windows(0.5), &burn::tensor::Device::flex()).expect("windows fit")
+    BurnLearner::new(config, state, windows(0.0), windows(0.5), &nerd_model::BurnDevice::flex()).expect("windows fit")
 }
 
 /// Central differences along the gradient, f32 losses.

@@ -41,7 +41,7 @@ fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
             assert!(run.finish && run.transitions == 1000 && frames >= 6000, "{name}, run {}: {run:?}", k + 1);
             if !run.robot.is_empty() {
                 let system = System::named(&run.robot).expect("built in");
-                let form = run.variant.form(run.base(&system).expect("a base"), run.turns);
+                let form = run.variant.form(run.base(&system).expect("a base"));
                 run.network(&system, form).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
             }
         }

@@ -6,7 +6,6 @@ mod common;
 
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
 use common::unlearned;
 use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
@@ -14,7 +13,7 @@ use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::program::Network;
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Positions, TransformerConfig};
 use nerd_sim::batch::contacts;
 use nerd_sim::dataset::{GenerateConfig, Recording, record};
@@ -38,12 +37,9 @@ fn model(system: &Arc<System>, base: Base, positions: Positions, windows: &Windo
 
 /// Predictions of the training pass `[frame][outputs]` for the normalised tokens of one trajectory.
 fn trained(model: &Model, x: &[f32]) -> Vec<f32> {
-    let (c, device) = (model.config.network, Device::flex());
-    let network = Network::new(&model.weights, &device);
-    let pass = |x: &[f32]| -> Vec<f32> {
-        let x = Tensor::<3>::from_data(TensorData::new(x.to_vec(), [1, x.len() / c.inputs, c.inputs]), &device);
-        network.forward(x).into_data().iter::<f32>().collect()
-    };
+    let c = model.config.network;
+    let network = Loaded::new(c.program(), &model.weights.flat);
+    let pass = |x: &[f32]| network.forward(x, &mut Memory::default(), Pass::Kept(x.len() / c.inputs)).clone();
     match c.positions {
         Positions::Rotary => pass(x),
         // Windows of h tokens, of which the newest counts.

@@ -15,6 +15,6 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static
 }
 
 /// Words for [`Device`].
-pub const DEVICES: &[&str] = &["cpu", "cuda"];
+pub const DEVICES: &[&str] = Device::WORDS;
 /// Words for [`nerd_sim::truth::Truth`].
 pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];

@@ -11,7 +11,6 @@ use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Positions, Storage, TransformerConfig, Weights};
-use nerd_model::turns::Turns;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use tempfile::TempDir;
@@ -88,7 +87,6 @@ fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -
         truth: Truth::Articulated.name(),
         base,
         view: View::Own,
-        turns: Turns::Parent,
         network,
         // Saving makes it.
         model_sha256: String::new(),

@@ -219,7 +219,6 @@ fn untrained(system: &Arc<System>, scene: &Arc<Scene>, embedding: usize, layers:
         truth: "none".into(),
         base,
         view: Default::default(),
-        turns: Default::default(),
         network,
         data_sha256: String::new(),
         transitions: 0,

@@ -20,7 +20,7 @@ pub const INPUTS: usize = 30;
 /// Where surfaces are seen from (m), as other models do (paper A.1).
 pub const REACH: f64 = 0.1;
 /// Seconds by which half a change of velocity counts.
-pub(crate) const QUICK: f64 = 10.0;
+pub(super) const QUICK: f64 = 10.0;
 
 /// The nearest surface at the end of a rod.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 //!
 //! In place of joint angles the state is held as *rods*: each rod's direction and that direction's rate, in world axes, so that an error in
 //! one rod is not turned into all that hang on it. A rod is a token, the chain a window, and one pass of a small network
-//! ([`crate::program::chain`]) is a frame:
+//! (`program/networks.rs`) is a frame:
 //!
 //! ```text
 //! state ── Chain::rods ──▶ rods ── look ──▶ tokens ── network ──▶ said ── advance ──▶ rods ── Chain::state ──▶ state
@@ -11,6 +11,7 @@
 //!
 //! Every step has its adjoint beside it (feature `autodiff`), for training through many frames.
 
+mod device;
 mod features;
 mod gripper;
 mod layout;
@@ -18,7 +19,7 @@ mod rods;
 mod solver;
 mod step;
 
-pub(crate) use features::QUICK;
+pub use device::{chain_functions, chain_program, numbers};
 pub use features::{INPUTS, Look, REACH, Touch};
 pub use gripper::Gripper;
 pub use layout::{Chain, NoChain};

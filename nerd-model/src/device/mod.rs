@@ -1,10 +1,9 @@
-//! What stands around the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; of a chain's,
-//! `chain_tell` and `chain_apply`; and a small network itself as one kernel, `whole_pass`.
+//! What surrounds the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; and a small network
+//! itself as one kernel, `whole_pass`. Around a chain's network are those of [`crate::chain`].
 //!
 //! They stand on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
 //! CUDA, so that a test runs them where there is no GPU.
 
-mod chain;
 mod places;
 mod whole;
 
@@ -19,15 +18,10 @@ use crate::base::Base;
 use crate::features::Features;
 use crate::folder::Model;
 use crate::form::View;
-use crate::turns::Turns;
 
-pub use chain::{chain_functions, chain_program, numbers};
-pub use whole::{Products, Whole, whole_program};
-
-/// Numbers from one token to the next: cuBLAS likes rows aligned.
-pub fn padded(inputs: usize) -> usize {
-    inputs.next_multiple_of(4)
-}
+pub use crate::program::op::padded;
+pub use places::Products;
+pub use whole::{Whole, whole_program};
 
 /// The settings with which scenes are put in order for a model's kernels.
 ///
@@ -36,13 +30,10 @@ pub fn padded(inputs: usize) -> usize {
 pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
     let Model { config, .. } = model;
     let on_cpu = "which has no kernel; step it with the network alone on the device, or on the CPU";
-    match (config.base, config.view, config.turns) {
-        (_, View::World | View::Blind, _) => return Err(format!("a model whose view is {:?}, {on_cpu}", config.view)),
-        (_, _, Turns::Root) => return Err(format!("a model whose turns count from the root, {on_cpu}")),
-        (Base::Flight | Base::ExactFlight | Base::Nothing, ..) => {
-            return Err(format!("a model that adds to {:?}, {on_cpu}", config.base));
-        }
-        (Base::State | Base::Draft(_), View::Own, Turns::Parent) => {}
+    match (config.base, config.view) {
+        (_, View::World | View::Blind) => return Err(format!("a model whose view is {:?}, {on_cpu}", config.view)),
+        (Base::Flight | Base::ExactFlight | Base::Nothing, _) => return Err(format!("a model that adds to {:?}, {on_cpu}", config.base)),
+        (Base::State | Base::Draft(_), View::Own) => {}
     }
     let Base::Draft(substeps) = config.base else {
         return Ok((ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { faced: Some(system.spec.material), ..Reach::default() }));

@@ -1,8 +1,15 @@
 //! Where slots stand in the memory that a block shares, as long as some step still meets them.
 
-use super::padded;
-use super::whole::Products;
-use crate::program::{Program, Slot};
+use crate::program::op::{Program, Slot, padded};
+
+/// How products are reckoned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Products {
+    /// In 32 bits.
+    F32,
+    /// On tensor cores, operands rounded to TF32: for devices of compute capability 8 and above.
+    Tf32,
+}
 
 /// Where a slot's rows stand.
 #[derive(Clone, Copy)]

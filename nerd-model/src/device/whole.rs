@@ -3,8 +3,8 @@
 
 use std::fmt::Write;
 
-use super::padded;
-use super::places::Places;
+use super::places::{Places, Products};
+use crate::program::op::padded;
 use crate::program::{Activation, Op, Program, Slot, Step, Weight};
 
 /// Shared bytes that every device gives without asking.
@@ -22,15 +22,6 @@ pub struct Whole {
     pub threads: usize,
     /// Windows that a block passes.
     pub windows: usize,
-}
-
-/// How products are reckoned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Products {
-    /// In 32 bits.
-    F32,
-    /// On tensor cores, operands rounded to TF32: for devices of compute capability 8 and above.
-    Tf32,
 }
 
 /// What writes the kernel.

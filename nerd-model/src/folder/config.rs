@@ -14,7 +14,6 @@ use crate::chain::{self, Chain};
 use crate::features::Features;
 use crate::form::{Form, View};
 use crate::transformer::{Architecture, TransformerConfig};
-use crate::turns::Turns;
 
 /// What was learned, from what, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,9 +32,6 @@ pub struct ModelConfig {
     /// Where its tokens are seen from.
     #[serde(default, skip_serializing_if = "own")]
     pub view: View,
-    /// What predicted turns of joints count from.
-    #[serde(default, skip_serializing_if = "Turns::usual")]
-    pub turns: Turns,
     /// Shape of the network.
     pub network: TransformerConfig,
     /// Hash of all that decides its predictions ([`super::Model::sha256`]); [`super::Model::save`] writes it.
@@ -82,7 +78,7 @@ impl ModelConfig {
 
     /// In which form it sees and predicts motion.
     pub fn form(&self) -> Form {
-        Form { base: self.base, view: self.view, turns: self.turns }
+        Form { base: self.base, view: self.view }
     }
 
     /// Refuses another robot's model, and one of another truth if one is named; by name, as far as names go.

@@ -81,11 +81,8 @@ impl Model {
 
     /// SHA-256 of all that decides its predictions, as lower-case hex: truth, form, shape of the network, moments, weights.
     pub fn sha256(&self) -> String {
-        let ModelConfig { truth, base, view, turns, network, .. } = &self.config;
-        let mut shape = serde_json::to_string(&(truth, base, view, network)).unwrap_or_default();
-        if !turns.usual() {
-            shape += &serde_json::to_string(turns).unwrap_or_default();
-        }
+        let ModelConfig { truth, base, view, network, .. } = &self.config;
+        let shape = serde_json::to_string(&(truth, base, view, network)).unwrap_or_default();
         let mut hash = Sha256::new();
         hash.update((shape.len() as u64).to_le_bytes());
         hash.update(shape);

@@ -1,32 +1,33 @@
-//! What each operation means, in burn: the definition, and what trains on any device that burn knows.
+//! Programs in burn: what each operation means, which the other engines are tested against, and what computes on any device of burn.
 
-use burn::module::{Module, Param};
 use burn::tensor::activation::{gelu, relu, sigmoid, softmax};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Gradients, Tensor, TensorData};
 
-use super::{Activation, Op, Program, Slot, Weight};
-use crate::transformer::Weights;
+use super::op::{Activation, Op, Program, Slot, Weight};
 
 /// A program with its parameters on one device.
-#[derive(Module, Debug)]
-pub struct Network {
-    /// Flat, in the order of the program's tensors.
-    parameters: Vec<Param<Tensor<1>>>,
-    #[module(skip)]
+pub struct BurnNetwork {
     program: Program,
+    /// In the order of the program's tensors.
+    parameters: Vec<Tensor<1>>,
+    device: Device,
 }
 
-impl Network {
-    /// With these weights on `device`; an autodiff device makes every tensor trainable.
-    pub fn new(weights: &Weights, device: &Device) -> Self {
-        Self::of(weights.config.program(), &weights.flat, device)
+impl BurnNetwork {
+    /// With the flat parameters on `device`; an autodiff device makes every tensor trainable.
+    pub fn new(program: Program, flat: &[f32], device: &Device) -> Self {
+        let tensor = |w: &[usize]| {
+            let tensor = Tensor::<1>::from_data(TensorData::new(flat[w[0]..w[1]].to_vec(), [w[1] - w[0]]), device);
+            if tensor.is_autodiff() { tensor.require_grad() } else { tensor }
+        };
+        let parameters = program.starts().windows(2).map(tensor).collect();
+        Self { program, parameters, device: device.clone() }
     }
 
-    /// Any program.
-    pub fn of(program: Program, flat: &[f32], device: &Device) -> Self {
-        let starts = program.starts();
-        let tensor = |w: &[usize]| Tensor::from_data(TensorData::new(flat[w[0]..w[1]].to_vec(), [w[1] - w[0]]), device);
-        Self { parameters: starts.windows(2).map(|w| Param::from_tensor(tensor(w))).collect(), program }
+    /// Rows `[windows][tokens][width]` on the network's device.
+    pub fn tensor(&self, rows: Vec<f32>, windows: usize, tokens: usize) -> Tensor<3> {
+        let width = rows.len() / (windows * tokens);
+        Tensor::from_data(TensorData::new(rows, [windows, tokens, width]), &self.device)
     }
 
     /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first; none sees
@@ -67,28 +68,19 @@ impl Network {
         read(&slots, self.program.predictions()).reshape([windows, tokens, width])
     }
 
-    /// The parameters as a flat vector; waits for the device.
-    pub fn flat(&self) -> Vec<f32> {
-        self.parameters.iter().flat_map(|p| p.val().into_data().iter::<f32>().collect::<Vec<_>>()).collect()
-    }
-
-    /// The gradients of one backward pass in the order of the flat vector; zeros where none was recorded.
-    #[cfg(feature = "autodiff")]
-    pub fn gradients(&self, gradients: &burn::tensor::Gradients) -> Vec<f32> {
-        let of = |p: &Param<Tensor<1>>| match p.val().grad(gradients) {
-            Some(gradient) => gradient.into_data().iter::<f32>().collect::<Vec<_>>(),
-            None => vec![0.0; p.val().dims()[0]],
-        };
-        self.parameters.iter().flat_map(of).collect()
+    /// The gradients of one backward pass in the order of the flat vector, zeros where none was recorded; waits for the device.
+    pub fn gradients(&self, gradients: &Gradients) -> Tensor<1> {
+        let one = |p: &Tensor<1>| p.grad(gradients).unwrap_or_else(|| p.clone().inner().zeros_like());
+        Tensor::cat(self.parameters.iter().map(one).collect(), 0)
     }
 
     fn matrix(&self, weight: Weight) -> Tensor<2> {
         let shape = &self.program.tensors[weight.0].shape;
-        self.parameters[weight.0].val().reshape([shape[0], shape[1]])
+        self.parameters[weight.0].clone().reshape([shape[0], shape[1]])
     }
 
     fn row(&self, weight: Weight) -> Tensor<2> {
-        self.parameters[weight.0].val().unsqueeze()
+        self.parameters[weight.0].clone().unsqueeze()
     }
 }
 
@@ -121,13 +113,13 @@ fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     Tensor::cat(vec![a.clone() * cos.clone() - b.clone() * sin.clone(), a * sin + b * cos], 3)
 }
 
-/// Rows `[windows tokens, width]` beside those of the tokens before and behind.
+/// Rows `[windows tokens, width]` beside those of the tokens before and after.
 fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
     let ([rows, width], device) = (x.dims(), x.device());
     let (x, beyond) = (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));
     let padded = Tensor::cat(vec![beyond.clone(), x.clone(), beyond], 1);
-    let (before, behind) = (padded.clone().narrow(1, 0, tokens), padded.narrow(1, 2 * apart, tokens));
-    Tensor::cat(vec![before, x, behind], 2).reshape([rows, 3 * width])
+    let (before, after) = (padded.clone().narrow(1, 0, tokens), padded.narrow(1, 2 * apart, tokens));
+    Tensor::cat(vec![before, x, after], 2).reshape([rows, 3 * width])
 }
 
 /// What tokens say to the gates, `[windows tokens, gates E]`, to states `[windows tokens, E]`.

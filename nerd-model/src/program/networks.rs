@@ -1,7 +1,30 @@
 //! The networks, each beside its equations.
 
-use super::{Activation, Op, Program, Slot, Step};
-use crate::transformer::{Architecture, Init, Positions, TransformerConfig};
+use super::config::{Architecture, Positions, TransformerConfig};
+use super::op::{Activation, Init, Op, Program, Slot, Step, TensorSpec};
+
+impl TransformerConfig {
+    /// What the network does.
+    pub fn program(&self) -> Program {
+        match self.architecture {
+            Architecture::Transformer => transformer(self),
+            Architecture::Mlp => mlp(self),
+            Architecture::Gru | Architecture::Lstm => recurrent(self),
+            Architecture::Chain => chain(self),
+        }
+    }
+
+    /// Every tensor of the network in the order it is used. Linear weights are `[in, out]`, row-major: `y = x W + b`.
+    pub fn tensors(&self) -> Vec<TensorSpec> {
+        self.program().tensors
+    }
+
+    /// Parameter count; of a Transformer
+    /// `E (D_in + 1) + block E (of a table) + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
+    pub fn parameters(&self) -> usize {
+        self.tensors().iter().map(|t| t.len()).sum()
+    }
+}
 
 /// The causal Transformer (paper A.2; nanoGPT blocks, pre-norm).
 ///
@@ -12,7 +35,7 @@ use crate::transformer::{Architecture, Init, Positions, TransformerConfig};
 /// With [`Positions::Rotary`] there is no table P: queries and keys are turned by angles proportional to their place (Su et
 /// al. 2021), so that only distances in time count, and a token sees the last h tokens alone. Then keys and values never
 /// change once computed, and a rollout evaluates one token a frame.
-pub fn transformer(c: &TransformerConfig) -> Program {
+fn transformer(c: &TransformerConfig) -> Program {
     let (e, small, scaled) = (c.embedding, Init::Normal(0.02), Init::Normal(0.02 / (2.0 * c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
     let x = p.linear("embed", p.tokens(), e, [small, Init::Constant(0.0)]);
@@ -44,7 +67,7 @@ pub fn transformer(c: &TransformerConfig) -> Program {
 ///
 /// `x -> relu(W x + b)` in layers of 4 E, 2 E and E units (the official one has 512, 256, 128), then the head
 /// `W_2 relu(W_1 x + b_1) + b_2`. Initial weights and biases uniform in +-1/sqrt(fan in).
-pub fn mlp(c: &TransformerConfig) -> Program {
+fn mlp(c: &TransformerConfig) -> Program {
     let mut p = Program::new(c.inputs);
     let mut x = p.tokens();
     for (i, width) in [4 * c.embedding, 2 * c.embedding, c.embedding].into_iter().enumerate() {
@@ -72,7 +95,7 @@ pub fn mlp(c: &TransformerConfig) -> Program {
 ///
 /// The state is zero before the oldest token of a window, in training and in rollouts alike. Initial weights and biases
 /// uniform in +-1/sqrt(E), as PyTorch's.
-pub fn recurrent(c: &TransformerConfig) -> Program {
+fn recurrent(c: &TransformerConfig) -> Program {
     let (e, lstm, init) = (c.embedding, c.architecture == Architecture::Lstm, Init::FanIn(c.embedding));
     let gates = if lstm { 4 } else { 3 };
     let mut p = Program::new(c.inputs);
@@ -117,7 +140,7 @@ const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 /// `h = W_in u + b_in + P[k]`, then per block `h += W_mix gelu(W_near [n_{k-d} n_k n_{k+d}] + b)` with `n = norm(h)` and d = 1, 2, 4, 8,
 /// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. What is said begins small, so that a chain that has learned
 /// nothing goes straight on. No norm has a weight: the matrix behind it would make one of them.
-pub fn chain(c: &TransformerConfig) -> Program {
+fn chain(c: &TransformerConfig) -> Program {
     let (e, none) = (c.embedding, Init::Constant(0.0));
     let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());
     let mut p = Program::new(c.inputs);

@@ -1,9 +1,10 @@
-//! Small programs around every operation, and of every network, with what burn says of them: what an engine is held against.
+//! Small programs around every operation, and of every network, with what burn computes of them: what other engines are tested against.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 
-use super::{Activation, Network, Op, Program, Slot, Step, policy};
-use crate::transformer::{Architecture, Init, Positions, TransformerConfig};
+use super::burn::BurnNetwork;
+use super::config::{Architecture, Positions, TransformerConfig};
+use super::{Activation, Init, Op, Program, Slot, Step, policy};
 
 /// A program with numbers for all that it reads.
 pub struct Specimen {
@@ -16,7 +17,7 @@ pub struct Specimen {
     /// Tokens `[WINDOWS][TOKENS][inputs]`.
     pub tokens: Vec<f32>,
     /// Gradient by the predictions, `[WINDOWS][TOKENS][outputs]`.
-    pub behind: Vec<f32>,
+    pub upstream: Vec<f32>,
 }
 
 /// Windows of a specimen.
@@ -31,28 +32,25 @@ impl Specimen {
             name: name.into(),
             flat: numbers(program.tensors.iter().map(|t| t.len()).sum(), |i| (i * 0.73).sin() * 0.8 + 0.1),
             tokens: numbers(WINDOWS * TOKENS * program.width(program.tokens()), |i| (i * 1.37).sin() * 1.5),
-            behind: numbers(WINDOWS * TOKENS * program.width(program.predictions()), |i| (i * 0.41).cos()),
+            upstream: numbers(WINDOWS * TOKENS * program.width(program.predictions()), |i| (i * 0.41).cos()),
             program,
         }
     }
 
     /// Predictions, and gradients by parameters and by tokens, of the definition.
     pub fn by_burn(&self) -> [Vec<f32>; 3] {
-        let device = Device::flex().autodiff();
-        let tensor = |x: &[f32]| {
-            let width = x.len() / (WINDOWS * TOKENS);
-            Tensor::<3>::from_data(TensorData::new(x.to_vec(), [WINDOWS, TOKENS, width]), &device)
-        };
-        let (network, tokens) = (Network::of(self.program.clone(), &self.flat, &device), tensor(&self.tokens).require_grad());
+        let network = BurnNetwork::new(self.program.clone(), &self.flat, &Device::flex().autodiff());
+        let tensor = |x: &[f32]| network.tensor(x.to_vec(), WINDOWS, TOKENS);
+        let tokens = tensor(&self.tokens).require_grad();
         let y = network.forward(tokens.clone());
-        let gradients = (y.clone() * tensor(&self.behind)).sum().backward();
+        let gradients = (y.clone() * tensor(&self.upstream)).sum().backward();
         let floats = |t: Tensor<3>| t.into_data().iter::<f32>().collect::<Vec<_>>();
         let by_tokens = tokens.grad(&gradients).map_or(vec![0.0; self.tokens.len()], floats);
-        [floats(y), network.gradients(&gradients), by_tokens]
+        [floats(y), network.gradients(&gradients).into_data().iter::<f32>().collect(), by_tokens]
     }
 }
 
-/// A linear step, the operation, and a linear step: what is behind an operation is no plain sum, what is before it has weights.
+/// A linear step, the operation, and a linear step: what follows an operation is no plain sum, what is before it has weights.
 fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> Specimen {
     let mut p = Program::new(3);
     let x = p.linear("first", p.tokens(), width, [Init::Normal(0.8), Init::Normal(0.5)]);

@@ -1,6 +1,6 @@
 //! What a learned solver asks of a network, whoever evaluates it.
 
-use super::config::{Positions, TransformerConfig};
+use crate::program::config::{Positions, TransformerConfig};
 
 /// Evaluates a network on windows; what computes it is the implementer's business.
 pub trait Forward: Send {

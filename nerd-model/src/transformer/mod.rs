@@ -1,14 +1,28 @@
-//! Networks: shapes, weights, and the engines of the CPU.
+//! Weights of networks, and what evaluates them on the CPU.
 
-mod config;
+#[cfg(feature = "burn")]
+mod burn;
 mod forward;
-mod packed;
+mod rotary;
 mod stream;
 mod weights;
+mod windows;
 
-pub use config::{Architecture, Init, MOST_PARAMETERS, Positions, TensorSpec, TransformerConfig};
+#[cfg(feature = "burn")]
+pub use self::burn::BurnForward;
+pub use crate::program::config::{Architecture, MOST_PARAMETERS, Positions, TransformerConfig};
+pub use crate::program::{Init, TensorSpec};
 pub(crate) use forward::check;
 pub use forward::{Forward, ForwardError};
-pub use packed::{PackedForward, PackedStream, packed};
+pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};
 pub use weights::{Storage, Weights, WeightsError};
+pub use windows::PackedForward;
+
+/// The fastest evaluator on the CPU: remembering if a network's positions allow it, or else recomputing windows.
+pub fn packed(weights: &Weights) -> Box<dyn Stream> {
+    match (weights.config.architecture, weights.config.positions) {
+        (Architecture::Transformer, Positions::Rotary) => Box::new(PackedStream::new(weights)),
+        _ => Box::new(Windowed::new(PackedForward::new(weights), weights.config)),
+    }
+}

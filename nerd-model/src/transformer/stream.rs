@@ -1,7 +1,7 @@
 //! What a learned solver asks of a network frame by frame, and how an engine for windows answers.
 
-use super::config::TransformerConfig;
 use super::forward::{Forward, ForwardError};
+use crate::program::config::TransformerConfig;
 
 /// Evaluates a network one frame at a time, remembering what it needs of the frames before.
 ///
@@ -20,11 +20,11 @@ pub trait Stream: Send {
     fn clear(&mut self, env: usize);
 }
 
-/// A [`Stream`] that keeps tokens and evaluates whole windows, for networks with a position table.
+/// A [`Stream`] that keeps the tokens which a prediction depends on ([`TransformerConfig::reach`]) and evaluates them as windows.
 pub struct Windowed<F> {
     forward: F,
     config: TransformerConfig,
-    /// `[env][history][inputs]`, oldest first.
+    /// `[env][reach][inputs]`, oldest first.
     tokens: Vec<f32>,
     /// Tokens held of each environment.
     held: Vec<usize>,
@@ -33,13 +33,13 @@ pub struct Windowed<F> {
 }
 
 impl<F: Forward> Windowed<F> {
-    /// Windows of the last `history` tokens, evaluated by `forward`.
+    /// Evaluated by `forward`.
     pub fn new(forward: F, config: TransformerConfig) -> Self {
         Self { forward, config, tokens: Vec::new(), held: Vec::new(), window: Vec::new(), last: Vec::new() }
     }
 
     fn remember(&mut self, env: usize, token: &[f32]) {
-        let (h, width) = (self.config.history, self.config.inputs);
+        let (h, width) = (self.config.reach(), self.config.inputs);
         let past = &mut self.tokens[env * h * width..(env + 1) * h * width];
         if self.held[env] == h {
             past.copy_within(width.., 0);
@@ -52,7 +52,7 @@ impl<F: Forward> Windowed<F> {
 
 impl<F: Forward> Stream for Windowed<F> {
     fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        let (h, width) = (self.config.history, self.config.inputs);
+        let (h, width) = (self.config.reach(), self.config.inputs);
         let envs = check(&self.config, tokens, asked)?;
         self.tokens.resize(envs * h * width, 0.0);
         self.held.resize(envs, 0);

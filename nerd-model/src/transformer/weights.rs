@@ -12,7 +12,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::config::{Init, TensorSpec, TransformerConfig};
+use crate::program::config::TransformerConfig;
+use crate::program::{Init, TensorSpec};
 
 /// A file whose tensors do not fit the configuration.
 #[derive(Debug, thiserror::Error)]

@@ -34,7 +34,6 @@ pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
         truth,
         base,
         view: Default::default(),
-        turns: Default::default(),
         network,
         data_sha256: "none".into(),
         transitions: 0,

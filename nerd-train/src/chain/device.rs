@@ -4,8 +4,8 @@
 
 use std::fmt::Write;
 
+use nerd_model::chain::chain_functions;
 use nerd_model::chain::{Chain, OUTPUTS};
-use nerd_model::device::chain_functions;
 use nerd_sim::system::System;
 
 use super::learner::ASTRAY;

@@ -1,21 +1,22 @@
-//! Shards through burn's autodiff, on the CPU (`Device::flex()`) or any other burn device; for every architecture.
+//! Shards through burn's autodiff, on any device of burn; for every architecture.
 
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
-use nerd_model::program::Network;
+use burn::tensor::Tensor;
+use nerd_model::BurnDevice;
+use nerd_model::program::BurnNetwork;
 use nerd_model::transformer::Weights;
 
 use super::sharded::{Loss, Pass, Shard, Sharded};
 use super::{LearnError, LearnerConfig, LearnerState};
 use crate::windows::Windows;
 
-/// Trains on a burn device.
+/// Trains on a device of burn; a card wants the whole batch in one shard ([`Sharded::shards`]).
 pub type BurnLearner = Sharded<Burn>;
 
-/// A burn device.
+/// A device of burn.
 pub struct Burn {
-    device: Device,
+    device: BurnDevice,
 }
 
 impl Sharded<Burn> {
@@ -28,48 +29,44 @@ impl Sharded<Burn> {
         state: LearnerState,
         train: Arc<Windows>,
         validation: Arc<Windows>,
-        device: &Device,
+        device: &BurnDevice,
     ) -> Result<Self, LearnError> {
         Self::with(Burn { device: device.clone().autodiff() }, config, state, train, validation)
     }
 }
 
 impl Pass for Burn {
-    type Worker = (Network, Device);
+    type Worker = BurnNetwork;
 
-    fn worker(&self, weights: &Weights, gradients: bool) -> Self::Worker {
+    fn worker(&self, weights: &Weights, gradients: bool) -> BurnNetwork {
         let device = if gradients { self.device.clone() } else { self.device.clone().inner() };
-        (Network::new(weights, &device), device)
+        BurnNetwork::new(weights.config.program(), &weights.flat, &device)
     }
 
-    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError> {
-        let error = errors(worker, shard);
-        scalar((error.clone() * error).sum())
+    fn squares(&self, network: &mut BurnNetwork, shard: Shard) -> Result<f64, LearnError> {
+        let error = errors(network, shard);
+        Ok(read((error.clone() * error).sum())?.into_iter().map(f64::from).sum())
     }
 
-    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError> {
-        let error = errors(worker, shard);
+    fn gradient(&self, network: &mut BurnNetwork, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError> {
+        let error = errors(network, shard);
         let squares = (error.clone() * error.clone()).sum() * loss.scale;
         let loss = match loss.huber.map(f64::from) {
             None => squares.clone(),
             Some(d) => ((error.clone() * error / (d * d) + 1.0).sqrt() - 1.0).sum() * (2.0 * d * d * loss.scale),
         };
-        Ok((scalar(squares)?, worker.0.gradients(&loss.backward())))
+        let gradient = read(network.gradients(&loss.backward()))?;
+        Ok((read(squares)?.into_iter().map(f64::from).sum(), gradient))
     }
 }
 
 /// `[windows, tokens, outputs]`.
-fn errors((network, device): &(Network, Device), shard: Shard) -> Tensor<3> {
-    let Shard { windows, tokens, x, y } = shard;
-    let tensor = |data: Vec<f32>| {
-        let width = data.len() / (windows * tokens);
-        Tensor::<3>::from_data(TensorData::new(data, [windows, tokens, width]), device)
-    };
-    network.forward(tensor(x)) - tensor(y)
+fn errors(network: &BurnNetwork, Shard { windows, tokens, x, y }: Shard) -> Tensor<3> {
+    network.forward(network.tensor(x, windows, tokens)) - network.tensor(y, windows, tokens)
 }
 
-/// A scalar tensor's value.
-fn scalar(tensor: Tensor<1>) -> Result<f64, LearnError> {
+/// Its numbers; waits for the device.
+fn read(tensor: Tensor<1>) -> Result<Vec<f32>, LearnError> {
     let data = tensor.try_into_data().map_err(|e| LearnError::Device(format!("{e:?}")))?;
-    Ok(data.iter::<f64>().sum())
+    Ok(data.iter::<f32>().collect())
 }

@@ -6,12 +6,14 @@
 //! `a += blend (w - a)` (see [`blend`]).
 
 pub mod adam;
+#[cfg(feature = "burn")]
 mod burn;
 mod cpu;
 pub mod muon;
 mod rounding;
 mod sharded;
 
+#[cfg(feature = "burn")]
 pub use burn::BurnLearner;
 pub use cpu::CpuLearner;
 pub use rounding::round_hidden;

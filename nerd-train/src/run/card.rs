@@ -7,7 +7,6 @@ use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
-use nerd_model::turns::Turns;
 use serde::{Deserialize, Serialize};
 
 use super::variant::Variant;
@@ -27,8 +26,6 @@ pub struct Identity {
     pub system_sha256: String,
     pub truth: String,
     pub base: Base,
-    #[serde(default, skip_serializing_if = "Turns::usual")]
-    pub turns: Turns,
     #[serde(default, skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
@@ -86,7 +83,7 @@ pub fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
 
 /// What `config.json` will hold.
 pub fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
-    let form = run.variant.form(run.base, run.turns);
+    let form = run.variant.form(run.base);
     ModelConfig {
         robot: run.robot.clone(),
         robot_sha256: run.robot_sha256.clone(),
@@ -95,7 +92,6 @@ pub fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> Mo
         truth: run.truth.clone(),
         base: form.base,
         view: form.view,
-        turns: form.turns,
         network: run.network,
         data_sha256: run.data_sha256.clone(),
         transitions: run.transitions + run.fresh,

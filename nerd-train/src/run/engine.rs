@@ -17,6 +17,10 @@ use crate::windows::Windows;
 pub fn arithmetic(config: &RunConfig) -> Result<String> {
     match config.device {
         Device::Cpu => Ok("f32 on the CPU".into()),
+        #[cfg(feature = "burn")]
+        Device::Flex | Device::Wgpu => config.device.burn().map(|_| format!("f32 through burn on {}", config.device)),
+        #[cfg(not(feature = "burn"))]
+        Device::Flex | Device::Wgpu => config.device.no_burn(),
         #[cfg(feature = "cuda")]
         Device::Cuda => Ok(if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into()),
         #[cfg(not(feature = "cuda"))]
@@ -36,6 +40,15 @@ pub fn engine(
 ) -> Result<Box<dyn Learner>> {
     match device {
         Device::Cpu => Ok(Box::new(CpuLearner::new(learner, state, training, validation)?.among(ranks))),
+        #[cfg(feature = "burn")]
+        Device::Flex | Device::Wgpu => {
+            let batch = learner.batch;
+            let made = crate::learner::BurnLearner::new(learner, state, training, validation, &device.burn()?)?.among(ranks);
+            // A card wants all windows at once.
+            Ok(Box::new(if device == Device::Wgpu { made.shards(batch, 1) } else { made }))
+        }
+        #[cfg(not(feature = "burn"))]
+        Device::Flex | Device::Wgpu => device.no_burn(),
         #[cfg(feature = "cuda")]
         Device::Cuda => {
             use crate::learner::cuda::{CudaLearner, Precision};

@@ -33,7 +33,6 @@ impl RunConfig {
         if network.architecture != Architecture::Transformer || model.view != View::Own {
             refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }
-        run.turns = model.turns;
         (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);
         (run.head_width, run.block) = (network.embedding / network.heads, network.block);
         run.stream = network.positions == Positions::Rotary;

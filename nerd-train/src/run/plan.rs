@@ -36,7 +36,6 @@ impl RunConfig {
         let foreign = [
             ("stream", self.stream),
             ("base", self.base != BaseName::State),
-            ("turns", !self.turns.usual()),
             ("fresh", self.fresh > 0),
             ("epsilon", self.epsilon.is_some()),
             ("huber", self.huber.is_some()),
@@ -73,7 +72,7 @@ impl RunConfig {
             BaseName::Flight => Base::flight_of(self.record.truth(system)),
             BaseName::Draft => Base::Draft(self.draft),
         };
-        self.variant.check(base, self.turns)?;
+        self.variant.check(base)?;
         Ok(base)
     }
 

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use nerd_model::turns::Turns;
 use nerd_sim::articulated::Draft;
 use serde::{Deserialize, Serialize};
 
@@ -30,8 +29,6 @@ settings! {
         base: BaseName = BaseName::State, Words(&["state", "flight", "draft"]);
         /// Substeps of the draft with --base draft
         draft: usize = 1, Whole(1..=Draft::MOST as u64);
-        /// What a joint's predicted turn counts from: its parent link (the paper), or the root, for long chains
-        turns: Turns = Turns::Parent, Words(Turns::WORDS);
         /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)
@@ -90,8 +87,9 @@ settings! {
         minutes: Option<f64> = None, Positive;
         /// Train no further: make a model of the best weights that the run has had so far
         finish: bool = false, Flag;
-        /// Where to compute: cpu or cuda (needs a build with `--features cuda`)
-        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// Where to compute: cpu; cuda, NVIDIA's (needs a build with `--features cuda`); wgpu, any card (`--features wgpu`); flex, the CPU
+        /// through burn (`--features burn`)
+        device: Device = Device::Cpu, Words(Device::WORDS);
         /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
         f32: bool = false, Flag;
     }

@@ -59,7 +59,7 @@ impl Run {
         let system = System::named(&config.robot)?;
         progress::notes(&system);
         let base = config.base(&system)?;
-        let form = config.variant.form(base, config.turns);
+        let form = config.variant.form(base);
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check()?;
@@ -192,7 +192,6 @@ impl Run {
             system_sha256: self.system.sha256(),
             truth: truth.name(),
             base: self.base,
-            turns: self.config.turns,
             variant: self.config.variant,
             network: self.network,
             unrolled: self.config.unrolled(),
@@ -303,7 +302,7 @@ impl Run {
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
-    let like = |form: Form| (form.view, form.turns, form.base.flies(), form.base.moves());
+    let like = |form: Form| (form.view, form.base.flies(), form.base.moves());
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;
@@ -319,7 +318,7 @@ fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form
 /// In which settings two networks differ, the second being this run's.
 fn apart(theirs: (Form, &TransformerConfig), ours: (Form, &TransformerConfig)) -> String {
     let settings = |(form, network): (Form, &TransformerConfig)| {
-        let mut all = json!({ "base": form.base, "turns": form.turns, "view": form.view });
+        let mut all = json!({ "base": form.base, "view": form.view });
         if let (Some(all), Value::Object(network)) = (all.as_object_mut(), json!(network)) {
             all.extend(network);
         }

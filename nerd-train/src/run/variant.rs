@@ -4,7 +4,6 @@ use nerd_model::base::Base;
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, TransformerConfig};
-use nerd_model::turns::Turns;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};
@@ -58,25 +57,22 @@ impl Variant {
     ///
     /// # Errors
     /// [`crate::Error::Refused`], naming them.
-    pub fn check(self, base: Base, turns: Turns) -> Result<()> {
-        if !turns.usual() && matches!(self, Self::Absolute | Self::EndToEnd) {
-            refuse!("--variant absolute and end-to-end predict states, whose turns count from nothing: leave --turns out");
-        }
+    pub fn check(self, base: Base) -> Result<()> {
         if base.moves() && matches!(self, Self::Absolute | Self::EndToEnd) {
             refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight or draft out");
         }
         Ok(())
     }
 
-    /// What its tokens hold and what its predictions mean; `base` is what changes are added to, `turns` what those of joints count from.
-    pub fn form(self, base: Base, turns: Turns) -> Form {
-        let form = match self {
+    /// What its tokens hold and what its predictions mean; `base` is what changes are added to.
+    pub fn form(self, base: Base) -> Form {
+        let (base, view) = match self {
             Self::EndToEnd => (Base::Nothing, View::Blind),
             Self::Absolute => (Base::Nothing, View::Own),
             Self::World => (base, View::World),
             _ => (base, View::Own),
         };
-        Form { base: form.0, view: form.1, turns }
+        Form { base, view }
     }
 
     /// Its network beside NeRD's `nerd`: of another architecture the widest with no more parameters.

@@ -6,7 +6,7 @@
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 
-use burn::tensor::Device;
+use nerd_model::BurnDevice;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
@@ -46,7 +46,7 @@ pub fn windows(phase: f32) -> Arc<Windows> {
 
 /// A learner on the CPU that continues `state`.
 pub fn learner(state: LearnerState) -> BurnLearner {
-    BurnLearner::new(LEARNER, state, windows(0.0), windows(0.5), &Device::flex()).expect("windows fit the network")
+    BurnLearner::new(LEARNER, state, windows(0.0), windows(0.5), &BurnDevice::flex()).expect("windows fit the network")
 }
 
 /// The state before the first update.
@@ -76,7 +76,6 @@ pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normal
         truth: Truth::default().name(),
         base,
         view: Default::default(),
-        turns: Default::default(),
         network,
         data_sha256: "none".into(),
         transitions: 0,

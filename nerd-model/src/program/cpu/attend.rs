@@ -1,7 +1,9 @@
-//! Causal attention over the tokens of each window, forward and backward.
+//! Causal attention over the tokens of each window, forward and backward, and of one new token to the last ones of a stream.
 //!
 //! With q, k, v of a head, `S = q k^T / sqrt(d)`, shares `P = softmax(S)` over the tokens that a token may see, `o = P v`; backward
 //! `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`, `dk = dS^T q / sqrt(d)`.
+//!
+//! Keys lie on their side, a row for each column of a head, so that the scores of all tokens are one sum of vectors.
 
 use pulp::Arch;
 
@@ -17,9 +19,9 @@ pub struct Attention {
     reach: usize,
     /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing where nothing is turned.
     turns: Vec<(f32, f32)>,
-    /// Keys or values of a head turned on their side, `[d][width]`.
+    /// Keys or values of a head on their side, `[d][width]`.
     lying: Vec<f32>,
-    #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the way back"))]
+    #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the backward pass"))]
     row: Vec<f32>,
 }
 
@@ -33,15 +35,10 @@ impl Attention {
         }
     }
 
-    /// A row of shares, with room to whole vectors.
-    fn width(&self) -> usize {
-        self.tokens.next_multiple_of(8)
-    }
-
     /// Queries, keys and values `[windows tokens][3 E]` to mixed values `[windows tokens][E]`. Queries and keys are left turned,
     /// shares as `[window][head][tokens][width]`.
     pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
-        let (t, e, width) = (self.tokens, self.embedding, self.width());
+        let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         let windows = qkv.len() / (t * 3 * e);
         shares.resize(windows * self.heads * t * width, 0.0);
         out.resize(windows * t * e, 0.0);
@@ -51,27 +48,32 @@ impl Attention {
             {
                 self.turn(qkv, 1.0);
                 for (head, shares) in shares.chunks_exact_mut(t * width).enumerate() {
-                    self.mix(qkv, head, shares, out);
+                    self.lay(qkv, 1, head);
+                    for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
+                        let (seen, d) = (self.seen(i), e / self.heads);
+                        let values = &qkv[self.at(2, head, seen.start).start..];
+                        mix(&qkv[self.at(0, head, i)], &self.lying, (values, 3 * e), seen, shares, &mut out[i * e + head * d..][..d]);
+                    }
                 }
             }
         });
     }
 
-    /// Gradient `dqkv` in front of [`Attention::forward`] from that behind it.
+    /// Gradient `dqkv` in front of [`Attention::forward`] from the upstream gradient.
     #[cfg(feature = "autodiff")]
-    pub fn backward(&mut self, qkv: &[f32], shares: &[f32], behind: &[f32], dqkv: &mut Vec<f32>) {
-        let (t, e, width) = (self.tokens, self.embedding, self.width());
+    pub fn backward(&mut self, qkv: &[f32], shares: &[f32], upstream: &[f32], dqkv: &mut Vec<f32>) {
+        let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         dqkv.clear();
         dqkv.resize(qkv.len(), 0.0);
         Arch::new().dispatch(|| {
-            for (((qkv, dqkv), behind), shares) in qkv
+            for (((qkv, dqkv), upstream), shares) in qkv
                 .chunks_exact(t * 3 * e)
                 .zip(dqkv.chunks_exact_mut(t * 3 * e))
-                .zip(behind.chunks_exact(t * e))
+                .zip(upstream.chunks_exact(t * e))
                 .zip(shares.chunks_exact(self.heads * t * width))
             {
                 for (head, shares) in shares.chunks_exact(t * width).enumerate() {
-                    self.unmix(qkv, head, shares, behind, dqkv);
+                    self.unmix(qkv, head, shares, upstream, dqkv);
                 }
                 self.turn(dqkv, -1.0);
             }
@@ -81,14 +83,9 @@ impl Attention {
     /// Turns queries and keys of a window to their places, or (sign -1) back.
     #[inline(always)]
     fn turn(&self, qkv: &mut [f32], sign: f32) {
-        let d = self.embedding / self.heads;
-        for (row, turns) in qkv.chunks_exact_mut(3 * self.embedding).zip(self.turns.chunks_exact(d / 2)) {
-            for head in row[..2 * self.embedding].chunks_exact_mut(d) {
-                let (a, b) = head.split_at_mut(d / 2);
-                for ((a, b), (cos, sin)) in a.iter_mut().zip(b).zip(turns) {
-                    (*a, *b) = (*a * cos - *b * sin * sign, *a * sin * sign + *b * cos);
-                }
-            }
+        let (e, d) = (self.embedding, self.embedding / self.heads);
+        for (row, turns) in qkv.chunks_exact_mut(3 * e).zip(self.turns.chunks_exact(d / 2)) {
+            turn(&mut row[..2 * e], turns, sign);
         }
     }
 
@@ -103,7 +100,7 @@ impl Attention {
     /// Part 1 or 2 of a head, on its side.
     #[inline(always)]
     fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
-        let (d, width) = (self.embedding / self.heads, self.width());
+        let (d, width) = (self.embedding / self.heads, width(self.tokens));
         self.lying.clear();
         self.lying.resize(d * width, 0.0);
         for token in 0..self.tokens {
@@ -119,45 +116,97 @@ impl Attention {
         (token + 1).saturating_sub(self.reach)..token + 1
     }
 
-    #[inline(always)]
-    fn mix(&mut self, qkv: &[f32], head: usize, shares: &mut [f32], out: &mut [f32]) {
-        let (d, width) = (self.embedding / self.heads, self.width());
-        let scale = (d as f32).sqrt().recip();
-        self.lay(qkv, 1, head);
-        for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
-            let seen = self.seen(i);
-            sums(shares, &qkv[self.at(0, head, i)], &self.lying, width);
-            shares[seen.clone()].iter_mut().for_each(|s| *s *= scale);
-            softmax(&mut shares[seen.clone()]);
-            shares[..seen.start].fill(0.0);
-            shares[seen.end..].fill(0.0);
-            let out = &mut out[i * self.embedding + head * d..][..d];
-            sums(out, &shares[seen.clone()], &qkv[self.at(2, head, seen.start).start..], 3 * self.embedding);
-        }
-    }
-
     #[cfg(feature = "autodiff")]
     #[inline(always)]
-    fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], behind: &[f32], dqkv: &mut [f32]) {
-        let (d, width) = (self.embedding / self.heads, self.width());
+    fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], upstream: &[f32], dqkv: &mut [f32]) {
+        let (d, width) = (self.embedding / self.heads, width(self.tokens));
         let scale = (d as f32).sqrt().recip();
         self.lay(qkv, 2, head);
         let mut slopes = std::mem::take(&mut self.row);
         for (i, shares) in shares.chunks_exact(width).enumerate() {
-            let (seen, behind) = (self.seen(i), &behind[i * self.embedding + head * d..][..d]);
+            let (seen, upstream) = (self.seen(i), &upstream[i * self.embedding + head * d..][..d]);
             slopes.resize(width, 0.0);
-            sums(&mut slopes, behind, &self.lying, width);
+            sums(&mut slopes, upstream, &self.lying, width);
             let along: f32 = slopes.iter().zip(shares).map(|(s, p)| s * p).sum();
             slopes.iter_mut().zip(shares).for_each(|(s, p)| *s = p * (*s - along) * scale);
             let keys = &qkv[self.at(1, head, seen.start).start..];
             sums(&mut dqkv[self.at(0, head, i)], &slopes[seen.clone()], keys, 3 * self.embedding);
             for j in seen {
-                add(&mut dqkv[self.at(2, head, j)], shares[j], behind);
+                add(&mut dqkv[self.at(2, head, j)], shares[j], upstream);
                 add(&mut dqkv[self.at(1, head, j)], slopes[j], &qkv[self.at(0, head, i)]);
             }
         }
         self.row = slopes;
     }
+}
+
+/// Keys and values of the last tokens of a stream in one layer.
+pub struct Ring<'a> {
+    /// Of tokens that are remembered.
+    pub history: usize,
+    /// Keys, turned and lying, `[E][width]`, then values `[history][E]`: [`Ring::floats`].
+    pub past: &'a mut [f32],
+    /// Tokens that came before.
+    pub before: usize,
+}
+
+impl Ring<'_> {
+    /// Floats of its memory; none where a token sees itself alone.
+    pub fn floats(embedding: usize, history: usize) -> usize {
+        if history == 1 { 0 } else { embedding * (width(history) + history) }
+    }
+
+    /// Mixed values `[E]` of a new token of `[q k v]`, which takes the place of the oldest; `turns` are cosines and sines of its place.
+    #[inline(always)]
+    pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[(f32, f32)], shares: &mut Vec<f32>, out: &mut [f32]) {
+        if self.history == 1 {
+            // It sees itself alone.
+            return out.copy_from_slice(&qkv[2 * out.len()..]);
+        }
+        let (e, d, width) = (out.len(), out.len() / heads, width(self.history));
+        turn(&mut qkv[..2 * e], turns, 1.0);
+        let (slot, seen) = (self.before % self.history, 0..(self.before + 1).min(self.history));
+        let (keys, values) = self.past.split_at_mut(e * width);
+        values[slot * e..][..e].copy_from_slice(&qkv[2 * e..]);
+        for (keys, k) in keys.chunks_exact_mut(width).zip(&qkv[e..2 * e]) {
+            keys[slot] = *k;
+        }
+        shares.resize(width, 0.0);
+        for (head, ((q, keys), out)) in qkv[..e].chunks_exact(d).zip(keys.chunks_exact(d * width)).zip(out.chunks_exact_mut(d)).enumerate()
+        {
+            mix(q, keys, (&values[head * d..], e), seen.clone(), shares, out);
+        }
+    }
+}
+
+/// A row of shares, with room to whole vectors.
+fn width(tokens: usize) -> usize {
+    tokens.next_multiple_of(8)
+}
+
+/// Turns the columns m and m + d/2 of every head together, by cosines and sines of a place `[d / 2]`, or (sign -1) back.
+#[inline(always)]
+fn turn(heads: &mut [f32], turns: &[(f32, f32)], sign: f32) {
+    let d = 2 * turns.len();
+    for head in heads.chunks_exact_mut(d) {
+        let (a, b) = head.split_at_mut(d / 2);
+        for ((a, b), (cos, sin)) in a.iter_mut().zip(b).zip(turns) {
+            (*a, *b) = (*a * cos - *b * sin * sign, *a * sin * sign + *b * cos);
+        }
+    }
+}
+
+/// A head's query, keys that lie `[d][width]` and values, some numbers apart, of the first token seen and those after it, to the
+/// shares `[width]` of tokens and the mix of their values.
+#[inline(always)]
+fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std::ops::Range<usize>, shares: &mut [f32], out: &mut [f32]) {
+    let scale = (query.len() as f32).sqrt().recip();
+    sums(shares, query, keys, shares.len());
+    shares[seen.clone()].iter_mut().for_each(|s| *s *= scale);
+    softmax(&mut shares[seen.clone()]);
+    shares[..seen.start].fill(0.0);
+    shares[seen.end..].fill(0.0);
+    sums(out, &shares[seen], values, apart);
 }
 
 /// `out_c = sum_k a_k rows_kc`, rows so far apart; sums stay in registers.

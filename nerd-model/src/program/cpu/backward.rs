@@ -12,21 +12,26 @@ impl Loaded {
         (0..self.program.steps.len()).filter(|i| self.program.steps[*i].from != self.program.tokens()).for_each(|i| _ = self.turned(i));
     }
 
-    /// Of a linear step, `W'^T`.
+    /// Of a product, `W'^T`.
     fn turned(&self, i: usize) -> Option<&Matrix> {
-        let Step { to, op: Op::Linear { weight, scale, .. }, .. } = self.program.steps[i] else { return None };
-        let folded = if scale.is_some() { &self.folded[i] } else { self.tensor(weight) };
-        Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(to), folded)))
+        let Step { from, to, op } = self.program.steps[i];
+        let (wide, folded) = match op {
+            Op::Linear { scale: Some(_), .. } => (to, &self.folded[i][..]),
+            Op::Linear { weight, .. } => (to, self.tensor(weight)),
+            Op::Cell { weight, .. } => (from, self.tensor(weight)),
+            _ => return None,
+        };
+        Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(wide), folded)))
     }
 
     /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
     /// if that is asked for, or else nothing.
-    pub fn backward(&self, tokens: usize, behind: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
+    pub fn backward(&self, tokens: usize, upstream: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
         let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
-        let mut last = taken(&mut memory.spare, behind.len());
+        let mut last = taken(&mut memory.spare, upstream.len());
         last.clear();
-        last.extend_from_slice(behind);
+        last.extend_from_slice(upstream);
         slopes[self.program.predictions().0] = last;
         for i in (0..self.program.steps.len()).rev() {
             self.back(i, tokens, &mut slopes, memory, &mut gradient, by_tokens);
@@ -91,9 +96,10 @@ impl Loaded {
                 activate::backward(f, x, y, &mut dx);
             }
             Op::Cell { weight, bias, lstm } => {
-                // The bias stands behind its matrix.
-                let own = &mut gradient[range(weight).start..range(bias).end];
-                cell::backward(&dy, tokens, (self.tensor(weight), lstm), (&aside[i], y), own, &mut dx);
+                // The bias follows its matrix.
+                let (d_weight, d_bias) = gradient[range(weight).start..range(bias).end].split_at_mut(range(weight).len());
+                let weight = self.turned(i).expect("a cell has a product");
+                cell::Backward { tokens, lstm, weight, kept: &aside[i], out: y }.run(&dy, cut, d_weight, d_bias, &mut dx);
             }
         }
         if to == from || matches!(op, Op::Linear { add: true, .. }) {

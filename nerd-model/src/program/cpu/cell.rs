@@ -1,4 +1,4 @@
-//! Recurrent cells over the tokens of each window, forward and backward ([`crate::program::recurrent`]).
+//! Recurrent cells over the tokens of each window, forward and backward (`program/networks.rs`).
 //!
 //! All windows take a step together. Kept of each token are its gates and, of an LSTM, c; of a GRU, `v_n`.
 
@@ -44,61 +44,65 @@ pub fn forward(u: &[f32], tokens: usize, weight: &Matrix, bias: &[f32], lstm: bo
     }
 }
 
-/// Gradients in front of [`forward`] from that behind it: of u into `du`, of W and b, one behind the other, into `gradient`.
+/// The backward pass of a cell over windows of so many tokens.
 #[cfg(feature = "autodiff")]
-pub fn backward(
-    behind: &[f32],
-    tokens: usize,
-    (weight, lstm): (&[f32], bool),
-    (kept, out): (&[f32], &[f32]),
-    gradient: &mut [f32],
-    du: &mut Vec<f32>,
-) {
-    use super::elementwise::sum_rows;
-    use super::product::{matrix, product};
-    use faer::Accum::Add;
+pub struct Backward<'a> {
+    pub tokens: usize,
+    pub lstm: bool,
+    /// `W^T`.
+    pub weight: &'a Matrix,
+    /// What [`forward`] kept, and its states.
+    pub kept: &'a [f32],
+    pub out: &'a [f32],
+}
 
-    let gates = if lstm { 4 } else { 3 };
-    let (d_weight, d_bias) = gradient.split_at_mut(weight.len());
-    let (width, wide) = (d_bias.len() / gates, d_bias.len());
-    let (windows, keep) = (out.len() / width / tokens, (gates + 1) * width);
-    du.clear();
-    du.resize(windows * tokens * wide, 0.0);
-    let (mut dh, mut dc) = (vec![0.0; windows * width], vec![0.0; windows * width]);
-    let (mut before, mut dv) = (vec![0.0; windows * width], vec![0.0; windows * wide]);
-    for k in (0..tokens).rev() {
-        for window in 0..windows {
-            let row = window * tokens + k;
-            let (du, dv) = (&mut du[row * wide..][..wide], &mut dv[window * wide..][..wide]);
-            for m in 0..width {
-                let (at, d) = (window * width + m, dh[window * width + m] + behind[row * width + m]);
-                let now = |i: usize| kept[row * keep + i * width + m];
-                // The state before the oldest token is zero.
-                let (h_before, c_before) = match k {
-                    0 => (0.0, 0.0),
-                    _ => (out[(row - 1) * width + m], kept[(row - 1) * keep + gates * width + m]),
-                };
-                before[at] = h_before;
-                if lstm {
-                    let [i, f, g, o, c] = [0, 1, 2, 3, 4].map(now);
-                    let bent = c.tanh();
-                    let d_c = dc[at] + d * o * (1.0 - bent * bent);
-                    let slopes =
-                        [d_c * g * i * (1.0 - i), d_c * c_before * f * (1.0 - f), d_c * i * (1.0 - g * g), d * bent * o * (1.0 - o)];
-                    slopes.iter().enumerate().for_each(|(i, x)| (du[i * width + m], dv[i * width + m]) = (*x, *x));
-                    (dc[at], dh[at]) = (d_c * f, 0.0);
-                } else {
-                    let [r, z, n, v_n] = [0, 1, 2, 3].map(now);
-                    let d_n = d * (1.0 - z) * (1.0 - n * n);
-                    let slopes = [d_n * v_n * r * (1.0 - r), d * (h_before - n) * z * (1.0 - z), d_n];
-                    slopes.iter().enumerate().for_each(|(i, x)| (du[i * width + m], dv[i * width + m]) = (*x, *x));
-                    dv[2 * width + m] = d_n * r;
-                    dh[at] = d * z;
+#[cfg(feature = "autodiff")]
+impl Backward<'_> {
+    /// Gradients from the upstream one: of u into `du`, of W and b onto theirs. `cut` is working memory.
+    pub fn run(&self, upstream: &[f32], cut: &mut Matrix, d_weight: &mut [f32], d_bias: &mut [f32], du: &mut Vec<f32>) {
+        let Self { tokens, lstm, weight, kept, out } = *self;
+        let gates = if lstm { 4 } else { 3 };
+        let (width, wide) = (d_bias.len() / gates, d_bias.len());
+        let (windows, keep) = (out.len() / width / tokens, (gates + 1) * width);
+        du.clear();
+        du.resize(windows * tokens * wide, 0.0);
+        let (mut dh, mut dc) = (vec![0.0; windows * width], vec![0.0; windows * width]);
+        let (mut before, mut dv) = (vec![0.0; windows * width], vec![0.0; windows * wide]);
+        for k in (0..tokens).rev() {
+            for window in 0..windows {
+                let row = window * tokens + k;
+                let (du, dv) = (&mut du[row * wide..][..wide], &mut dv[window * wide..][..wide]);
+                for m in 0..width {
+                    let (at, d) = (window * width + m, dh[window * width + m] + upstream[row * width + m]);
+                    let now = |i: usize| kept[row * keep + i * width + m];
+                    // The state before the oldest token is zero.
+                    let (h_before, c_before) = match k {
+                        0 => (0.0, 0.0),
+                        _ => (out[(row - 1) * width + m], kept[(row - 1) * keep + gates * width + m]),
+                    };
+                    before[at] = h_before;
+                    if lstm {
+                        let [i, f, g, o, c] = [0, 1, 2, 3, 4].map(now);
+                        let bent = c.tanh();
+                        let d_c = dc[at] + d * o * (1.0 - bent * bent);
+                        let slopes =
+                            [d_c * g * i * (1.0 - i), d_c * c_before * f * (1.0 - f), d_c * i * (1.0 - g * g), d * bent * o * (1.0 - o)];
+                        slopes.iter().enumerate().for_each(|(i, x)| (du[i * width + m], dv[i * width + m]) = (*x, *x));
+                        (dc[at], dh[at]) = (d_c * f, 0.0);
+                    } else {
+                        let [r, z, n, v_n] = [0, 1, 2, 3].map(now);
+                        let d_n = d * (1.0 - z) * (1.0 - n * n);
+                        let slopes = [d_n * v_n * r * (1.0 - r), d * (h_before - n) * z * (1.0 - z), d_n];
+                        slopes.iter().enumerate().for_each(|(i, x)| (du[i * width + m], dv[i * width + m]) = (*x, *x));
+                        dv[2 * width + m] = d_n * r;
+                        dh[at] = d * z;
+                    }
                 }
             }
+            cut.cut(windows, &dv);
+            cut.add_across(&before, d_weight);
+            super::elementwise::sum_rows(&dv, d_bias);
+            weight.add_product(&dv, &mut dh);
         }
-        product(d_weight, Add, matrix(&before, windows, width).transpose(), matrix(&dv, windows, wide));
-        sum_rows(&dv, d_bias);
-        product(&mut dh, Add, matrix(&dv, windows, wide), matrix(weight, width, wide).transpose());
     }
 }

@@ -75,6 +75,12 @@ impl Matrix {
         Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: None, across: true });
     }
 
+    /// `out += x^T W` for `x`, `[inner, rows]`.
+    #[cfg(feature = "autodiff")]
+    pub fn add_across(&self, x: &[f32], out: &mut [f32]) {
+        Arch::new().dispatch(Product { matrix: self, x, out, add: true, bias: None, across: true });
+    }
+
     /// `out += x W` for the rows of `x`.
     pub fn add_product(&self, x: &[f32], out: &mut [f32]) {
         Arch::new().dispatch(Product { matrix: self, x, out, add: true, bias: None, across: false });
@@ -251,6 +257,9 @@ mod tests {
                 let turned: Vec<f32> = (0..inner * rows).map(|i| x[i % rows * inner + i / rows]).collect();
                 let mut across = vec![1.0; rows * outer];
                 matrix.across(&turned, &mut across);
+                let mut twice = across.clone();
+                matrix.add_across(&turned, &mut twice);
+                assert!(twice.iter().zip(&across).all(|(a, b)| (a - 2.0 * b).abs() < 1e-5), "[{rows}, {inner}] [{inner}, {outer}]: added");
                 let turned: Vec<f32> = (0..outer * inner).map(|i| w[i % inner * outer + i / inner]).collect();
                 let mut other = Vec::new();
                 Matrix::of_transpose(inner, &turned).product(&x, &mut other);

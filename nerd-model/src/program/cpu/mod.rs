@@ -1,7 +1,7 @@
 //! Programs on the CPU: forward for windows and for streams, and (feature `autodiff`) backward by weights and by tokens.
 //!
 //! Matrices are cut in panels when weights are loaded, with the norms' weights before them folded in (`diag(w) W`); element-wise work
-//! runs with the widest vectors the processor has. Equal to burn's [`super::Network`] to rounding (`tests/program.rs`).
+//! runs with the widest vectors the processor has. Equal to burn's to rounding (`tests/program.rs`).
 
 mod activate;
 mod attend;
@@ -11,10 +11,9 @@ mod cell;
 pub mod elementwise;
 mod matrix;
 mod neighbours;
-#[cfg(feature = "autodiff")]
-mod product;
 
-pub(crate) use matrix::{Lanes, Matrix};
+pub(crate) use attend::Ring;
+use matrix::Matrix;
 
 use super::{Op, Program, Slot, Weight};
 use attend::Attention;
@@ -53,7 +52,7 @@ pub struct Memory {
     slopes: Matrix,
 }
 
-/// What mixes the tokens of a stream: told which of the program's attentions it is, gives mixed values of `[q k v]`.
+/// What mixes the tokens of a stream: given the number of the attention in the program, from `[q k v]` to mixed values.
 pub type Mix<'a> = &'a mut dyn FnMut(usize, &mut [f32], &mut Vec<f32>);
 
 /// Which tokens look at each other, and which are asked.

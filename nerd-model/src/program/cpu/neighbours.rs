@@ -15,16 +15,16 @@ pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut V
     }
 }
 
-/// Gradient in front of [`forward`] from that behind it.
+/// Gradient in front of [`forward`] from the upstream one.
 #[cfg(feature = "autodiff")]
-pub fn backward(behind: &[f32], width: usize, tokens: usize, apart: usize, dx: &mut Vec<f32>) {
+pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx: &mut Vec<f32>) {
     dx.clear();
-    dx.resize(behind.len() / 3, 0.0);
-    for (dx, behind) in dx.chunks_exact_mut(tokens * width).zip(behind.chunks_exact(3 * tokens * width)) {
-        for (k, behind) in behind.chunks_exact(3 * width).enumerate() {
-            for (other, behind) in places(k, tokens, apart).into_iter().zip(behind.chunks_exact(width)) {
+    dx.resize(upstream.len() / 3, 0.0);
+    for (dx, upstream) in dx.chunks_exact_mut(tokens * width).zip(upstream.chunks_exact(3 * tokens * width)) {
+        for (k, upstream) in upstream.chunks_exact(3 * width).enumerate() {
+            for (other, upstream) in places(k, tokens, apart).into_iter().zip(upstream.chunks_exact(width)) {
                 let Some(other) = other else { continue };
-                dx[other * width..][..width].iter_mut().zip(behind).for_each(|(dx, g)| *dx += g);
+                dx[other * width..][..width].iter_mut().zip(upstream).for_each(|(dx, g)| *dx += g);
             }
         }
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError, Graph};
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS};
-use nerd_model::device::{chain_program, numbers};
+use nerd_model::chain::{chain_program, numbers};
 use nerd_model::folder::Model;
 use nerd_model::program::Slot;
 use nerd_model::transformer::Weights;

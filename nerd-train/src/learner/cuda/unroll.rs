@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Graph};
+use nerd_model::chain::numbers;
 use nerd_model::chain::{Chain, INPUTS, OUTPUTS};
-use nerd_model::device::numbers;
 use nerd_model::program::Slot;
 use nerd_model::program::cpu::Loaded;
 use nerd_sim::articulated::device::{Reach, record};

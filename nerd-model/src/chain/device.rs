@@ -1,14 +1,16 @@
-//! What stands around a chain's network, as a program for a device: the text of two kernels, `chain_tell` and `chain_apply`.
+//! What surrounds a chain's network, as a program for a device: the text of two kernels, `chain_tell` and `chain_apply`.
 //!
-//! They are [`crate::chain`] in 64 bits, on vectors and surfaces of the articulated solver's kernels.
+//! They are this module in 64 bits, on vectors and surfaces of the articulated solver's kernels.
 
 use std::fmt::Write;
 
 use nerd_sim::articulated::device::surfaces;
 use nerd_sim::system::System;
 
-use super::padded;
-use crate::chain::{Chain, INPUTS, OUTPUTS, QUICK, REACH};
+use super::features::{INPUTS, QUICK, REACH};
+use super::layout::Chain;
+use super::step::OUTPUTS;
+use crate::program::op::padded;
 
 /// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the two
 /// kernels.

@@ -1,10 +1,22 @@
-//! [`Forward`] over whole windows; behind the last mixing of tokens the newest alone are computed.
+//! [`Forward`] over whole windows on the CPU; behind the last mixing of tokens the newest alone are computed.
+//!
+//! Rows are cut into blocks whose activations stay in the second-level cache, one block to a thread at a time.
 
 use rayon::prelude::*;
 
-use super::ROWS;
+use super::forward::{Forward, ForwardError, check};
+use super::weights::Weights;
+use crate::program::config::TransformerConfig;
 use crate::program::cpu::{Loaded, Memory, Pass};
-use crate::transformer::{Forward, ForwardError, TransformerConfig, Weights};
+
+/// Rows (tokens) of a block.
+pub(super) const ROWS: usize = 512;
+
+/// Even blocks of `n` things, of at most so many, and as many blocks as keep every thread busy.
+pub(super) fn even(n: usize, most: usize) -> usize {
+    let threads = rayon::current_num_threads();
+    n.div_ceil(threads * n.div_ceil(threads * most).max(1)).max(1)
+}
 
 /// A network that recomputes windows.
 pub struct PackedForward {
@@ -22,14 +34,11 @@ impl PackedForward {
 
 impl Forward for PackedForward {
     fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        crate::transformer::check(&self.config, inputs, tokens, last)?;
+        check(&self.config, inputs, tokens, last)?;
         let (c, network) = (self.config, &self.network);
         out.clear();
         out.resize(last.len() * c.outputs, 0.0);
-        // Blocks of whole windows, as many as keep every thread busy.
-        let most = (ROWS / tokens).max(1);
-        let threads = rayon::current_num_threads();
-        let size = last.len().div_ceil(threads * last.len().div_ceil(threads * most).max(1)).max(1);
+        let size = even(last.len(), (ROWS / tokens).max(1));
         self.memory.resize_with(self.memory.len().max(last.len().div_ceil(size)), Memory::default);
         let jobs = inputs.par_chunks(size * tokens * c.inputs).zip(last.par_chunks(size)).zip(out.par_chunks_mut(size * c.outputs));
         jobs.zip(self.memory.par_iter_mut()).for_each(|(((x, last), out), memory)| {

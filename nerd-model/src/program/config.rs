@@ -1,8 +1,6 @@
-//! Shape of a network; what it computes is written in [`crate::program`].
+//! Shape of a network; what it computes is written in [`super::networks`].
 
 use serde::{Deserialize, Serialize};
-
-use crate::program::{self, Program};
 
 /// What maps windows to predictions: the causal Transformer, or what it is compared with (paper A.3.3.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -11,13 +9,13 @@ pub enum Architecture {
     /// The causal Transformer.
     #[default]
     Transformer,
-    /// [`program::mlp`].
+    /// A perceptron over single tokens.
     Mlp,
-    /// [`program::recurrent`], gated recurrent units.
+    /// Gated recurrent units.
     Gru,
-    /// [`program::recurrent`], long short-term memory.
+    /// Long short-term memory.
     Lstm,
-    /// [`program::chain`]: a window is a chain's rods in one frame, and `block` their number.
+    /// A network along a chain ([`crate::chain`]): a window is its rods in one frame, and `block` their number.
     Chain,
 }
 
@@ -105,11 +103,6 @@ impl TransformerConfig {
         (0..half).map(move |m| ROTARY_BASE.powf(-(m as f64) / half as f64))
     }
 
-    /// Cosine and sine of each pair's angle at `place`.
-    pub fn turn(&self, place: usize) -> Vec<(f32, f32)> {
-        self.frequencies().map(|f| (place as f64 * f).sin_cos()).map(|(sin, cos)| (cos as f32, sin as f32)).collect()
-    }
-
     /// Says what of the shape cannot be, if anything. What passes has at most [`MOST_PARAMETERS`], so that no count of it
     /// overflows and its memory is known before any is taken.
     ///
@@ -147,6 +140,9 @@ impl TransformerConfig {
         if heads == 0 || !embedding.is_multiple_of(heads) {
             return Err(format!("`heads` is {heads}, it must divide the width of {embedding}"));
         }
+        if embedding / heads < 2 {
+            return Err(format!("`heads` is {heads}, a head of a width of {embedding} has at least two columns"));
+        }
         if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {
             return Err(format!("`heads` is {heads}: rotary positions turn the {} columns of a head in pairs", embedding / heads));
         }
@@ -154,64 +150,5 @@ impl TransformerConfig {
             return Err(format!("`heads` is {heads}, with rotary positions at most 64"));
         }
         Ok(())
-    }
-
-    /// Parameter count: `E (D_in + 1) + block E (of a table) + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
-    pub fn parameters(&self) -> usize {
-        self.tensors().iter().map(|t| t.len()).sum()
-    }
-
-    /// What the network does.
-    pub fn program(&self) -> Program {
-        match self.architecture {
-            Architecture::Transformer => program::transformer(self),
-            Architecture::Mlp => program::mlp(self),
-            Architecture::Gru | Architecture::Lstm => program::recurrent(self),
-            Architecture::Chain => program::chain(self),
-        }
-    }
-
-    /// Every tensor of the network in the order it is used. Linear weights are `[in, out]`, row-major: `y = x W + b`.
-    pub fn tensors(&self) -> Vec<TensorSpec> {
-        self.program().tensors
-    }
-}
-
-/// Name, shape and initial law of one tensor.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TensorSpec {
-    /// Dotted name, as in `model.safetensors`.
-    pub name: String,
-    /// Row-major shape.
-    pub shape: Vec<usize>,
-    /// Distribution of the initial entries.
-    pub init: Init,
-}
-
-/// Distribution of a tensor's initial entries.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Init {
-    /// N(0, sigma).
-    Normal(f64),
-    /// Uniform in +-1/sqrt(fan_in), the usual law of a linear layer.
-    FanIn(usize),
-    /// One value.
-    Constant(f64),
-}
-
-impl TensorSpec {
-    pub(crate) fn new(name: &str, shape: &[usize], init: Init) -> Self {
-        Self { name: name.into(), shape: shape.to_vec(), init }
-    }
-
-    /// Whether it is a matrix of a hidden block: all but a few of a network's parameters.
-    pub fn hidden(&self) -> bool {
-        self.name.starts_with("blocks.") && self.shape.len() == 2
-    }
-
-    /// Number of entries.
-    #[allow(clippy::len_without_is_empty)]
-    pub fn len(&self) -> usize {
-        self.shape.iter().product()
     }
 }

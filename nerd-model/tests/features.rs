@@ -1,0 +1,224 @@
+//! Tokens and targets: what is predicted leads to the next state in every form, and a token sees what it should.
+
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::Data;
+use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::form::{Form, View};
+use nerd_model::normalizer::Moments;
+use nerd_sim::batch::contacts;
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::{Collider, Plane};
+
+fn forms() -> impl Iterator<Item = Form> {
+    let views = [View::Own, View::World, View::Blind];
+    let plain = [Base::State, Base::Nothing].into_iter().flat_map(move |base| views.map(|view| Form { base, view }));
+    plain.chain([Base::Flight.into(), Base::Draft(1).into()])
+}
+
+fn system(robot: &str) -> Arc<System> {
+    System::named(robot).expect("built in")
+}
+
+/// From whatever it is added to; f32 of a change of at most a few units.
+#[test]
+fn what_is_predicted_leads_to_the_next_state_in_every_form() {
+    for robot in ["pendulum", "cartpole", "cube", "ant"] {
+        let system = system(robot);
+        let (d, root) = (system.robot.state_dim(), system.robot.root_coords());
+        for form in forms() {
+            let mut features = Features::new(&system, form);
+            let (mut target, mut made, mut worst) = (vec![0.0f32; d], vec![0.0; d], 0.0f64);
+            for k in 0..50 {
+                let [state, from, next] = [0, 1, 2].map(|i| start(&system, Start::Sample, &mut stream(42, 3 * k + i)));
+                let from = if form.base.moves() { from } else { state.clone() };
+                features.target(&state, &from, &next, &mut target);
+                let change: Vec<f64> = target.iter().map(|x| f64::from(*x)).collect();
+                features.apply(&state, &from, &change, &mut made);
+                for (i, (a, b)) in made.iter().zip(&next).enumerate() {
+                    let wraps = (root..system.robot.nq()).contains(&i) && system.robot.joints().nth(i - root).is_some_and(|j| j.wraps());
+                    worst = worst.max(if wraps { wrap(a - b).abs() } else { (a - b).abs() / b.abs().max(1.0) });
+                }
+            }
+            assert!(worst < 1e-5, "{robot}, {form:?}: {worst:.1e} from the next state");
+        }
+    }
+}
+
+/// A frame turns a link by well under a radian, so what a network is asked for may not jump where an angle wraps.
+#[test]
+fn an_absolute_angle_has_no_seam() {
+    let system = system("pendulum");
+    let mut features = Features::new(&system, Base::Nothing);
+    let mut target = vec![0.0f32; 4];
+    let (state, next) = ([3.1, 0.0, 5.0, 0.0], [wrap(3.1 + 0.08), 0.0, 5.0, 0.0]);
+    features.target(&state, &state, &next, &mut target);
+    assert!((f64::from(target[0]) - 3.18).abs() < 1e-6, "from 3.1 to 3.18 rad is said as {}", target[0]);
+}
+
+fn token(system: &Arc<System>, form: Form, state: &[f64], depth: f64) -> Vec<f32> {
+    let event =
+        |_| ContactEvent { p0: Vector3::zeros(), p1: Vector3::new(0.1, 0.0, 0.2), normal: Vector3::y(), distance: depth, collider: 0 };
+    let events: Vec<_> = (0..system.robot.contact_points.len()).map(event).collect();
+    let mut out = vec![0.0; Features::inputs(system, form)];
+    let torques = vec![0.5; system.robot.joint_count()];
+    Features::new(system, form).token(state, state, &events, &torques, &Vector3::new(0.0, -9.81, 0.0), &mut out);
+    out
+}
+
+#[test]
+fn the_end_to_end_form_sees_state_and_torques_alone() {
+    for robot in ["pendulum", "ant"] {
+        let system = system(robot);
+        let state = start(&system, Start::Sample, &mut stream(4, 0));
+        let width = system.robot.state_dim() + system.robot.joint_count();
+        for form in forms().filter(|form| !form.base.moves()) {
+            let (near, far) = (token(&system, form, &state, 0.01), token(&system, form, &state, 0.02));
+            let blind = form.view == View::Blind;
+            assert_eq!(near.len() == width, blind, "{robot}, {form:?}: {} numbers", near.len());
+            assert_eq!(near == far, blind, "{robot}, {form:?}: a contact's depth is {}seen", if near == far { "not " } else { "" });
+        }
+        let blind = token(&system, Form { base: Base::State, view: View::Blind }, &state, 0.01);
+        assert!(blind.iter().zip(&state).all(|(t, s)| f64::from(*t) == f64::from(*s as f32)), "the state is not seen as it is");
+    }
+}
+
+#[test]
+fn world_views_see_where_the_robot_stands_and_its_own_does_not() {
+    let system = system("ant");
+    let state = start(&system, Start::Reset, &mut stream(5, 0));
+    let nq = system.robot.nq();
+    let mut there = state.clone();
+    // 20 m along x; the twist about the world's origin changes with it, v += by x w.
+    there[0] += 20.0;
+    there[nq + 4] -= 20.0 * state[nq + 2];
+    there[nq + 5] += 20.0 * state[nq + 1];
+    for form in forms().filter(|form| !form.base.moves()) {
+        // Far from any contact, so that the event's place in the world plays no part.
+        let (a, b) = (token(&system, form, &state, 10.0), token(&system, form, &there, 10.0));
+        let gap = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        if form.view == View::Own {
+            assert!(gap < 1e-5, "{form:?} sees a move of 20 m as {gap:.1e}");
+        } else {
+            assert!(gap > 19.0, "{form:?} sees a move of 20 m as {gap:.1e}");
+        }
+    }
+}
+
+#[test]
+fn identity_moments_leave_rows_as_they_are() {
+    let rows: Vec<f32> = (0..300).map(|i| (i as f32 * 0.37).sin() * 10f32.powi(i % 9 - 4)).collect();
+    let mut normal = rows.clone();
+    Moments::identity(3).normalize(&mut normal);
+    assert_eq!(rows, normal);
+}
+
+/// The token of a state on flight, in a scene with one tilted plane, after the whole world is moved by `motion`.
+fn flown(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
+    let mut system = (*system(robot)).clone();
+    if let nerd_core::robot::Base::Fixed(pose) = &mut system.robot.base {
+        *pose = motion * *pose;
+    }
+    let system = Arc::new(system);
+    let (by, turn, nq) = (motion.translation.vector, motion.rotation, system.robot.nq());
+    let mut state = start(&system, Start::Sample, &mut stream(43, k));
+    if system.robot.floating() {
+        let (p, r) = (vector(&state[..3]), quaternion(&state[3..7]));
+        let (w, v) = (turn * vector(&state[nq..]), turn * vector(&state[nq + 3..]));
+        state[..3].copy_from_slice((turn * p + by).as_slice());
+        write_quaternion(&mut state[3..7], &(turn * r));
+        state[nq..nq + 3].copy_from_slice(w.as_slice());
+        // The twist is about the world's origin.
+        state[nq + 3..nq + 6].copy_from_slice((v + by.cross(&w)).as_slice());
+    }
+    let (normal, offset) = (Vector3::new(0.1, 0.99, -0.1).normalize(), 0.6);
+    let plane = Plane { normal: turn * normal, offset: offset + (turn * normal).dot(&by) };
+    let mut scene = Scene::free(turn * system.gravity());
+    scene.colliders.push(Collider::plane(plane, system.spec.material));
+    let scene = Arc::new(scene);
+    let torques: Vec<f64> = (0..system.robot.joint_count()).map(|i| 10.0 * (i as f64).sin()).collect();
+    let mut flight = Base::Flight.flight(&system).expect("flies");
+    let base = flight.step(&state, std::slice::from_ref(&scene), &torques).expect("a frame").to_vec();
+    let mut events = Vec::new();
+    contacts(&system, &scene, &state, &mut Data::new(&system.robot), &mut events);
+    let mut out = vec![0.0; Features::inputs(&system, Base::Flight)];
+    Features::new(&system, Base::Flight).token(&state, &base, &events, &torques, &scene.gravity, &mut out);
+    out
+}
+
+#[test]
+fn a_token_on_flight_sees_neither_place_nor_heading() {
+    let up = Vector3::y_axis();
+    for robot in ["pendulum", "ant"] {
+        let mut seen = 0;
+        for k in 0..20 {
+            let here = flown(robot, &Isometry3::identity(), k);
+            let (points, d) = (system(robot).robot.contact_points.len(), system(robot).robot.state_dim());
+            let ways = d + 7 * points;
+            seen += here[ways..ways + 3 * points].iter().filter(|x| **x != 0.0).count();
+            for (by, heading) in [(Vector3::new(3.0, -1.0, 2.0), 0.0), (Vector3::zeros(), 2.0), (Vector3::new(300.0, 20.0, -500.0), -1.3)] {
+                let there = flown(robot, &Isometry3::from_parts(by.into(), UnitQuaternion::from_axis_angle(&up, heading)), k);
+                let worst = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(worst < 1e-5, "{robot}, start {k}, moved {by:?} and turned {heading}: {worst:.1e}");
+            }
+        }
+        assert!(seen > 0, "{robot}: no point was near enough for its way to be seen; the test shows nothing");
+    }
+}
+
+const CUBE: &str = r#"<robot name="cube"><link name="cube"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/></inertial></link></robot>"#;
+const SPEC: &str = r#"
+urdf = "cube.urdf"
+floating = true
+frame_time = "1/60"
+gravity = [0.0, 0.0, -9.81]
+substeps = 4
+state_columns = ["px", "py", "pz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "vx", "vy", "vz"]
+torque_columns = []
+[[contact]]
+link = "cube"
+point = [0.2, 0.2, -0.2]
+radius = 0.0
+thickness = 0.05
+"#;
+
+/// A state with root at `p`, turned by `turn` about the vertical, all else equal in its own frame.
+fn placed(p: Vector3<f64>, turn: f64) -> (Vec<f64>, UnitQuaternion<f64>) {
+    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+    let r = heading * UnitQuaternion::from_euler_angles(0.3, -0.4, 0.0);
+    let (w, p_dot) = (heading * Vector3::new(0.5, -1.0, 2.0), heading * Vector3::new(1.0, 2.0, -0.5));
+    let v = p_dot + p.cross(&w);
+    let (c, mut state) = (r.coords, p.as_slice().to_vec());
+    state.extend([c.x, c.y, c.z, c.w]);
+    state.extend(w.iter().chain(v.iter()));
+    (state, heading)
+}
+
+#[test]
+fn the_network_sees_neither_place_nor_heading() {
+    let system = Arc::new(System::from_text("cube", CUBE, Some(SPEC)).expect("valid"));
+    let mut features = Features::new(&system, Base::State);
+    let mut token = |p: Vector3<f64>, turn: f64| {
+        let (state, heading) = placed(p, turn);
+        let event =
+            ContactEvent { p0: p, p1: p + heading * Vector3::new(0.2, 0.1, -0.3), normal: Vector3::z(), distance: 0.05, collider: 0 };
+        let mut out = vec![0.0; Features::inputs(&system, Base::State)];
+        features.token(&state, &state, &[event], &[], &Vector3::new(0.0, 0.0, -9.81), &mut out);
+        let mut change = vec![0.0; Features::outputs(&system)];
+        let (next, _) = placed(p + heading * Vector3::new(0.01, 0.02, 0.0), turn + 0.03);
+        features.target(&state, &state, &next, &mut change);
+        [out, change].concat()
+    };
+    let here = token(Vector3::zeros(), 0.0);
+    for (distance, bound) in [(1.0, 1e-6), (1e3, 1e-6), (1e5, 1e-5)] {
+        let there = token(Vector3::new(distance, -distance, 0.3 * distance), 2.5);
+        let worst = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        println!("{distance} m away, turned: {worst:.1e}");
+        assert!(f64::from(worst) < bound, "{distance} m away and turned, the network sees a difference of {worst:.1e}");
+    }
+}
