@@ -67,7 +67,7 @@ impl Motions {
             title: format!("{}: motions that no solver has seen", data.robot),
             x: match self.device {
                 Device::Cpu => "microseconds a frame, one environment, one core".into(),
-                Device::Cuda => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
+                _ => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
             },
             y: format!("mean distance of contact points over {} frames (m)", self.frames),
             series,
