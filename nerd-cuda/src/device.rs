@@ -87,7 +87,7 @@ impl Device {
         CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
     }
 
-    /// Bytes of this process's GPU that nobody has taken.
+    /// Free bytes of this process's GPU.
     ///
     /// # Errors
     /// If there is none.

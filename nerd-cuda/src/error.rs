@@ -1,6 +1,6 @@
-//! What goes wrong on a device.
+//! Errors of a device.
 
-/// One line of what a device or its libraries said.
+/// One line with the error of a device or its libraries.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("device: {0}")]
 pub struct DeviceError(pub String);

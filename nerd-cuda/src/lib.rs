@@ -1,8 +1,8 @@
 //! A small layer over CUDA for kernels that are compiled at run time.
 //!
-//! It is for authors of kernels: addresses, shapes and sizes that are given to a launch or a product are checked by nobody, and a wrong one
-//! reads or writes other memory of the device. Work runs on two streams ([`Lane`]), each in the order in which it was given. Every call returns
-//! a [`DeviceError`] if the driver or a library refuses.
+//! It is for authors of kernels. Addresses, shapes and sizes of launches and products are not checked, and a wrong one reads or writes
+//! other memory of the device. Work runs on two streams ([`Lane`]), each in order. Every call returns a [`DeviceError`] if the driver or a
+//! library fails.
 
 mod device;
 mod error;

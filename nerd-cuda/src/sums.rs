@@ -1,8 +1,7 @@
-//! Sums over the cards of several processes, by NCCL.
+//! Sums over the GPUs of several processes, by NCCL.
 //!
-//! The library is loaded by its own name when the first sum is asked for: it has no place in a build, nor in a run on one card. Only
-//! what is needed of it is declared here. NCCL reads `NCCL_NVLS_ENABLE` when it is loaded; set it to 0 where NVLink's multicast is not
-//! set up.
+//! The library is loaded at the first sum, so neither a build nor a run on one GPU needs it. Only the functions in use are declared here.
+//! NCCL reads `NCCL_NVLS_ENABLE` when it is loaded; set it to 0 where NVLink's multicast is not set up.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::OnceLock;
@@ -119,7 +118,7 @@ impl Sums {
     pub fn sum(&self, device: &Device, buffer: &Buffer<f32>) -> Result<(), DeviceError> {
         device.bind()?;
         let (at, stream) = (buffer.ptr as *mut c_void, device.stream(Lane::Main).cu_stream());
-        // SAFETY: the buffer is of this device and as long as is said.
+        // SAFETY: the buffer is on this device and has the given length.
         self.nccl.check("sum", unsafe { (self.nccl.sum)(at, at, buffer.len, FLOAT, SUM, self.comm, stream.cast()) })
     }
 }

@@ -1,14 +1,13 @@
 //! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight, or after a draft
 //! of the frame.
 //!
-//! A draft ([`nerd_sim::articulated::Draft`]) is a substep or a few of our implicit dynamics, contacts and all: a model of it learns
-//! what the truth's many substeps change. It is asked in every frame.
+//! A draft ([`nerd_sim::articulated::Draft`]) is one or a few substeps of our implicit dynamics, with contact. A model on it learns what
+//! the truth's many substeps change, and runs in every frame.
 //!
-//! Flight is one frame of our articulated dynamics, joint limits and damping included, in a scene with nothing in it: as the
-//! truth flies, which is at the reference simulator's settings or, for every other truth, exactly (another engine's own error
-//! over the frame is then the floor of a model; `nerd-sim/tests/rapier.rs` measures rapier's). It costs microseconds. Then
-//! the network is left with what contact does, and an environment where nothing can be touched within the frame needs no
-//! network.
+//! Flight is one frame of our articulated dynamics, joint limits and damping included, in an empty scene, integrated as the truth does:
+//! with the reference simulator's settings for the truth `paper`, exactly for every other (rapier's own error over a frame is then the
+//! floor of a model of it). It costs microseconds. The network is left with contact, and an environment where nothing can be touched
+//! within the frame needs no network.
 
 use std::sync::Arc;
 

@@ -2,10 +2,10 @@
 //!
 //! A token of a robot that can touch something or move its base:
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
-//! quantities masked to zero beyond `xi`; of any other robot: `[state, torques]`. A scene pays only for what it has.
-//! Where predictions are added to a frame of flight ([`Base::Flight`]) a token also says how far flight carries each contact
+//! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
+//! With a base of flight ([`Base::Flight`]) a token also holds how far flight carries each contact
 //! point (3 C, m, masked likewise), since what contact adds depends first on that, and kinematics is hard to learn.
-//! Where they are added to a draft ([`Base::Draft`]) it also says, last, what the draft changes, in the form of a target.
+//! With a draft ([`Base::Draft`]) it ends with what the draft changes, in the form of a target.
 //! The target is the change over the frame from its base ([`Base`]), seen from the frame of the token: additive
 //! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
 //!

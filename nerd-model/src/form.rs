@@ -1,5 +1,5 @@
-//! In which form a network sees and predicts motion: the paper's (own frame, changes of state), or one with a decision taken
-//! back, to be compared with (paper A.3.3). A model carries its form, so an ablated one is evaluated by the same code.
+//! The form of inputs and predictions: the paper's (own frame, changes of state), or an ablation of it (paper A.3.3). A model carries its
+//! form, so an ablated one is evaluated by the same code.
 
 use serde::{Deserialize, Serialize};
 

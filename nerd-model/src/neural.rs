@@ -1,12 +1,11 @@
 //! The learned solver: one network evaluation a frame in place of dynamics, contact and integration.
 //!
 //! Contacts are found by the scene's geometry, as for every solver. Each frame of an environment is a token in its own
-//! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, or
-//! frames stepped by another solver, or one that failed) makes it forget them, so history can never be another motion's.
+//! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, frames stepped by
+//! another solver, a failed frame) clears that memory.
 //!
 //! With a base of flight ([`crate::base`]) the prediction is what contact adds to a frame of flight, and environments that can touch
-//! nothing within the frame ask nothing of the network. Their frames are tokens all the same, as in training, so a landing knows
-//! the fall before it.
+//! nothing within the frame skip the network. Their frames are tokens all the same, as in training, so a landing sees the fall before it.
 
 use std::sync::Arc;
 

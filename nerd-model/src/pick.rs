@@ -1,4 +1,4 @@
-//! Which solver to take: the cheapest of a measured chart that is accurate enough.
+//! Picking a solver: the cheapest of a measured chart that is accurate enough.
 //!
 //! `cargo xtask chart` measures every setting of every solver, learned ones too, on one scene and writes
 //! `results/chart-ROBOT-SCENE.json`; [`pick`] reads it.

@@ -12,13 +12,13 @@ use super::layout::Chain;
 use super::step::OUTPUTS;
 use crate::program::op::padded;
 
-/// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the two
-/// kernels.
+/// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the
+/// two kernels.
 pub fn numbers(chain: &Chain) -> usize {
     12 + 6 * chain.rods
 }
 
-/// The text for a chain, for scenes of at most so many colliders; `scale` is what 1 means of each number that is said.
+/// The text for a chain, for scenes of at most so many colliders; `scale` is the scale of each output.
 pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     chain_functions(chain, scale, system, colliders) + include_str!("chain_frame.cuh")
 }

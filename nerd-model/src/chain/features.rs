@@ -8,7 +8,7 @@
 //! | 1, 1 | `tanh` of `d` a frame ahead by `3 r / 4`; whether there is a surface |
 //! | 12 | the gripper's glide: `10 dv`, `v'`, half the change of its direction's rate, its new direction |
 //!
-//! All in world axes, r the rods' radius, d counted from their surface. Where a chain is does not stand in it.
+//! All in world axes, with r the rods' radius and d measured from their surface. A token does not hold the chain's position.
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
@@ -47,7 +47,7 @@ impl Look {
         let touch = |node: &Vector3<f64>| {
             let event = contact(node);
             let gap = event.distance - chain.radius;
-            // What is no number is seen, so that it can be told.
+            // NaNs are kept, so that they can be reported.
             if gap >= REACH { Touch { normal: Vector3::zeros(), gap: REACH } } else { Touch { normal: event.normal, gap } }
         };
         Self { touches: nodes.iter().map(touch).collect(), velocities, glided: chain.glide(&rods.gripper, torques) }
@@ -74,7 +74,7 @@ impl Look {
         }
     }
 
-    /// Adds to `slope` what [`Look::tokens`] makes of slopes by tokens, `[rod][INPUTS]`, and gives that by where the gripper glides.
+    /// Adds to `slope` what [`Look::tokens`] makes of gradients by tokens, `[rod][INPUTS]`, and gives that by where the gripper glides.
     /// Normals count as constant.
     #[cfg(feature = "autodiff")]
     pub fn tokens_back(&self, chain: &Chain, rods: &Rods, behind: &[f32], slope: &mut Rods) -> Gripper {

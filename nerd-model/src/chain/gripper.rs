@@ -1,10 +1,10 @@
-//! What leads a chain: its state, where its drive takes it within a frame, and the direction it points to.
+//! The gripper that leads a chain: its state, its motion within a frame, and the direction it points to.
 
 use nalgebra::Vector3;
 
 use super::Chain;
 
-/// State of a gripper; of an adjoint, the slopes by these numbers.
+/// State of a gripper; of an adjoint, the gradients by these numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gripper {
     /// Place (m, world).
@@ -35,7 +35,7 @@ impl Gripper {
         [t, by_yaw * self.rates.x + by_pitch * self.rates.y]
     }
 
-    /// t, its slopes by yaw and by pitch, and theirs: by yaw twice, by yaw and pitch, by pitch twice.
+    /// t, its gradients by yaw and by pitch, and theirs: by yaw twice, by yaw and pitch, by pitch twice.
     fn slopes(&self) -> [Vector3<f64>; 6] {
         let ((sy, cy), (sp, cp)) = (self.angles.x.sin_cos(), self.angles.y.sin_cos());
         [
@@ -48,7 +48,7 @@ impl Gripper {
         ]
     }
 
-    /// Adds to `slope` what [`Gripper::points`] makes of slopes `behind` it.
+    /// Adds to `slope` what [`Gripper::points`] makes of gradients `behind` it.
     #[cfg(feature = "autodiff")]
     pub fn points_back(&self, behind: [Vector3<f64>; 2], slope: &mut Self) {
         let [_, by_yaw, by_pitch, yaw_yaw, yaw_pitch, pitch_pitch] = self.slopes();
@@ -76,7 +76,7 @@ impl Chain {
         next
     }
 
-    /// Slopes in front of [`Chain::glide`], which is linear, from those behind it.
+    /// Gradients in front of [`Chain::glide`], which is linear, from those behind it.
     #[cfg(feature = "autodiff")]
     pub fn glide_back(&self, behind: &Gripper) -> Gripper {
         let mut slope = *behind;

@@ -1,4 +1,4 @@
-//! Which robots are chains, and the numbers of one.
+//! Which robots are chains, and a chain's constants.
 
 use nalgebra::{Isometry3, Vector3};
 use nerd_core::robot::{Base, Joint, JointKind, Robot};

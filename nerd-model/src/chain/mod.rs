@@ -5,7 +5,7 @@
 //! (`program/networks.rs`) is a frame:
 //!
 //! ```text
-//! state ── Chain::rods ──▶ rods ── look ──▶ tokens ── network ──▶ said ── advance ──▶ rods ── Chain::state ──▶ state
+//! state ── Chain::rods ──▶ rods ── look ──▶ tokens ── network ──▶ output ── advance ──▶ rods ── Chain::state ──▶ state
 //!                           ▲ contacts of the scene, the gripper's glide
 //! ```
 //!

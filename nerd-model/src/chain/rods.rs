@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{Chain, Gripper};
 
-/// State of a chain as rods; of an adjoint, the slopes by these numbers.
+/// State of a chain as rods; of an adjoint, the gradients by these numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rods {
     /// What leads it.
@@ -21,7 +21,7 @@ pub struct Rods {
 }
 
 impl Rods {
-    /// Nothing, of so many rods: where slopes are added up.
+    /// Nothing, of so many rods: where gradients are added up.
     pub fn zeros(rods: usize) -> Self {
         Self { gripper: Gripper::default(), along: vec![Vector3::zeros(); rods], rates: vec![Vector3::zeros(); rods] }
     }
@@ -119,7 +119,7 @@ impl Chain {
         [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
     }
 
-    /// Adds to `slope` what [`Chain::nodes`] makes of slopes `behind` it: a rod moves all nodes from its end on.
+    /// Adds to `slope` what [`Chain::nodes`] makes of gradients `behind` it: a rod moves all nodes from its end on.
     #[cfg(feature = "autodiff")]
     pub fn nodes_back(&self, behind: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
         let Rods { gripper, along, rates } = slope;

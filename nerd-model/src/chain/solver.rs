@@ -1,6 +1,6 @@
 //! The learned solver of chains: contacts, one pass of the network, one step of the rods.
 //!
-//! It has no memory: a frame is a function of state, torques and scene, so environments may be reset and exchanged at will.
+//! It has no memory: a frame is a function of state, torques and scene.
 
 use nerd_sim::batch::Batch;
 use nerd_sim::solver::{Fault, Solver, StepError, check, commit};
@@ -48,7 +48,7 @@ impl ChainSolver {
         Ok(Self { chain, network, scale, rows, work: Vec::new(), next: Vec::new(), faults: Vec::new() })
     }
 
-    /// What 1 means of each number that is said.
+    /// The scale of each output.
     ///
     /// # Errors
     /// If tokens or means would have to be shifted: a chain's are in fixed units, about 0.

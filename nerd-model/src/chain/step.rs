@@ -1,13 +1,13 @@
-//! A frame: what the network said, onto rods.
+//! A frame: the network's output, applied to rods.
 //!
-//! With `a` and `r` said of a rod, T the frame's time: `u = td + a`, `t' = |t + T (td + u) / 2 + r|` at unit length, `td' = u - t' (t' . u)`.
-//! The gripper is where it glides, and what is said of it from there.
+//! With the outputs `a` and `r` of a rod and T the frame's time: `u = td + a`, `t' = |t + T (td + u) / 2 + r|` at unit length,
+//! `td' = u - t' (t' . u)`. The gripper's outputs count from where it glides to.
 
 use nalgebra::Vector3;
 
 use super::{Chain, Gripper, Rods};
 
-/// Numbers that are said of a rod: change of rate (3), what of the direction is missed (3), and, of the first rod alone, what the
+/// Outputs for a rod: change of rate (3), what of the direction is missed (3), and, of the first rod alone, what the
 /// gripper's glide misses (12).
 pub const OUTPUTS: usize = 18;
 
@@ -47,8 +47,8 @@ impl Chain {
         (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + said.vector(k, 3))
     }
 
-    /// Slopes by the rods before and by what was said, `[rod][OUTPUTS]`, from those `behind` [`Chain::advance`]; those behind the gripper
-    /// are those by where it glides.
+    /// Gradients by the rods before and by what was said, `[rod][OUTPUTS]`, from those `behind` [`Chain::advance`]; those behind the
+    /// gripper are those by where it glides.
     #[cfg(feature = "autodiff")]
     pub fn advance_back(&self, before: &Rods, said: Said, behind: &Rods, slope: &mut Rods) -> Vec<f32> {
         let mut by_said = vec![0.0; self.rods * OUTPUTS];

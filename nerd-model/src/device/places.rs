@@ -1,8 +1,8 @@
-//! Where slots stand in the memory that a block shares, as long as some step still meets them.
+//! Places of slots in a block's shared memory, each held until the last step that reads it.
 
 use crate::program::op::{Program, Slot, padded};
 
-/// How products are reckoned.
+/// Arithmetic of the products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Products {
     /// In 32 bits.
@@ -11,7 +11,7 @@ pub enum Products {
     Tf32,
 }
 
-/// Where a slot's rows stand.
+/// Place of a slot's rows.
 #[derive(Clone, Copy)]
 enum Home {
     /// From this number of the shared memory on.

@@ -1,5 +1,5 @@
-//! A small program as one kernel, `whole_pass`: every slot stands in the memory that a block shares, and a block passes a window, or a few on
-//! tensor cores. Where many windows of narrow rows are passed, kernels one by one would mostly move rows to and fro.
+//! A small program as one kernel, `whole_pass`: every slot is in shared memory, and a block computes one window, or a few on tensor cores.
+//! With many windows of narrow rows, separate kernels would mostly move rows to and from memory.
 
 use std::fmt::Write;
 
@@ -64,7 +64,7 @@ impl<'a> Writer<'a> {
             i += self.step(i)?;
         }
         let widest = self.places.widest()?;
-        // Zeros that stand for a row.
+        // Zeros in place of a row.
         let zeros = program.widths.iter().map(|width| self.places.apart(*width)).max()?;
         let floats = self.places.most + zeros;
         let warps = if tensor { widest.div_ceil(16) } else { (widest.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) }.min(MOST_WARPS);

@@ -12,7 +12,7 @@ int main() {
     int head[2];
     if (std::fread(head, 4, 2, stdin) != 2) return 1;
     const int n = head[0];
-    // What nobody has written is no number.
+    // Unwritten memory is NaN.
     std::vector<float> w(head[1]), tokens(n * T * INPUTS), out(n * T * OUTPUTS), s(FLOATS, NAN);
     size_t got = std::fread(w.data(), 4, w.size(), stdin) + std::fread(tokens.data(), 4, tokens.size(), stdin);
     for (int first = 0; first < n; first += WINDOWS) {

@@ -1,4 +1,4 @@
-//! `config.json`: what was learned, from what, how. It is written last, so a folder that has it is whole.
+//! `config.json`: what was learned, from what data and how. It is written last, so a folder that has it is complete.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -119,7 +119,7 @@ fn widths(system: &System, form: Form) -> (usize, usize) {
     (Features::inputs(system, form), Features::outputs(system))
 }
 
-/// The usual view stands in no file.
+/// The usual view is left out of files.
 fn own(view: &View) -> bool {
     *view == View::Own
 }

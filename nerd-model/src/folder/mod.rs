@@ -1,8 +1,8 @@
 //! A model is a folder: `config.json`, `normalizer.json`, `model.safetensors` and a card, `README.md`.
 //!
-//! What is loaded is known by content. `config.json` holds a hash of the robot that was learned and one of all that decides
-//! predictions: shape of the network, form, normaliser, weights. So neither another robot of the same name nor a file that
-//! was changed, cut short or copied from another folder is taken for what was trained.
+//! Models are identified by content. `config.json` holds a hash of the robot that was learned and one of all that decides predictions:
+//! shape of the network, form, normaliser, weights. So another robot of the same name is refused, and so is a file that was changed,
+//! truncated or copied from another folder.
 
 mod config;
 mod error;
@@ -99,7 +99,7 @@ impl Model {
         hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
     }
 
-    /// Takes what it holds for what was learned of `system`: both hashes of its configuration are made anew.
+    /// Accepts its content as learned from `system`: rewrites both hashes of its configuration.
     pub fn stamp(&mut self, system: &System) {
         self.config.robot_sha256 = system.robot_sha256();
         self.config.model_sha256 = self.sha256();

@@ -46,7 +46,7 @@ pub struct TransformerConfig {
     pub history: usize,
     /// Hidden width of the head MLP (paper: 64).
     pub head: usize,
-    /// How a token's place in time is told.
+    /// How a token's position in time is encoded.
     #[serde(default)]
     pub positions: Positions,
     /// What stands between tokens and head; of another one, `embedding` is the width, and `heads` and `block` mean nothing.
@@ -54,7 +54,7 @@ pub struct TransformerConfig {
     pub architecture: Architecture,
 }
 
-/// How a token's place in time is told.
+/// How a token's position in time is encoded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Positions {

@@ -10,7 +10,7 @@ pub struct Slot(pub usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Weight(pub usize);
 
-/// What stands between two products.
+/// The activation between two products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activation {
@@ -98,12 +98,12 @@ impl Program {
         Self { widths: vec![inputs], ..Self::default() }
     }
 
-    /// Where tokens stand.
+    /// Slot of the tokens.
     pub fn tokens(&self) -> Slot {
         Slot(0)
     }
 
-    /// Where predictions stand.
+    /// Slot of the predictions.
     pub fn predictions(&self) -> Slot {
         self.steps.last().map_or(Slot(0), |step| step.to)
     }

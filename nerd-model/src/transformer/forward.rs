@@ -1,4 +1,4 @@
-//! What a learned solver asks of a network, whoever evaluates it.
+//! The interface between a learned solver and the engine of its network.
 
 use crate::program::config::{Positions, TransformerConfig};
 

@@ -1,11 +1,10 @@
 //! [`Stream`] for rotary positions on the CPU: keys and values of old tokens are kept, one token is computed a frame.
 //!
-//! Tokens of frames in which nothing is asked of an environment wait. The next time it is asked they are computed with the new
-//! one, all in one pass, so that flight costs nothing until it ends. A prediction depends on the last
-//! [`TransformerConfig::reach`] tokens alone, so no more than these wait.
+//! Tokens of frames without a prediction wait, and are computed with the next one that needs it, in one pass: flight costs nothing until it
+//! ends. A prediction depends on the last [`TransformerConfig::reach`] tokens only, so no more than these wait.
 //!
-//! A key is turned once, by its place since the environment was cleared, and so is a query: what they make of each other depends on
-//! their distance alone. The angle of the place is kept as a unit vector that every frame turns on, so that it may grow for ever.
+//! Keys and queries are rotated once, by their position since the environment was cleared, so their product depends on their distance only.
+//! The angle is kept as a unit vector that every frame advances, so it never loses precision.
 
 use std::collections::VecDeque;
 

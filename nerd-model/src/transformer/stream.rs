@@ -1,4 +1,4 @@
-//! What a learned solver asks of a network frame by frame, and how an engine for windows answers.
+//! The frame-by-frame interface of a network, and an adapter for engines of whole windows.
 
 use super::forward::{Forward, ForwardError};
 use crate::program::config::TransformerConfig;

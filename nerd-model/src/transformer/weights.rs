@@ -67,7 +67,7 @@ fn most(parameters: usize) -> u64 {
     4 * parameters as u64 + (1 << 24)
 }
 
-/// How parameters stand in a file.
+/// Layout of parameters in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Storage {
     /// As they are.

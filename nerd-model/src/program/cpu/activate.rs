@@ -1,5 +1,5 @@
-//! Activations, forward and back. Slopes follow from what is said: of tanh `1 - y^2`; of relu 1 where y > 0; of elu 1, below 0 `y + 1`. That
-//! of gelu is kept. What is no number stays none.
+//! Activations, forward and backward. Derivatives follow from the output y: `1 - y^2` for tanh; 1 where y > 0 for relu; 1, below 0
+//! `y + 1`, for elu. That of gelu is stored. NaNs propagate.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -8,7 +8,7 @@ use pulp::Arch;
 use super::elementwise::{at_least, erf, erf_and_bell, exp};
 use crate::program::Activation;
 
-/// `y = f(x)`. The memory of x is that of y afterwards, or, of a gelu whose way back is asked for, holds its slope.
+/// `y = f(x)`. The memory of x is that of y afterwards, or, of a gelu whose way back is asked for, holds its gradient.
 pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     if f == Activation::Gelu && keep {
         return gelu_and_slope(x, y);
@@ -24,7 +24,7 @@ pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     }
 }
 
-/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the slope there, so that the backward pass only multiplies.
+/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the gradient there, so that the backward pass only multiplies.
 fn gelu_and_slope(x: &mut [f32], active: &mut Vec<f32>) {
     use std::f32::consts::FRAC_2_SQRT_PI;
     active.resize(x.len(), 0.0);

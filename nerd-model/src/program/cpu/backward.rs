@@ -1,4 +1,4 @@
-//! The way back through a program, over what the last pass kept.
+//! The backward pass through a program, over what the forward pass stored.
 //!
 //! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 

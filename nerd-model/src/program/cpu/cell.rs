@@ -1,6 +1,6 @@
 //! Recurrent cells over the tokens of each window, forward and backward (`program/networks.rs`).
 //!
-//! All windows take a step together. Kept of each token are its gates and, of an LSTM, c; of a GRU, `v_n`.
+//! All windows take a step together. The forward pass stores each token's gates and, of an LSTM, c; of a GRU, `v_n`.
 
 use super::Matrix;
 

@@ -1,5 +1,5 @@
-//! Element-wise work in f32, written so that the compiler makes vectors of it at the width `pulp` finds at run time: what is
-//! inlined here, inside a `dispatch` of its caller's.
+//! Element-wise work in f32 that the compiler vectorises at the width that `pulp` detects at run time. It is inlined into a `dispatch` of
+//! the caller's.
 
 use pulp::Arch;
 
@@ -30,11 +30,11 @@ pub fn erf(x: f32) -> f32 {
     erf_and_bell(x).0
 }
 
-/// Where `e^(-x^2)`, 1e-11 there, counts as nothing. Were it let go on to 1e-38, slopes times it would be numbers of less than that, for
+/// Where `e^(-x^2)`, 1e-11 there, counts as nothing. Were it let go on to 1e-38, gradients times it would be numbers of less than that, for
 /// which a processor takes far longer.
 const FADED: f32 = 5.0;
 
-/// [`erf`] and `e^(-x^2)`, which it is made of and its slope is proportional to.
+/// [`erf`] and `e^(-x^2)`, which it is made of and its gradient is proportional to.
 #[inline(always)]
 pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let a = x.abs();

@@ -1,4 +1,4 @@
-//! A matrix cut once, when a network is loaded, in panels as wide as the processor's registers hold.
+//! A matrix packed once, when a network is loaded, into panels as wide as the processor's registers.
 //!
 //! A general product packs its operands at every call, which for the few rows of a frame costs more than the product. Here
 //! a panel stays in the first-level cache while all rows pass it, and a tile of sums stays in registers.

@@ -1,6 +1,6 @@
 //! Programs on the CPU: forward for windows and for streams, and (feature `autodiff`) backward by weights and by tokens.
 //!
-//! Matrices are cut in panels when weights are loaded, with the norms' weights before them folded in (`diag(w) W`); element-wise work
+//! Matrices are packed into panels when weights are loaded, with the preceding norms' weights folded in (`diag(w) W`); element-wise work
 //! runs with the widest vectors the processor has. Equal to burn's to rounding (`tests/program.rs`).
 
 mod activate;
@@ -47,7 +47,7 @@ pub struct Memory {
     aside: Vec<Vec<f32>>,
     spare: Vec<Vec<f32>>,
     attention: Attention,
-    /// Slopes in panels.
+    /// Gradients in panels.
     #[cfg(feature = "autodiff")]
     slopes: Matrix,
 }
@@ -202,7 +202,7 @@ impl Loaded {
         values[from.0] = x;
     }
 
-    /// Behind the last look at other tokens, rows that nobody asked for are dropped.
+    /// After the last attention, rows without a request are dropped.
     fn narrow(&self, memory: &mut Memory, pass: &Pass) {
         let (Pass::Windows(_, rows) | Pass::Stream(_, rows)) = pass else { return };
         let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);

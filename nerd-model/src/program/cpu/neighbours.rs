@@ -1,4 +1,4 @@
-//! Rows beside those of the tokens before and behind them in their window, forward and backward.
+//! Rows concatenated with those of neighbouring tokens in their window, forward and backward.
 
 /// `[x_{k-d} x_k x_{k+d}]` for rows of `width`, zeros beyond the ends of windows of so many tokens.
 pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut Vec<f32>) {
