@@ -5,7 +5,7 @@
 #[error("device: {0}")]
 pub struct DeviceError(pub String);
 
-/// The error that says what failed.
+/// The error.
 pub(crate) fn failed<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> DeviceError {
     move |e| DeviceError(format!("{what}: {e:?}"))
 }

@@ -19,7 +19,7 @@ impl Graph {
     /// Launches it; `what` names it in an error.
     ///
     /// # Errors
-    /// What the driver says.
+    /// The driver's error.
     pub fn launch(&self, what: &'static str) -> Result<(), DeviceError> {
         self.0.launch().map_err(failed(what))
     }

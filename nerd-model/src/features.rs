@@ -177,7 +177,7 @@ impl Features {
         }
         for (i, _) in robot.joints().enumerate().filter(|(_, joint)| joint.wraps()) {
             let k = robot.root_coords() + i;
-            // An angle itself is said without a seam: the token's, wrapped, and what it turned by since.
+            // Angles without a seam: the token's, wrapped, and the turn since.
             let from = if self.form.base == Base::Nothing { wrap(state[k]) } else { 0.0 };
             out[k] = (from + wrap(next[k] - base[k])) as f32;
         }

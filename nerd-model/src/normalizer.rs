@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The paper's, and that of files which do not say.
+/// The paper's, and the default of files.
 pub const EPSILON: f64 = 1e-5;
 
 fn paper() -> f64 {

@@ -1,6 +1,6 @@
 // A chain before and after its network, as chain/*.rs have it, in 64 bits: the state as rods, contacts and tokens; then the state that
 // follows. Sizes and tables come from the host: RODS, INPUTS of a token, LDX numbers from one to the next, OUTPUTS, LENGTH and RADIUS of a
-// rod, FRAME, REACH, QUICK; HOME, STIFFNESS, PULSE of the gripper, STRETCH of what is said, WRAPS of coordinates.
+// rod, FRAME, REACH, QUICK; HOME, STIFFNESS, PULSE of the gripper, STRETCH of outputs, WRAPS of coordinates.
 
 #ifndef __CUDACC_RTC__
 using std::tanh; using std::hypot; using std::atan2; using std::copysign;
@@ -137,14 +137,14 @@ FN V3 said3(const float* said, int first) {
     return v3(said[first] * STRETCH[first], said[first + 1] * STRETCH[first + 1], said[first + 2] * STRETCH[first + 2]);
 }
 
-// Direction and rate u of a rod after what was said of it, before they are put right.
+// Direction and rate u of a rod after its outputs, before they are normalised.
 FN V3 said(const double* chain, int k, const float* row, V3& u) {
     const V3 rate = read3(chain + GRIPPER + 3 * (RODS + k));
     u = rate + said3(row, 0);
     return read3(chain + GRIPPER + 3 * k) + (rate + u) * (0.5 * FRAME) + said3(row, 3);
 }
 
-// The state after what was said `[rod][OUTPUTS]`, in place of `state`; 0 or GONE.
+// The state after the outputs `[rod][OUTPUTS]`, in place of `state`; 0 or GONE.
 BIG int apply(double* state, const double* memo, const float* numbers) {
     double gripper[GRIPPER], next[STATE];
     for (int k = 0; k < GRIPPER; k++) gripper[k] = memo[k] + numbers[6 + k] * STRETCH[6 + k];

@@ -1,7 +1,7 @@
 // A frame of chains, as a solver makes it.
 
 #ifdef __CUDACC_RTC__
-// Tokens of `n` environments; one that failed before says nothing more. Torques are held, or one set a frame.
+// Tokens of `n` environments; one that failed before is skipped. Torques are held, or one set a frame.
 extern "C" __global__ void chain_tell(const double* states, const double* torques, const double* scenes, const int* scene_of, double* memos,
                                       float* tokens, int* faults, const unsigned* done, int n, const int* held) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
@@ -19,7 +19,7 @@ extern "C" __global__ void chain_apply(double* states, const double* memos, cons
 }
 #else
 #include <cstdio>
-// From standard input, n and scenes; states, torques, scenes, scene of each, what is said; to standard output, faults, tokens, states.
+// From standard input, n and scenes; states, torques, scenes, scene of each, outputs; to standard output, faults, tokens, states.
 int main() {
     int head[2];
     if (std::fread(head, 4, 2, stdin) != 2) return 1;

@@ -48,7 +48,7 @@ impl Gripper {
         ]
     }
 
-    /// Adds to `slope` what [`Gripper::points`] makes of gradients `behind` it.
+    /// Adds to `slope` what [`Gripper::points`] makes of the upstream gradients `behind`.
     #[cfg(feature = "autodiff")]
     pub fn points_back(&self, behind: [Vector3<f64>; 2], slope: &mut Self) {
         let [_, by_yaw, by_pitch, yaw_yaw, yaw_pitch, pitch_pitch] = self.slopes();
@@ -76,7 +76,7 @@ impl Chain {
         next
     }
 
-    /// Gradients in front of [`Chain::glide`], which is linear, from those behind it.
+    /// Gradients by the input of [`Chain::glide`], which is linear, from the upstream ones.
     #[cfg(feature = "autodiff")]
     pub fn glide_back(&self, behind: &Gripper) -> Gripper {
         let mut slope = *behind;

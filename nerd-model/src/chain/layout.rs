@@ -19,7 +19,7 @@ pub struct NoChain {
     pub reason: String,
 }
 
-/// A gripper on six critically damped axes, and equal rods behind it on two hinges each (z, then y).
+/// A gripper on six critically damped axes, followed by equal rods on two hinges each (z, then y).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
     /// Rods.

@@ -119,7 +119,7 @@ impl Chain {
         [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
     }
 
-    /// Adds to `slope` what [`Chain::nodes`] makes of gradients `behind` it: a rod moves all nodes from its end on.
+    /// Adds to `slope` what [`Chain::nodes`] makes of the upstream gradients `behind`: a rod moves all nodes from its end on.
     #[cfg(feature = "autodiff")]
     pub fn nodes_back(&self, behind: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
         let Rods { gripper, along, rates } = slope;

@@ -32,7 +32,7 @@ struct Work {
 }
 
 impl ChainSolver {
-    /// The network of `system`'s chain; `normalizer` says what its numbers mean, its tokens are taken as they are.
+    /// The network of `system`'s chain; `normalizer` scales its outputs; its tokens are taken as they are.
     ///
     /// # Errors
     /// If the robot is no chain, or one of more or fewer rods than the network was trained on.

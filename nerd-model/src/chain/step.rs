@@ -11,7 +11,7 @@ use super::{Chain, Gripper, Rods};
 /// gripper's glide misses (12).
 pub const OUTPUTS: usize = 18;
 
-/// What a network said of a chain's rods, `[rod][OUTPUTS]`, and what its numbers mean.
+/// A network's outputs for a chain's rods, `[rod][OUTPUTS]`, and their scales.
 #[derive(Clone, Copy)]
 pub struct Said<'a> {
     /// Said, normalised.
@@ -47,8 +47,8 @@ impl Chain {
         (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + said.vector(k, 3))
     }
 
-    /// Gradients by the rods before and by what was said, `[rod][OUTPUTS]`, from those `behind` [`Chain::advance`]; those behind the
-    /// gripper are those by where it glides.
+    /// Gradients by the rods before and by the outputs, `[rod][OUTPUTS]`, from the upstream ones, `behind` [`Chain::advance`]; those
+    /// behind the gripper are those by where it glides.
     #[cfg(feature = "autodiff")]
     pub fn advance_back(&self, before: &Rods, said: Said, behind: &Rods, slope: &mut Rods) -> Vec<f32> {
         let mut by_said = vec![0.0; self.rods * OUTPUTS];

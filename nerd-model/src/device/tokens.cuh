@@ -152,7 +152,7 @@ BIG int apply(double* state, const double* base, const float* prediction) {
 }
 
 #ifdef __CUDACC_RTC__
-// Tokens of `n` environments; one that failed before says nothing more. Torques are held, or one set a frame.
+// Tokens of `n` environments; one that failed before is skipped. Torques are held, or one set a frame.
 extern "C" __global__ void neural_tell(const double* states, const double* torques, const double* scenes, const int* scene_of, double* bases,
                                        float* tokens, int* faults, const unsigned* done, int n, const int* held) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;

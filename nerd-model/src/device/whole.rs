@@ -37,7 +37,7 @@ struct Writer<'a> {
 
 /// A program over windows of so many tokens `[T][padded inputs]`; none where a step has no such form, or it does not fit.
 pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
-    // A product says what is predicted, and tokens stay as they are.
+    // Predictions come from a product, and tokens are not changed.
     let last = program.steps.last()?;
     let last = matches!(last.op, Op::Linear { add: false, .. }) && program.steps.iter().filter(|step| step.to == last.to).count() == 1;
     if !last || program.steps.iter().any(|step| step.to == Slot(0)) {

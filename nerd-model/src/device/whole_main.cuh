@@ -1,4 +1,4 @@
-// A pass of all windows: on a device a block WINDOWS of them, elsewhere a program that reads weights and tokens and writes what is said.
+// A pass of all windows: on a device a block WINDOWS of them, elsewhere a program that reads weights and tokens and writes outputs.
 
 #ifdef __CUDACC_RTC__
 extern "C" __global__ void __launch_bounds__(32 * WARPS) whole_pass(const float* w, const float* tokens, float* out, int n) {

@@ -1,4 +1,4 @@
-//! Stamps: models of before get the hashes that loading holds them to, and who stamps a model says that it fits its robot.
+//! Rewrites a model's hashes: whoever does so claims that it fits its robot.
 
 use std::path::{Path, PathBuf};
 

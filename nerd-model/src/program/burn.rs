@@ -122,7 +122,7 @@ fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
     Tensor::cat(vec![before, x, after], 2).reshape([rows, 3 * width])
 }
 
-/// What tokens say to the gates, `[windows tokens, gates E]`, to states `[windows tokens, E]`.
+/// Tokens' inputs to the gates, `[windows tokens, gates E]`, to states `[windows tokens, E]`.
 fn cell(u: Tensor<2>, tokens: usize, weight: Tensor<2>, bias: Tensor<2>, lstm: bool) -> Tensor<2> {
     let ([rows, width], e, device) = (u.dims(), weight.dims()[0], u.device());
     let (windows, u) = (rows / tokens, u.reshape([rows / tokens, tokens, width]));

@@ -109,7 +109,7 @@ fn recurrent(c: &TransformerConfig) -> Program {
     head(p, x, c)
 }
 
-/// What acts and judges in reinforcement learning: one trunk over a single observation, behind it mean action, value and, by state, the
+/// Actor and critic: one trunk over a single observation, with heads for mean action, value and, by state, the
 /// logarithm of the action's spread.
 ///
 /// `x -> f(W x + b)` between these `widths`, the first that of an observation, f nothing in front of the last. A spread that is the same
@@ -138,8 +138,8 @@ const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 /// A network along a chain, whose tokens are its rods in one frame ([`crate::chain`]).
 ///
 /// `h = W_in u + b_in + P[k]`, then per block `h += W_mix gelu(W_near [n_{k-d} n_k n_{k+d}] + b)` with `n = norm(h)` and d = 1, 2, 4, 8,
-/// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. What is said begins small, so that a chain that has learned
-/// nothing goes straight on. No norm has a weight: the matrix behind it would make one of them.
+/// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. Outputs begin small, so that a chain that has learned
+/// nothing goes straight on. No norm has a weight: the next matrix would absorb it.
 fn chain(c: &TransformerConfig) -> Program {
     let (e, none) = (c.embedding, Init::Constant(0.0));
     let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());

@@ -27,7 +27,7 @@ pub enum Activation {
 /// What a step computes: y of the slot it writes from x of the slot it reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
-    /// `y = x diag(scale) W + bias`, or `y += ..` if `add`. A layer norm's weight is the `scale` of the matrix behind it, into which
+    /// `y = x diag(scale) W + bias`, or `y += ..` if `add`. A layer norm's weight is the `scale` of the next matrix, into which
     /// engines fold it.
     Linear {
         /// W, `[in, out]`.
@@ -56,7 +56,7 @@ pub enum Op {
     Neighbours(usize),
     /// `y = f(x)`.
     Activate(Activation),
-    /// States of a recurrent cell, the oldest token first: x is `u`, what tokens say to its gates, and `v = h W + b` what the state says
+    /// States of a recurrent cell, the oldest token first: x is `u`, the tokens' inputs to its gates, and `v = h W + b` what the state says
     /// ([`recurrent`]).
     Cell {
         /// W, `[E, gates E]`.

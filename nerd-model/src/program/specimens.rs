@@ -122,7 +122,7 @@ pub fn networks() -> Vec<Specimen> {
     all.push(("policy".into(), policy(&[5, 24, 9, 4], Activation::Elu, Some(3))));
     let specimen = |(name, program): (String, Program)| {
         let mut specimen = Specimen::new(&name, program);
-        // Deep networks say little at the numbers of shallow ones.
+        // Deep networks have small outputs with the parameters of shallow ones.
         specimen.flat.iter_mut().for_each(|w| *w *= 0.4);
         specimen
     };

@@ -7,7 +7,7 @@ pub trait Forward: Send {
     /// Predictions at the newest token of each window, in normalised target units.
     ///
     /// `inputs` is `[windows][tokens][inputs]`, normalised, row-major, the oldest token first; `last[w]` is the index
-    /// of the newest token of window `w`, and the tokens behind it are padding of any finite value. `out` is
+    /// of the newest token of window `w`, and later tokens are padding of any finite value. `out` is
     /// replaced by `[windows][outputs]`.
     ///
     /// # Errors

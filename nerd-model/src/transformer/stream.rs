@@ -58,7 +58,7 @@ impl<F: Forward> Stream for Windowed<F> {
         self.held.resize(envs, 0);
         tokens.chunks_exact(width).enumerate().for_each(|(env, token)| self.remember(env, token));
         out.clear();
-        // Windows shorter than the longest are padded behind their newest token, which a causal network cannot see.
+        // Windows shorter than the longest are padded after their newest token, which a causal network cannot see.
         let Some(longest) = asked.iter().map(|env| self.held[*env]).max() else { return Ok(()) };
         self.window.clear();
         self.last.clear();

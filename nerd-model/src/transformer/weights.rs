@@ -74,7 +74,7 @@ pub enum Storage {
     F32,
     /// Rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them.
     F16,
-    /// [Hidden matrices](TensorSpec::hidden) as f16, the few other tensors as they are: these act on all that a network says, and
+    /// [Hidden matrices](TensorSpec::hidden) as f16, the few other tensors as they are: these act on all outputs, and
     /// a model that predicts whole frames shows their rounding (`results/f16.md`).
     Mixed,
 }

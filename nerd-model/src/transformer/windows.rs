@@ -1,4 +1,4 @@
-//! [`Forward`] over whole windows on the CPU; behind the last mixing of tokens the newest alone are computed.
+//! [`Forward`] over whole windows on the CPU; after the last mixing of tokens only the newest are computed.
 //!
 //! Rows are cut into blocks whose activations stay in the second-level cache, one block to a thread at a time.
 

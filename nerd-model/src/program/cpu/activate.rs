@@ -45,7 +45,7 @@ fn tanh(x: f32) -> f32 {
     ((1.0 - e) / (1.0 + e)).copysign(x)
 }
 
-/// The gradient in front of [`forward`] from that behind it, in its place; `kept` is what x became.
+/// The gradient by the input of [`forward`] from the upstream one, in its place; `kept` is what x became.
 #[cfg(feature = "autodiff")]
 pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
     let (arch, pairs) = (Arch::new(), gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y }));

@@ -8,7 +8,7 @@ fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// States `[windows tokens][E]` from what tokens say to the gates, `[windows tokens][gates E]`.
+/// States `[windows tokens][E]` from the tokens' inputs to the gates, `[windows tokens][gates E]`.
 pub fn forward(u: &[f32], tokens: usize, weight: &Matrix, bias: &[f32], lstm: bool, kept: &mut Vec<f32>, out: &mut Vec<f32>) {
     let (gates, wide) = (if lstm { 4 } else { 3 }, bias.len());
     let width = wide / gates;

@@ -83,7 +83,7 @@ pub fn softmax(scores: &mut [f32]) {
     scores.iter_mut().for_each(|s| *s *= inverse);
 }
 
-/// Adds to `dx` the gradient in front of [`normalize`], `behind` being that behind it: `(g - mean g - y mean g y) / deviation`.
+/// Adds to `dx` the gradient by the input of [`normalize`], `behind` being the upstream gradient: `(g - mean g - y mean g y) / deviation`.
 #[cfg(feature = "autodiff")]
 pub fn normalize_back(behind: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
     let e = out.len() / inverse.len();
