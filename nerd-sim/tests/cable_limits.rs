@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 use nerd_sim::nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
-use nerd_sim::source::Source;
+use nerd_sim::system::Source;
 
 /// A line of `keys` before `[cable]`, and one in it.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {

@@ -139,7 +139,13 @@ fn contact_scales_with_the_robot() {
             let which = if k % 2 == 0 { Start::Sample } else { Start::Reset };
             let state = start(&system, which, &mut stream(1, k));
             let mut events = Vec::new();
-            nerd_sim::batch::contacts(&system, &scene, &state, &mut nerd_sim::nerd_core::dynamics::Data::new(&system.robot), &mut events);
+            nerd_sim::scene::contacts(
+                &system.robot,
+                &scene,
+                &state,
+                &mut nerd_sim::nerd_core::dynamics::Data::new(&system.robot),
+                &mut events,
+            );
             let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance > p.radius);
             assert!(clear, "a start within the ground");
             assert!(state[7..11].iter().all(|q| (-1.0..=0.8).contains(q)), "a start beyond the limits: {:?}", &state[7..11]);

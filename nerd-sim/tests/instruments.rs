@@ -1,8 +1,8 @@
 //! Instruments around a solver change what they say and nothing else.
 
-use nerd_sim::bodies::Body;
 use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Shaken, Timed};
 use nerd_sim::prelude::*;
+use nerd_sim::suite::bodies::Body;
 
 fn batch(n: usize) -> Batch {
     let system = System::named("pendulum").expect("built in");

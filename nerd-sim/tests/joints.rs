@@ -128,7 +128,7 @@ fn a_limit_of_any_stiffness_holds() {
     }
 }
 
-/// Limits of -1 and 6 rad: at 4 rad nothing acts, at 6.5 rad the upper one does, in our solver and in rapier's two.
+/// Limits of -1 and 6 rad: at 4 rad nothing acts, at 6.5 rad the upper one does, in our solver and in rapier.
 #[test]
 fn limits_wider_than_a_turn_act_where_they_are() {
     let limit = r#"<limit lower="-1" upper="6" effort="1" velocity="1"/>"#;
@@ -136,11 +136,7 @@ fn limits_wider_than_a_turn_act_where_they_are() {
     let mut solvers: Vec<(&str, Box<dyn Solver>)> =
         presets(&system).into_iter().map(|(n, c)| (n, Box::new(Articulated::new(c)) as Box<dyn Solver>)).collect();
     #[cfg(feature = "rapier")]
-    {
-        use nerd_sim::rapier::Joints;
-        solvers.push(("rapier", Box::new(Rapier::new(RapierConfig::default()))));
-        solvers.push(("rapier, impulses", Box::new(Rapier::new(RapierConfig { joints: Joints::Impulse, ..Default::default() }))));
-    }
+    solvers.push(("rapier", Box::new(Rapier::new(RapierConfig::default()))));
     for (name, solver) in &mut solvers {
         let mut last = |q: f64| {
             let mut batch = Batch::new(&system, &system.scene("free").expect("scene"), 1);
@@ -186,5 +182,5 @@ struct Range {
     kp: f64,
     kd: f64,
     default: f64,
-    control: nerd_sim::spec::ControlSpec,
+    control: nerd_sim::system::ControlSpec,
 }

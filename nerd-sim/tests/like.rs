@@ -2,7 +2,7 @@
 //! The robots `NAME-paper` are made so, and hold the reference simulator's materials and substeps.
 
 use nerd_sim::prelude::*;
-use nerd_sim::spec::Spec;
+use nerd_sim::system::Spec;
 use nerd_sim::truth::Truth;
 use serde_json::Value;
 

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, point_position};
 use nerd_core::state::vector;
-use nerd_sim::batch::contacts;
 use nerd_sim::control::Controller;
 use nerd_sim::prelude::*;
+use nerd_sim::scene::contacts;
 
 /// Where a robot's root is, and its touching points by number, at the end of every second. It begins on its ground, under its
 /// controller, and is pushed along x by a part of gravity (m/s^2) from the first second on.
@@ -25,7 +25,7 @@ fn stand(system: &Arc<System>, aside: f64, seconds: usize) -> Stood {
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     let points = &system.robot.contact_points;
     // Down to where its lowest point touches.
-    contacts(system, &ground, &state, &mut data, &mut events);
+    contacts(&system.robot, &ground, &state, &mut data, &mut events);
     let down = events.iter().zip(points).map(|(e, p)| e.distance - p.radius).fold(f64::INFINITY, f64::min);
     let up = -system.gravity().normalize();
     (0..3).for_each(|k| state[k] -= down * up[k]);
@@ -37,7 +37,7 @@ fn stand(system: &Arc<System>, aside: f64, seconds: usize) -> Stood {
         controller.torques(batch.state(0), &still, &mut tau);
         solver.step(&mut batch, &tau).expect("finite");
         if frame % rate == 0 {
-            contacts(system, &ground, batch.state(0), &mut data, &mut events);
+            contacts(&system.robot, &ground, batch.state(0), &mut data, &mut events);
             let near = events.iter().zip(points).enumerate().filter(|(_, (e, p))| e.distance < p.radius);
             stood.points.push(near.map(|(k, (_, p))| (k, point_position(&data, p.link, &p.local))).collect());
             stood.roots.push(vector(batch.state(0)));

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
-use nerd_sim::batch::contacts;
 use nerd_sim::dataset::{Act, Effort, GenerateConfig, Smooth, begin, record};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::contacts;
 
 /// A lead of few rods above four pegs.
 fn lead() -> Arc<System> {
@@ -57,7 +57,7 @@ fn pegs_differ_by_trajectory_and_stand_clear_of_the_start() {
     for env in 0..8 {
         let scene = &batch.scenes[env];
         assert!((2..=5).contains(&scene.colliders.len()), "the ground and up to four pegs, not {}", scene.colliders.len());
-        contacts(&system, scene, batch.state(env), &mut data, &mut events);
+        contacts(&system.robot, scene, batch.state(env), &mut data, &mut events);
         let least = events.iter().map(|e| e.distance).fold(f64::MAX, f64::min);
         assert!(least >= 0.004, "trajectory {env} starts {least} m from a surface");
         places.push(format!("{:?}", scene.colliders.iter().map(|c| c.pose).collect::<Vec<_>>()));

@@ -78,7 +78,7 @@ fn the_next_state_is_a_function_of_the_present_one_under_contact() {
         let mut data = nerd_core::dynamics::Data::new(&system.robot);
         let mut events = Vec::new();
         for env in 0..batch.len() {
-            nerd_sim::batch::contacts(&system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+            nerd_sim::scene::contacts(&system.robot, &batch.scenes[env], batch.state(env), &mut data, &mut events);
             touched += events.iter().zip(&system.robot.contact_points).filter(|(e, p)| e.distance < p.radius + 1e-3).count();
         }
     }
@@ -135,7 +135,7 @@ fn penetration(config: RapierConfig) -> (f64, f64) {
         solver.step(&mut batch, &torques).expect("finite");
         last = 0.0;
         for env in 0..batch.len() {
-            nerd_sim::batch::contacts(&system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+            nerd_sim::scene::contacts(&system.robot, &batch.scenes[env], batch.state(env), &mut data, &mut events);
             for (event, point) in events.iter().zip(&system.robot.contact_points) {
                 last = last.max(point.radius - event.distance);
             }

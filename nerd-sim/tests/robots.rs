@@ -133,7 +133,7 @@ fn starts_keep_to_their_boxes() {
         let system = System::named("cube").expect("built in");
         let cube = start(&system, Start::Reset, &mut stream(0, env));
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-        nerd_sim::batch::contacts(&system, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
+        nerd_sim::scene::contacts(&system.robot, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
         let lowest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
         assert!(lowest >= 1e-3, "a corner of the cube starts {lowest} m above the ground");
     }
@@ -183,7 +183,7 @@ fn a_random_plane_keeps_its_clearance() {
         for env in 0..100 {
             let rng = &mut stream(0, env);
             let state = start(&system, Start::Sample, rng);
-            nerd_sim::batch::contacts(&system, &nerd_sim::sampling::scene(&system, &state, rng), &state, &mut data, &mut events);
+            nerd_sim::scene::contacts(&system.robot, &nerd_sim::sampling::scene(&system, &state, rng), &state, &mut data, &mut events);
             let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
             assert!(nearest >= 0.1 - 1e-12, "reach {reach} m: a point starts {nearest} m from the plane, 0.1 m were asked for");
         }

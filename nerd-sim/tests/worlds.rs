@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use nerd_sim::prelude::*;
-use nerd_sim::worlds::{WORLDS, hill};
+use nerd_sim::scene::{WORLDS, hill};
 
 fn cube(scene: &str) -> (std::sync::Arc<System>, std::sync::Arc<nerd_sim::scene::Scene>) {
     let system = System::named("cube").expect("built in");
@@ -61,7 +61,7 @@ fn a_cube_comes_to_rest_in_every_world() {
         let (mut data, mut events) = (nerd_core::dynamics::Data::new(&system.robot), Vec::new());
         for env in 0..2 {
             let state = batch.state(env).to_vec();
-            nerd_sim::batch::contacts(&system, &scene, &state, &mut data, &mut events);
+            nerd_sim::scene::contacts(&system.robot, &scene, &state, &mut data, &mut events);
             let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
             let speed = state[7..].iter().fold(0.0f64, |a, b| a.max(b.abs()));
             assert!(nearest.abs() < 2e-3 && speed < 0.1, "{world} {env}: {nearest} m from the surface at {speed} m/s or rad/s");

@@ -16,9 +16,9 @@ use super::stiff::{Bounds, Stiff};
 use super::touches::Touches;
 use super::{ArticulatedConfig, ContactStep, Integrator, Refresh};
 use crate::drive::Drive;
-use crate::parallel::Frame;
 use crate::scene::{Material, Scene};
 use crate::solver::gone;
+use crate::solver::parallel::Frame;
 use crate::system::System;
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.

@@ -17,7 +17,8 @@ mod solver;
 mod stiff;
 mod touches;
 
+pub use crate::system::Refresh;
 pub use along::along;
-pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
+pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator};
 pub use draft::Draft;
 pub use solver::Articulated;

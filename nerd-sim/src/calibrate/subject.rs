@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::CalibrateError;
 use super::parameter::{Parameter, What, round};
 use crate::prelude::*;
-use crate::spec::PlaneSpec;
+use crate::scene::PlaneSpec;
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

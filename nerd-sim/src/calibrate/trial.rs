@@ -5,9 +5,9 @@ use nerd_core::state::{quaternion, vector};
 use rayon::prelude::*;
 
 use super::{CalibrateError, Subject};
-use crate::batch::contacts;
 use crate::log::{Log, Trajectory, turned};
 use crate::prelude::*;
+use crate::scene::contacts;
 
 /// A start, and the poses that were measured from there on.
 #[derive(Clone, Debug)]
@@ -107,7 +107,7 @@ impl Subject {
         if !robot.floating() {
             return state;
         }
-        contacts(&self.system, &self.scene, &state, data, &mut events);
+        contacts(&self.system.robot, &self.scene, &state, data, &mut events);
         let nearness = |(e, p): (&nerd_core::contact::ContactEvent, &nerd_core::contact::ContactPoint)| (e.distance - p.radius, e.normal);
         let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return state;

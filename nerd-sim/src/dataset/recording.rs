@@ -4,8 +4,7 @@
 use nerd_core::dynamics::Data;
 use sha2::{Digest, Sha256};
 
-use crate::batch::contacts;
-use crate::scene::Scene;
+use crate::scene::{Scene, contacts};
 use crate::system::System;
 
 /// Everything recorded of some trajectories: F frames each, states before and after.
@@ -46,7 +45,7 @@ impl Recording {
         torques.iter().for_each(|t| self.torques.extend(t));
         self.gravity.extend(scene.gravity.iter());
         for state in &states[..self.frames] {
-            contacts(system, scene, state, data, &mut events);
+            contacts(&system.robot, scene, state, data, &mut events);
             for event in &events {
                 self.normals.extend(event.normal.iter());
                 self.points.extend(event.p1.iter());

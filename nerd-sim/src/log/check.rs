@@ -11,8 +11,7 @@ use super::read::{Moment, Raw};
 use super::spec::{Axes, LogSpec, Order};
 use super::tidy::rate;
 use super::{Log, LogError, bad};
-use crate::batch::contacts;
-use crate::scene::Scene;
+use crate::scene::{Scene, contacts};
 use crate::system::System;
 
 /// Rates that are off by more than this share are not those of the poses.
@@ -148,7 +147,7 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
     let least = FLIGHT.1.max((FLIGHT.0 / system.frame_time).ceil() as usize);
     for trajectory in &mut log.trajectories {
         let height = |state: &Vec<f64>| {
-            contacts(&system, scene, state, &mut data, &mut events);
+            contacts(&system.robot, scene, state, &mut data, &mut events);
             let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance - p.radius > CLEAR);
             clear.then(|| -totals(&system.robot, state, &mut data).com.dot(&scene.gravity) / g)
         };

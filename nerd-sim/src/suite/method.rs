@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::articulated::{Articulated, ArticulatedConfig, Friction};
 #[cfg(feature = "rapier")]
-use crate::rapier::{Joints, Rapier, RapierConfig};
+use crate::rapier::{Rapier, RapierConfig};
 use crate::solver::Solver;
 use crate::system::System;
 
@@ -92,11 +92,9 @@ impl Method {
             implicit(16),
             Self::converged(),
             #[cfg(feature = "rapier")]
-            Self::rapier("rapier 4x4", Joints::Multibody, 4),
+            Self::rapier("rapier 4x4", 4),
             #[cfg(feature = "rapier")]
-            Self::rapier("rapier 16x4", Joints::Multibody, 16),
-            #[cfg(feature = "rapier")]
-            Self::rapier("rapier impulse", Joints::Impulse, 4),
+            Self::rapier("rapier 16x4", 16),
         ]
         .into()
     }
@@ -131,8 +129,8 @@ impl Method {
     }
 
     #[cfg(feature = "rapier")]
-    fn rapier(name: &str, joints: Joints, steps: usize) -> Self {
-        let solver = move |steps: usize| -> Box<dyn Solver> { Box::new(Rapier::new(RapierConfig { steps, joints, ..Default::default() })) };
+    fn rapier(name: &str, steps: usize) -> Self {
+        let solver = move |steps: usize| -> Box<dyn Solver> { Box::new(Rapier::new(RapierConfig { steps, ..Default::default() })) };
         Self::new(name, move |_| solver(steps)).finer(move |_| solver(4 * steps)).rigid()
     }
 }

@@ -26,6 +26,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+pub mod bodies;
 mod cell;
 mod error;
 mod fault;

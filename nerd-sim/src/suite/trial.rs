@@ -9,8 +9,8 @@ use nerd_core::state::wrap;
 use super::error::Error;
 use super::fault::Fault;
 use super::method::Method;
-use crate::batch::{Batch, contacts};
-use crate::scene::Scene;
+use crate::batch::Batch;
+use crate::scene::{Scene, contacts};
 use crate::solver::{Solver, StepError};
 use crate::system::System;
 
@@ -48,7 +48,7 @@ impl Motion {
         let (robot, own) = (&self.system.robot, &self.system.spec.material);
         let (mut data, mut events) = (Data::new(robot), Vec::new());
         let stored = |state: &Vec<f64>| {
-            contacts(&self.system, &self.scene, state, &mut data, &mut events);
+            contacts(&self.system.robot, &self.scene, state, &mut data, &mut events);
             let touching = robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius);
             let pressed = touching.map(|(point, event)| {
                 let k = self.scene.colliders[event.collider].material.mean(own).stiffness;

@@ -13,7 +13,7 @@ use super::{Found, reason, text};
 use crate::drive::holding;
 use crate::mjcf::{MjcfError, Referee, Scheme};
 use crate::prelude::*;
-use crate::srdf;
+use crate::system::pose_of;
 
 /// Frames of a rollout: ten seconds at sixty a second.
 pub const STANDING: usize = 600;
@@ -87,7 +87,7 @@ pub(super) fn ready(found: &Found) -> Result<Ready, StandError> {
     if system.robot.contact_points.is_empty() {
         return Err(fault("has nothing to touch the ground with".into()));
     }
-    let (mut state, pose) = srdf::pose(&system.robot, Some(&found.path));
+    let (mut state, pose) = pose_of(&system.robot, Some(&found.path));
     let low = lowest(&system, &state);
     state[2] -= low;
     let drives = holding(&system, &state);

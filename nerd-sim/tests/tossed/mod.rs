@@ -8,9 +8,9 @@ use std::sync::Arc;
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::dynamics::to_local;
 use nerd_core::state::{quaternion, vector};
-use nerd_sim::bodies::Body;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{normal, stream};
+use nerd_sim::suite::bodies::Body;
 
 /// One toss, and what is done to it as it is written.
 #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nerd_core::dynamics::{Data, kinematics, point_position};
 
-use crate::bodies::GRAVITY;
+use crate::scene::GRAVITY;
 use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;

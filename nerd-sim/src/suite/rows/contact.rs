@@ -5,7 +5,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::state::vector;
 
-use crate::bodies::{Body, GRAVITY};
+use crate::scene::GRAVITY;
+use crate::suite::bodies::Body;
 use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
@@ -109,7 +110,7 @@ fn stiff(trial: &Trial) -> Result<f64, Error> {
 fn under(trial: &Trial) -> Result<f64, Error> {
     let ball = Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() };
     let (system, x, y) = (ball.system()?, 1.0, 2.0);
-    let start = Body::at([x, y, crate::worlds::hill(x, y) - 0.03 + 0.05]);
+    let start = Body::at([x, y, crate::scene::hill(x, y) - 0.03 + 0.05]);
     let motion = trial.passive(&system, "hills", &start, 60)?;
     let event = system.scene("hills")?.contact(&vector(motion.last()));
     Ok((0.05 - event.distance).max(0.0))

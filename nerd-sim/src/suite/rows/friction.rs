@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 use nerd_core::state::{quaternion, vector};
 
-use crate::bodies::{Body, GRAVITY, UPRIGHT};
+use crate::scene::GRAVITY;
+use crate::suite::bodies::{Body, UPRIGHT};
 use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;

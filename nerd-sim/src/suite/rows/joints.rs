@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use crate::bodies::{GRAVITY, chain, slider, universal};
 use crate::sampling::{Start, start, stream};
+use crate::scene::GRAVITY;
+use crate::suite::bodies::{chain, slider, universal};
 use crate::suite::error::Error;
 use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;

@@ -5,14 +5,12 @@
 
 use std::collections::BTreeMap;
 
-use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::articulated::Refresh;
-use crate::range::{Range, number};
-use crate::scene::Material;
-use crate::truth::Truth;
-use crate::vary::VarySpec;
+use crate::range::{Range, exactly, number};
+use crate::scene::{Material, SceneSpec};
+use crate::system::truth::Truth;
+use crate::system::vary::VarySpec;
 
 /// One file.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -85,6 +83,17 @@ impl Spec {
     pub fn seconds(&self) -> f64 {
         number(&self.frame_time).unwrap_or(f64::NAN)
     }
+}
+
+/// How often the mass matrix is computed and factorised under symplectic Euler.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refresh {
+    /// At the first substep of a frame, as the reference simulator does for most robots.
+    #[default]
+    Frame,
+    /// At every substep.
+    Substep,
 }
 
 /// What is said of a joint.
@@ -255,63 +264,6 @@ pub struct RandomPegs {
     pub at: [Range; 3],
 }
 
-/// A named scene.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct SceneSpec {
-    /// Its name on the command line.
-    pub name: String,
-    /// Its plane.
-    pub plane: PlaneSpec,
-    /// Boxes on it.
-    #[serde(default, rename = "box", skip_serializing_if = "Vec::is_empty")]
-    pub boxes: Vec<BoxSpec>,
-    /// Pegs on it: cylinders that stand up.
-    #[serde(default, rename = "peg", skip_serializing_if = "Vec::is_empty")]
-    pub pegs: Vec<PegSpec>,
-    /// Its material [default: the robot's].
-    pub material: Option<Material>,
-}
-
-/// A box, its third edge along the up axis.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct BoxSpec {
-    /// Its edges (m).
-    #[serde(deserialize_with = "exactly")]
-    pub size: [f64; 3],
-    /// Its centre (m), world axes.
-    #[serde(deserialize_with = "exactly")]
-    pub at: [f64; 3],
-    /// Turn about the up axis (rad).
-    #[serde(default)]
-    pub turn: f64,
-}
-
-/// A cylinder along the up axis.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct PegSpec {
-    /// Its radius (m).
-    pub radius: f64,
-    /// Its height (m).
-    pub height: f64,
-    /// The middle of its foot (m), world axes.
-    #[serde(deserialize_with = "exactly")]
-    pub at: [f64; 3],
-}
-
-/// A plane through (0, height, 0): the horizontal one turned by extrinsic x-y-z angles.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct PlaneSpec {
-    /// Height along the up axis (m).
-    pub height: f64,
-    /// Angles (rad), `R = Rz Ry Rx`.
-    #[serde(deserialize_with = "exactly")]
-    pub angles: [f64; 3],
-}
-
 /// A number, or a fraction as text.
 fn time<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
     #[derive(Deserialize)]
@@ -334,10 +286,4 @@ fn none(x: &f64) -> bool {
 /// The corners of a sole or a foot.
 pub(crate) fn mesh_points() -> usize {
     8
-}
-
-/// So many values, no more: serde drops the rest of a longer list.
-fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(from: D) -> Result<[T; N], D::Error> {
-    let values = Vec::<T>::deserialize(from)?;
-    values.try_into().map_err(|found: Vec<T>| D::Error::custom(format!("{} values, {N} are needed", found.len())))
 }

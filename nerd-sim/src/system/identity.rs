@@ -7,7 +7,7 @@ use nerd_core::robot::{Base, Joint, Link, Shape, ShapeKind};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::system::System;
+use super::model::System;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
 const ELSEWHERE: [&str; 13] = [

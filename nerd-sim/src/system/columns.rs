@@ -4,8 +4,8 @@ use std::collections::{HashMap, HashSet};
 
 use nerd_core::robot::{Joint, Robot};
 
-use crate::spec::Spec;
-use crate::validate::RESERVED;
+use super::spec::Spec;
+use super::validate::RESERVED;
 
 /// Columns of tables that the specification leaves to us: joints by their names, with `q_` before those that would be
 /// taken for another column.

@@ -1,7 +1,7 @@
 //! Small systems for single questions: a free body, pendulums, a slider. Written as URDF and TOML; up is z.
 //!
 //! ```
-//! use nerd_sim::bodies::Body;
+//! use nerd_sim::suite::bodies::Body;
 //! use nerd_sim::prelude::*;
 //! let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), ..Default::default() }.system()?;
 //! let mut batch = Batch::new(&ball, &ball.scene("ground")?, 1);
@@ -11,10 +11,9 @@
 
 use std::sync::Arc;
 
+use crate::scene::GRAVITY;
 use crate::system::{System, SystemError};
 
-/// Gravity (m/s^2) where nothing else is said.
-pub const GRAVITY: f64 = 9.81;
 /// The orientation (x y z w) of what is not turned.
 pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 

@@ -1,12 +1,26 @@
 //! Everything that is not the robot: gravity and static colliders.
 
+mod collider;
+mod convert;
+mod material;
+mod spec;
+mod worlds;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::robot::Robot;
 
-pub use crate::collider::{Collider, Plane};
+pub use collider::{Collider, Plane};
 #[cfg(feature = "rapier")]
-pub(crate) use crate::collider::{from_parry, pose_from_parry, pose_to_parry, to_parry};
-pub use crate::material::Material;
+pub(crate) use convert::{from_parry, pose_from_parry, pose_to_parry, to_parry};
+pub use material::Material;
+pub use spec::{BoxSpec, PegSpec, PlaneSpec, SceneSpec};
+pub use worlds::{WORLDS, hill, world};
+pub(crate) use worlds::{described, peg};
+
+/// Gravity (m/s^2) where nothing else is said.
+pub const GRAVITY: f64 = 9.81;
 
 /// Thickness (m) of what covers a surface, beyond rounding.
 const SKIN: f64 = 1e-6;
@@ -101,4 +115,11 @@ pub(crate) fn turned_plane(gravity: &Vector3<f64>, height: f64, angles: [f64; 3]
         * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angles[0]);
     let normal = turn * up;
     Plane { normal, offset: normal.dot(&(up * height)) }
+}
+
+/// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
+pub fn contacts(robot: &Robot, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
+    kinematics(robot, state, data);
+    events.clear();
+    events.extend(robot.contact_points.iter().map(|point| scene.contact(&point_position(data, point.link, &point.local))));
 }

@@ -6,12 +6,13 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::spread::spread;
 use mesh_loader::Loader;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{MeshFile, Robot};
 use parry3d_f64::transformation::try_convex_hull;
+
+use super::spread::spread;
 
 /// Largest file that is read (bytes).
 const LARGEST: u64 = 1 << 28;

@@ -7,9 +7,9 @@
 use serde::Deserialize;
 use toml::Table;
 
-use crate::spec::Spec;
-use crate::system::System;
-use crate::validate::no_joint;
+use super::model::System;
+use super::spec::Spec;
+use super::validate::no_joint;
 
 impl Spec {
     /// From the text of a file.

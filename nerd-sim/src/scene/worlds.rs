@@ -9,8 +9,10 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
-use crate::scene::{Collider, Material, Plane, Scene, turned_plane, up};
-use crate::spec::{PegSpec, SceneSpec};
+use super::collider::{Collider, Plane};
+use super::material::Material;
+use super::spec::{PegSpec, SceneSpec};
+use super::{Scene, turned_plane, up};
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];

@@ -4,14 +4,12 @@
 //! Ends of ranges lie far beyond any robot, and near enough that products of a few such numbers are finite.
 
 use std::collections::HashSet;
-use std::fmt::Display;
-use std::ops::RangeInclusive;
 
 use nerd_core::robot::{JointKind, Robot};
 
-use crate::range::Range;
-use crate::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
-use crate::worlds::WORLDS;
+use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
+use crate::range::{law, within};
+use crate::scene::WORLDS;
 
 /// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.
 pub(crate) const MOST_SUBSTEPS: usize = 100_000;
@@ -81,29 +79,8 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
     columns(spec, robot)
 }
 
-/// Refuses a number outside a range, by its key.
-pub(crate) fn within(key: impl Display, x: f64, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
-    if range.contains(&x) {
-        return Ok(());
-    }
-    let gap = if unit.is_empty() { "" } else { " " };
-    Err(format!("{key} is {}{gap}{unit}; a number from {} to {} is needed", short(x), short(*range.start()), short(*range.end())))
-}
-
-fn short(x: f64) -> String {
-    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") }
-}
-
 fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String> {
     values.iter().enumerate().try_for_each(|(i, x)| within(format!("{key}[{i}]"), *x, -most..=most, unit))
-}
-
-/// Both ends of a law, and the lower one below.
-fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
-    if law.low > law.high {
-        return Err(format!("{key} is {law}; its low end is above the high one"));
-    }
-    [law.low, law.high].iter().try_for_each(|end| within(format!("{key} is {law}; an end"), *end, range.clone(), unit))
 }
 
 /// No joint is called so. Of a long chain the first ones and the last are told.

@@ -1,5 +1,7 @@
 //! What advances a batch by one control frame, and the simulation that holds it.
 
+pub(crate) mod parallel;
+
 use std::sync::Arc;
 
 use crate::batch::Batch;
