@@ -5,8 +5,8 @@
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 
-use super::frame::Workspace;
-use super::{ArticulatedConfig, Friction};
+use super::config::{ArticulatedConfig, Friction};
+use super::workspace::Workspace;
 use crate::scene::{Collider, Material, Plane, Scene};
 use crate::solver::parallel::Frame as _;
 use crate::system::{System, SystemError};

@@ -10,12 +10,17 @@ mod along;
 mod config;
 pub mod device;
 mod draft;
+mod explicit;
+mod find;
 pub mod force;
 mod frame;
 mod implicit;
+mod kick;
 mod solver;
 mod stiff;
+mod touch;
 mod touches;
+mod workspace;
 
 pub use crate::system::Refresh;
 pub use along::along;

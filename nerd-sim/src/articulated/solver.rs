@@ -1,7 +1,7 @@
 //! The solver over a batch.
 
-use super::ArticulatedConfig;
-use super::frame::Workspace;
+use super::config::ArticulatedConfig;
+use super::workspace::Workspace;
 use crate::batch::Batch;
 use crate::solver::parallel::Parallel;
 use crate::solver::{Solver, StepError};

@@ -7,10 +7,10 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::state::quaternion;
 
+use super::data::{Log, LogError, bad};
 use super::read::{Moment, Raw};
 use super::spec::{Axes, LogSpec, Order};
 use super::tidy::rate;
-use super::{Log, LogError, bad};
 use crate::scene::{Scene, contacts};
 use crate::system::System;
 

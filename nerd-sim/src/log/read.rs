@@ -8,8 +8,8 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use nerd_core::robot::JointKind;
 use nerd_core::state::write_quaternion;
 
+use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, Order, RootColumns};
-use super::{LogError, bad};
 use crate::system::System;
 use crate::table::{Row, Table};
 

@@ -2,7 +2,7 @@
 
 use nerd_core::dynamics::Data;
 
-use super::Log;
+use super::data::Log;
 use crate::dataset::Recording;
 use crate::system::SystemError;
 

@@ -4,7 +4,7 @@ use nerd_core::dynamics::to_world;
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 
-use super::Trajectory;
+use super::data::Trajectory;
 use super::read::{Moment, Raw};
 use crate::system::System;
 

@@ -1,68 +1,18 @@
 //! What advances a batch by one control frame, and the simulation that holds it.
 
+mod check;
+#[cfg(feature = "cuda")]
+pub mod device;
+mod error;
 pub(crate) mod parallel;
+mod simulation;
 
-use std::sync::Arc;
+pub use check::{check, commit, plain};
+pub(crate) use check::{gone, sound};
+pub use error::{Fault, StepError};
+pub use simulation::Simulation;
 
 use crate::batch::Batch;
-use crate::scene::Scene;
-use crate::system::System;
-use nerd_core::state::wrap_state;
-
-/// Why a frame could not be stepped.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StepError {
-    /// Some environments could not be stepped: they stand where they stood. Every other one was, as if these were not there.
-    #[error("{}", said(.0))]
-    Environments(Vec<Fault>),
-    /// The torques are not `environments x joints` numbers; nothing was stepped.
-    #[error("{found} torques for {environments} environments of {joints} joints")]
-    Torques {
-        /// Numbers given.
-        found: usize,
-        /// Environments of the batch.
-        environments: usize,
-        /// Joints of the robot.
-        joints: usize,
-    },
-    /// The batch asks for what this solver has not; nothing was stepped.
-    #[error("{0}")]
-    Refused(String),
-    /// The solver as a whole failed; nothing was stepped.
-    #[error("{0}")]
-    Solver(String),
-}
-
-impl StepError {
-    /// The environments that were set aside, for who goes on with the others.
-    ///
-    /// # Errors
-    /// Itself, if nothing was stepped.
-    pub fn faults(self) -> Result<Vec<Fault>, Self> {
-        match self {
-            Self::Environments(faults) => Ok(faults),
-            other => Err(other),
-        }
-    }
-}
-
-/// An environment that could not be stepped, with its address.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
-    /// Environment.
-    pub env: usize,
-    /// Frame counted from the environment's reset.
-    pub frame: u64,
-    /// One line.
-    pub reason: String,
-}
-
-fn said(faults: &[Fault]) -> String {
-    let Some(Fault { env, frame, reason }) = faults.first() else { return "no environment failed".into() };
-    let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
-    format!("environment {env}, frame {frame}: {reason}{others}")
-}
 
 /// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
 pub trait Solver: Send {
@@ -78,7 +28,7 @@ pub trait Solver: Send {
 
     /// Itself as what keeps a batch on a graphics card, if that is what it does.
     #[cfg(feature = "cuda")]
-    fn resident(&mut self) -> Option<&mut dyn crate::articulated::device::Resident> {
+    fn resident(&mut self) -> Option<&mut dyn device::Resident> {
         None
     }
 }
@@ -93,150 +43,7 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
     }
 
     #[cfg(feature = "cuda")]
-    fn resident(&mut self) -> Option<&mut dyn crate::articulated::device::Resident> {
+    fn resident(&mut self) -> Option<&mut dyn device::Resident> {
         (**self).resident()
-    }
-}
-
-/// Refuses a batch or torques of other lengths than the system needs, and drives; finds environments whose state or torque is no
-/// number, or whose scene is none. For solvers that have no drives inside their frame, and one robot for all environments.
-///
-/// # Errors
-/// [`StepError::Refused`], [`StepError::Solver`] or [`StepError::Torques`].
-pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
-    plain(batch)?;
-    sound(batch, torques, faults)
-}
-
-/// Refuses drives, to tell forces, and robots that differ.
-///
-/// # Errors
-/// [`StepError::Refused`].
-pub fn plain(batch: &Batch) -> Result<(), StepError> {
-    undriven(batch)?;
-    if batch.systems.is_empty() {
-        return Ok(());
-    }
-    let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
-    Err(StepError::Refused(text.into()))
-}
-
-/// Refuses drives, and to tell forces.
-pub(crate) fn undriven(batch: &Batch) -> Result<(), StepError> {
-    if !batch.forces.is_empty() {
-        return Err(StepError::Refused("this solver tells no contact forces: leave `forces` empty, or step with articulated".into()));
-    }
-    if batch.drives.is_empty() {
-        return Ok(());
-    }
-    let text =
-        "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
-    Err(StepError::Refused(text.into()))
-}
-
-/// The same as [`check`], drives and robots of their own allowed and looked at.
-pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
-    batch.check().map_err(StepError::Solver)?;
-    let system = &*batch.system;
-    let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
-    if torques.len() != batch.len() * joints {
-        return Err(StepError::Torques { found: torques.len(), environments: batch.len(), joints });
-    }
-    faults.clear();
-    let mut last: Option<(&Arc<Scene>, bool)> = None;
-    for (env, scene) in batch.scenes.iter().enumerate() {
-        // Environments mostly share one.
-        if last.is_some_and(|(known, sound)| sound && Arc::ptr_eq(known, scene)) {
-            continue;
-        }
-        let checked = scene.check();
-        last = Some((scene, checked.is_ok()));
-        if let Err(reason) = checked {
-            faults.push(Fault { env, frame: batch.frames[env], reason });
-        }
-    }
-    for (at, drive) in batch.drives.iter().enumerate() {
-        if let Err(reason) = drive.check() {
-            let (env, joint) = (at / joints, system.robot.joints().nth(at % joints).map_or("", |j| &j.name));
-            if faults.iter().all(|f| f.env != env) {
-                faults.push(Fault { env, frame: batch.frames[env], reason: format!("joint `{joint}`: {reason}") });
-            }
-        }
-    }
-    let names = [&system.spec.state_columns, &system.spec.torque_columns];
-    for ((numbers, width), names) in [(&*batch.states, d), (torques, joints)].into_iter().zip(names) {
-        if numbers.iter().all(|x| x.is_finite()) {
-            continue;
-        }
-        for (at, x) in numbers.iter().enumerate().filter(|(_, x)| !x.is_finite()) {
-            let env = at / width;
-            if faults.iter().all(|f| f.env != env) {
-                let reason = format!("`{}` is {x} before the step", names[at % width]);
-                faults.push(Fault { env, frame: batch.frames[env], reason });
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Ends a frame: takes over the states `next` of every environment without a fault, wraps angles, counts the frame. A state
-/// that is not finite is a fault, too.
-///
-/// # Errors
-/// [`StepError::Environments`] with all faults, by environment.
-pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
-    let system = batch.system.clone();
-    let d = system.robot.state_dim();
-    if !next.iter().all(|x| x.is_finite()) {
-        for (env, state) in next.chunks_exact(d).enumerate() {
-            let Some(reason) = gone(&system, state) else { continue };
-            if faults.iter().all(|f| f.env != env) {
-                faults.push(Fault { env, frame: batch.frames[env], reason: system.source.lost(reason) });
-            }
-        }
-    }
-    faults.iter().for_each(|f| next[f.env * d..][..d].copy_from_slice(batch.state(f.env)));
-    for state in next.chunks_exact_mut(d) {
-        wrap_state(&system.robot, state);
-    }
-    std::mem::swap(&mut batch.states, next);
-    batch.frames.iter_mut().for_each(|f| *f += 1);
-    if faults.is_empty() {
-        return Ok(());
-    }
-    faults.iter().for_each(|f| batch.frames[f.env] = f.frame);
-    faults.sort_by_key(|f| f.env);
-    Err(StepError::Environments(std::mem::take(faults)))
-}
-
-/// Names the first number of a state, or of its first part, that is not finite.
-pub(crate) fn gone(system: &System, state: &[f64]) -> Option<String> {
-    let column = state.iter().position(|x| !x.is_finite())?;
-    Some(format!("`{}` is {}; the state before it is the last good one", system.spec.state_columns[column], state[column]))
-}
-
-/// A batch with the solver that advances it; assign `solver` to swap it mid-run.
-pub struct Simulation {
-    /// States and scenes.
-    pub batch: Batch,
-    /// What advances them.
-    pub solver: Box<dyn Solver>,
-}
-
-impl Simulation {
-    /// From a batch and a solver.
-    pub fn new(batch: Batch, solver: impl Solver + 'static) -> Self {
-        Self { batch, solver: Box::new(solver) }
-    }
-
-    /// One frame; see [`Solver::step`].
-    pub fn step(&mut self, torques: &[f64]) -> Result<(), StepError> {
-        self.solver.step(&mut self.batch, torques)
-    }
-
-    /// Puts one environment at `state`; the solver forgets its past.
-    pub fn reset(&mut self, env: usize, state: &[f64]) {
-        self.batch.reset(env, state);
-        self.solver.reset(env);
     }
 }

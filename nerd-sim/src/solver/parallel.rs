@@ -6,10 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::check::{commit, sound, undriven};
+use super::error::{Fault, StepError};
 use crate::batch::Batch;
 use crate::drive::Drive;
 use crate::scene::Scene;
-use crate::solver::{Fault, StepError, commit, sound, undriven};
 use crate::system::System;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.

@@ -15,7 +15,7 @@ const SPREAD: &str = "extern \"C\" __global__ void spread(const double* sent, do
 const ROWS: usize = 256;
 
 /// How many leading columns of `[row][joints]` hold all that is not 0; `None` if a number is not finite.
-pub(super) fn acting(torques: &[f64], joints: usize) -> Option<usize> {
+pub(crate) fn acting(torques: &[f64], joints: usize) -> Option<usize> {
     let seen = |rows: &[f64]| {
         // For each column, over all rows and without a branch: the bits that are set, and a sum that stays 0 unless a number is not finite.
         let (mut bits, mut sound) = (vec![0u64; joints], vec![0.0; joints]);
@@ -44,7 +44,7 @@ fn pack(torques: &[f64], columns: usize, joints: usize, packed: &mut Vec<f64>) -
 }
 
 /// What sends torques.
-pub(super) struct Sender {
+pub(crate) struct Sender {
     /// Of its own, since kernels are a device's.
     device: Device,
     packed: Vec<f64>,
@@ -53,13 +53,13 @@ pub(super) struct Sender {
 
 impl Sender {
     /// To the GPU of `device`.
-    pub(super) fn new(device: &Device) -> Result<Self, DeviceError> {
+    pub(crate) fn new(device: &Device) -> Result<Self, DeviceError> {
         let device = Device::open(device.ordinal(), SPREAD, &["spread"])?;
         Ok(Self { sent: device.zeros(0)?, packed: Vec::new(), device })
     }
 
     /// Writes `[row][joints]`, of which so many leading columns act, to `all`, after the work of `device` before it.
-    pub(super) fn send(
+    pub(crate) fn send(
         &mut self,
         device: &Device,
         all: &Buffer<f64>,

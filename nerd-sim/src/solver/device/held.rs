@@ -5,13 +5,9 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_cuda::{Buffer, Device, DeviceError};
 
-use super::super::ArticulatedConfig;
-use super::program::{Reach, packed, record};
-use super::roll::failed;
 use super::torques::Sender;
 use crate::batch::Batch;
 use crate::scene::Scene;
-use crate::solver::StepError;
 
 /// Memory for so many environments, and the scenes that the device knows.
 pub struct Held {
@@ -31,10 +27,10 @@ pub struct Held {
     pub faults: Buffer<i32>,
     /// Frames that went well.
     pub done: Buffer<u32>,
-    sender: Sender,
+    pub(crate) sender: Sender,
     forces: Buffer<f64>,
-    told: bool,
-    scenes: Vec<Arc<Scene>>,
+    pub(crate) told: bool,
+    pub(crate) scenes: Vec<Arc<Scene>>,
 }
 
 impl Held {
@@ -65,49 +61,8 @@ impl Held {
         if self.told { self.forces.ptr } else { 0 }
     }
 
-    /// Takes over a batch and its torques, of which so many columns act.
-    pub(super) fn take(
-        &mut self,
-        device: &Device,
-        batch: &Batch,
-        config: &ArticulatedConfig,
-        reach: Reach,
-        (torques, columns): (&[f64], usize),
-    ) -> Result<(), StepError> {
-        let same = self.scenes.len() == batch.len() && self.scenes.iter().zip(&batch.scenes).all(|(a, b)| Arc::ptr_eq(a, b));
-        if !same {
-            self.know(device, batch, config, reach)?;
-        }
-        if self.torques.len < torques.len() {
-            self.torques = device.zeros(torques.len()).map_err(failed)?;
-        }
-        self.told = !batch.forces.is_empty();
-        device.write(&self.states, &batch.states).map_err(failed)?;
-        self.sender.send(device, &self.torques, torques, columns, batch.system.robot.joint_count()).map_err(failed)?;
-        device.write(&self.drives, &packed(&batch.drives)).map_err(failed)
-    }
-
-    /// Takes over the batch's scenes.
-    fn know(&mut self, device: &Device, batch: &Batch, config: &ArticulatedConfig, reach: Reach) -> Result<(), StepError> {
-        self.scenes.clear();
-        let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
-        let mut count = 0;
-        for scene in &batch.scenes {
-            // Environments mostly share one.
-            if !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
-                records.extend(record(scene, &batch.system, config, reach).map_err(StepError::Refused)?);
-                (last, count) = (Some(scene), count + 1);
-            }
-            of.push(count - 1);
-        }
-        self.records = device.upload(&records).map_err(failed)?;
-        device.write(&self.scene_of, &of).map_err(failed)?;
-        self.scenes.clone_from(&batch.scenes);
-        Ok(())
-    }
-
     /// States and forces after the frames; each environment's fault and the frames that it made.
-    pub(super) fn give(&self, device: &Device, batch: &mut Batch, next: &mut Vec<f64>) -> Result<Vec<(i32, u32)>, DeviceError> {
+    pub(crate) fn give(&self, device: &Device, batch: &mut Batch, next: &mut Vec<f64>) -> Result<Vec<(i32, u32)>, DeviceError> {
         next.resize(batch.states.len(), 0.0);
         device.read(&self.states, next)?;
         let (mut wrong, mut went) = (vec![0i32; self.n], vec![0u32; self.n]);
