@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{CalibrateError, Engine, Parameter, Subject};
-use crate::prelude::*;
+use crate::system::System;
 
 /// What a TOML of a calibrated robot says; [`Self::subject`] makes it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,9 +5,11 @@ use nerd_core::state::{quaternion, vector};
 use rayon::prelude::*;
 
 use super::{CalibrateError, Subject};
+use crate::batch::Batch;
 use crate::log::{Log, Trajectory, turned};
-use crate::prelude::*;
 use crate::scene::contacts;
+use crate::solver::Solver;
+use crate::system::System;
 
 /// A start, and the poses that were measured from there on.
 #[derive(Clone, Debug)]

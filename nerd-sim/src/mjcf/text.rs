@@ -9,7 +9,9 @@ use nerd_core::dynamics::{Data, Factor, crba, kinematics};
 use nerd_core::robot::{Base, Joint, JointKind, Limit, Link, Robot, ShapeKind};
 
 use super::MjcfError;
-use crate::prelude::*;
+use crate::drive::Drive;
+use crate::scene::{Collider, Scene};
+use crate::system::System;
 
 /// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
 const WEAKEST: f64 = 1e-4;
