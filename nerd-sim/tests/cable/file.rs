@@ -5,7 +5,6 @@ use std::sync::Arc;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 use nerd_sim::nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
-use nerd_sim::system::Source;
 
 /// A line of `keys` before `[cable]`, and one in it.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {
@@ -68,45 +67,6 @@ fn what_is_lost_says_what_to_change() {
     assert!(["[cable] damping", "substeps", "links"].iter().all(|word| error.contains(word)), "{error}");
 }
 
-#[test]
-fn keys_of_other_robots_are_refused_with_what_stands_in_their_place() {
-    refused("floating = true", "", &["floating", "[cable] held"]);
-    refused("urdf = \"a.urdf\"", "", &["urdf", "leave the line out"]);
-    refused("mesh_points = 4", "", &["mesh_points", "leave the line out"]);
-    refused("like = \"ant\"", "", &["like", "leave the line out"]);
-    refused("truth = \"paper\"", "", &["truth", "paper", "spring"]);
-    let error = lead("[[joint]]\nname = \"bend99\"", "links = 30").expect_err("no such joint");
-    assert!(error.contains("bend99") && !error.contains("URDF") && error.len() < 300, "{error}");
-}
-
-#[test]
-fn numbers_that_are_too_large_together_are_told_by_the_cables_keys() {
-    refused("", "bending = 1e9", &["[cable]", "bending", "links"]);
-    refused("", "mass = 1e6", &["[cable]", "mass", "links"]);
-}
-
-#[test]
-fn a_frame_is_a_number_or_a_fraction() {
-    for (said, seconds) in [("0.0166", 0.0166), ("\"1/50\"", 0.02), ("1", 1.0), ("1e-4", 1e-4)] {
-        let system = lead(&format!("frame_time = {said}"), "").expect(said);
-        assert_eq!(system.frame_time, seconds, "{said}");
-    }
-    refused("frame_time = true", "", &["frame_time", "1/60"]);
-    refused("frame_time = \"soon\"", "", &["frame_time"]);
-    refused("frame_time = 0", "", &["frame_time"]);
-}
-
-#[test]
-fn names_that_are_no_files_are_refused() {
-    let plane = "plane = { height = 0.0, angles = [0.0, 0.0, 0.0] }";
-    for name in ["../out", "a/b", "a,b", "a b", ".", "..", "-a", "a\\\\b", ""] {
-        refused(&format!("[[scene]]\nname = \"{name}\"\n{plane}"), "", &["[[scene]]", "name"]);
-    }
-    for name in ["table", "table-2", "Tisch_ä.1"] {
-        lead(&format!("[[scene]]\nname = \"{name}\"\n{plane}"), "").expect(name);
-    }
-}
-
 /// How far the lowest contact point of each start is from the ground's surface (m).
 fn clear(system: &Arc<System>) -> f64 {
     let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
@@ -133,27 +93,6 @@ fn a_free_cable_starts_above_the_ground_or_is_refused() {
 }
 
 #[test]
-fn random_planes_take_the_place_of_the_plane() {
-    let planes = "random_plane = { reach = 2.0, clearance = 0.05 }";
-    for held in ["gripper", "fixed", "free"] {
-        let system = lead(planes, &format!("held = \"{held}\"")).expect("a cable");
-        let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
-        let scenes = begin(&system, &config, 0, 4).expect("it begins").scenes;
-        assert!(scenes.iter().all(|scene| scene.name == "random" && scene.colliders.len() == 1), "{held}");
-    }
-    refused(&format!("data_scene = \"plane\"\n{planes}"), "", &["random_plane", "data_scene", "leave one of the two out"]);
-}
-
-#[test]
-fn a_cable_that_touches_nothing_swings_in_empty_space() {
-    for held in ["gripper", "fixed", "free"] {
-        let system = lead("contact = []", &format!("held = \"{held}\"")).expect("a cable");
-        assert!(system.robot.contact_points.is_empty() && system.spec.data_scene.is_none(), "{held}");
-    }
-    refused("contact = []\ndata_scene = \"plane\"", "", &["plane", "[[contact]]"]);
-}
-
-#[test]
 fn a_gain_follows_the_torque_that_is_said_unless_it_is_said_too() {
     let gain = |more: &str| {
         let system = lead(&format!("[[joint]]\nname = \"x\"\n{more}"), "").expect("a cable");
@@ -163,19 +102,4 @@ fn a_gain_follows_the_torque_that_is_said_unless_it_is_said_too() {
     assert_eq!(gain("torque = 2.5"), (2.5, 2.5));
     assert_eq!(gain("torque = 2.5\ngain = 1.0"), (2.5, 1.0));
     assert!(gain("").0 > 100.0, "what is not said stays");
-}
-
-#[test]
-fn actions_are_not_held_where_torques_are_smooth() {
-    let system = lead("", "").expect("a cable");
-    let of = |hold| GenerateConfig { hold, ..GenerateConfig::default() }.check(&system).map_err(|e| e.to_string());
-    of(1).expect("one frame is what there is");
-    let error = of(4).expect_err("a hold of four");
-    assert!(error.contains("hold") && error.contains("smooth") && !error.contains('\n'), "{error}");
-}
-
-#[test]
-fn a_system_knows_who_described_it() {
-    assert_eq!(lead("", "").expect("a cable").source, Source::Cable);
-    assert_eq!(System::named("ant").expect("built in").source, Source::Told);
 }

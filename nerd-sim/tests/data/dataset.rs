@@ -69,17 +69,6 @@ fn parts_in_any_order_are_the_whole_once_all_are_there() {
 }
 
 #[test]
-fn shards_of_other_settings_are_replaced_not_mixed_in() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    let first = make(folder.path(), 3, 20);
-    let other = make(folder.path(), 4, 20);
-    assert_ne!(first.sha256, other.sha256, "another seed, the same data");
-    let fresh = tempfile::tempdir().expect("temporary folder");
-    make(fresh.path(), 4, 20);
-    assert!(bytes(folder.path()) == bytes(fresh.path()), "shards of seed 3 among those of seed 4");
-}
-
-#[test]
 fn a_recording_holds_what_the_sampling_laws_say() {
     let folder = tempfile::tempdir().expect("temporary folder");
     make(folder.path(), 3, 20);
@@ -124,10 +113,10 @@ fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box()
 /// The reuse key is what the system is, not what it is called.
 #[test]
 fn shards_of_another_system_of_the_same_name_are_made_anew() {
-    let toml = include_str!("../assets/cartpole.toml");
+    let toml = include_str!("../../assets/cartpole.toml");
     let make = |folder: &Path, toml: &str| {
         let system =
-            std::sync::Arc::new(System::from_text("cartpole", include_str!("../assets/cartpole.urdf"), Some(toml)).expect("valid"));
+            std::sync::Arc::new(System::from_text("cartpole", include_str!("../../assets/cartpole.urdf"), Some(toml)).expect("valid"));
         let config = GenerateConfig { transitions: 60, frames: 10, shard_trajectories: 4, ..Default::default() };
         let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
         let manifest = generate(&system, &mut truth, "paper", &config, folder, &mut |_, _| ()).expect("generated");
@@ -155,26 +144,6 @@ fn shards_of_another_system_of_the_same_name_are_made_anew() {
     let mut columns = toml.replacen("\"theta\"", "\"angle\"", 1);
     columns.insert_str(0, "# another comment\n");
     assert_eq!(make(folder.path(), &columns).1, first, "names of columns are no part of the data");
-}
-
-#[test]
-fn shards_of_an_older_form_are_refused_in_a_line() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    make(folder.path(), 3, 20);
-    let path = folder.path().join("manifest.json");
-    let text = std::fs::read_to_string(&path).expect("read").replace("\"format\": 2", "\"format\": 1");
-    std::fs::write(&path, text).expect("written");
-    let error = Manifest::read(folder.path()).expect_err("old").to_string();
-    assert!(error.contains("manifest.json") && error.contains("format 1, not 2"), "{error}");
-    let path = folder.path().join("shard-00000.safetensors");
-    // The header's JSON stands within a JSON text.
-    let mut bytes = std::fs::read(&path).expect("read");
-    let key = br#"\"format\":\"2\""#;
-    let at = bytes.windows(key.len()).position(|w| w == key).expect("a format");
-    bytes[at + key.len() - 3] = b'1';
-    std::fs::write(&path, bytes).expect("written");
-    let error = read_shard(&path).expect_err("old").to_string();
-    assert!(error.contains("format 1, not 2") && !error.contains('\n'), "{error}");
 }
 
 #[test]

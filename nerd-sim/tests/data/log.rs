@@ -1,13 +1,11 @@
 //! Measurements as people keep them: what is read, what is tidied up and said, and what is refused with a line that says where.
 //! The measurements are made by a solver, so that every number is known.
 
-mod tossed;
-
 use std::path::Path;
 
+use crate::tossed::{Toss, cube, header, stamp, text, tosses, write};
 use nerd_sim::log::Log;
 use nerd_sim::prelude::*;
-use tossed::{Toss, cube, header, stamp, text, tosses, write};
 
 fn read(folder: &Path) -> Log {
     Log::read(&folder.join("cube.log.toml"), None).expect("a log")

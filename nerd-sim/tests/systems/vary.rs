@@ -1,7 +1,5 @@
 //! Robots that differ within a batch: each moves as it does alone, textbook motion by its own friction, what is refused, what is recorded.
 
-#![cfg(feature = "rapier")]
-
 use std::path::Path;
 use std::sync::Arc;
 

@@ -136,19 +136,6 @@ fn a_buried_face_does_not_act() {
     assert_eq!(events.len(), 2, "{events:?}");
 }
 
-/// Scenes of one plane give what the nearest collider gives, to the bit.
-#[test]
-fn one_collider_is_the_nearest_one() {
-    let room = scene(9.81, vec![floor()]);
-    let mut events = Vec::new();
-    for k in 0..50 {
-        let p = Vector3::new(0.3 * k as f64, -0.1 * k as f64, (0.7 * k as f64).sin());
-        events.clear();
-        room.contacts(&p, f64::INFINITY, &mut events);
-        assert_eq!(events, [room.contact(&p)]);
-    }
-}
-
 fn rods() -> [(&'static str, f64, f64); 3] {
     [("rod", 0.05, 0.2), ("wheel", 0.1, 0.02), ("short rod", 0.1, 0.11)]
 }

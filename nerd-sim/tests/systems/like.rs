@@ -31,16 +31,6 @@ fn keys_left_out_are_the_others_and_own_keys_win() {
     }
 }
 
-/// A table is taken or left as a whole: what joints start from is never half of one robot's and half of another's.
-#[test]
-fn a_table_that_is_said_replaces_the_others() {
-    let (ant, own) =
-        (read("like = \"ant\""), read("like = \"ant\"\n[[scene]]\nname = \"ramp\"\nplane = { height = 0.1, angles = [0.1, 0.0, 0.0] }"));
-    let names = |spec: &Spec| spec.scenes.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
-    assert_eq!((names(&ant), names(&own)), (vec!["ground".to_string()], vec!["ramp".to_string()]));
-    assert_eq!((own.joints.len(), ant.joints.len()), (8, 8));
-}
-
 /// `like` knows built-in robots alone, so a file cannot be like itself, and no circle can be said.
 #[test]
 fn what_is_no_built_in_robot_is_refused_in_one_line() {
@@ -61,19 +51,6 @@ fn what_is_no_built_in_robot_is_refused_in_one_line() {
     }
     let error = Spec::read("like = \"unicorn\"").expect_err("no robot");
     assert!(System::built_in().iter().all(|name| error.contains(name)), "the known ones are not named: {error}");
-}
-
-#[test]
-fn a_file_beside_a_urdf_may_be_like_a_built_in_robot() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    let (urdf, toml) = (folder.path().join("mine.urdf"), folder.path().join("mine.toml"));
-    std::fs::write(&urdf, System::texts("pendulum").expect("built in").1).expect("written");
-    std::fs::write(&toml, "like = \"pendulum-paper\"\nsubsteps = 6\n").expect("written");
-    let mine = System::named(urdf.to_str().expect("utf-8")).expect("like the pendulum");
-    let paper = System::named("pendulum-paper").expect("built in");
-    assert_eq!((mine.spec.substeps, mine.spec.truth), (6, Truth::Paper), "like the reference's pendulum");
-    assert_eq!(mine.spec.material, paper.spec.material);
-    assert_ne!(mine.robot_sha256(), paper.robot_sha256(), "six substeps are not five");
 }
 
 #[test]

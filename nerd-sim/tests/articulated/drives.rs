@@ -68,25 +68,6 @@ fn effort_and_velocity_are_bounds() {
 }
 
 #[test]
-fn a_velocity_drive_keeps_its_velocity() {
-    let motion = driven(Drive { kd: 100.0, speed: 1.5, ..Drive::default() }, 4, 60);
-    assert!((motion[119] - 1.5).abs() < 1e-6, "{} rad/s", motion[119]);
-}
-
-#[test]
-fn environments_have_drives_of_their_own() {
-    let system = rod();
-    let mut batch = Batch::new(&system, &system.scene("free").expect("free is always there"), 2);
-    let drive = |target| Drive { kp: 100.0, kd: 10.0, target, ..Drive::default() };
-    batch.drives = vec![drive(0.2), drive(-0.4)];
-    let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    (0..200).for_each(|_| simulation.step(&[0.0; 2]).expect("it can be stepped"));
-    for (env, target) in [(0, 0.2), (1, -0.4)] {
-        assert!((simulation.batch.state(env)[0] - target).abs() < 1e-4, "environment {env} at {}", simulation.batch.state(env)[0]);
-    }
-}
-
-#[test]
 fn what_is_no_drive_has_a_line() {
     let system = rod();
     let mut batch = Batch::new(&system, &system.scene("free").expect("free is always there"), 1);

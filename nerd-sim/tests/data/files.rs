@@ -1,6 +1,6 @@
 //! Outputs are whole, go where they are sent, and leave nothing behind.
 
-use std::io::{Error, ErrorKind, Read, Write};
+use std::io::{Error, ErrorKind, Write};
 use std::path::Path;
 
 use nerd_sim::files::{claim, read_text, share, write, write_with};
@@ -62,24 +62,6 @@ fn symbolic_links_stay_and_lead_to_what_is_written() {
     assert!(["one", "two"].iter().all(|link| std::fs::symlink_metadata(at(link)).expect("there").is_symlink()));
     symlink("loop", at("loop")).expect("linked");
     assert!(write(&at("loop"), b"").is_err());
-}
-
-#[cfg(unix)]
-#[test]
-fn devices_and_pipes_are_written_into() {
-    use std::os::fd::AsRawFd;
-    use std::os::unix::fs::FileTypeExt;
-    write(Path::new("/dev/null"), b"nothing").expect("written");
-    let there = std::fs::metadata("/dev/null").expect("there");
-    assert!(there.file_type().is_char_device(), "/dev/null has become {there:?}");
-    let (mut reader, writer) = std::io::pipe().expect("a pipe");
-    write(Path::new(&format!("/proc/self/fd/{}", writer.as_raw_fd())), b"through").expect("written");
-    drop(writer);
-    let mut text = String::new();
-    reader.read_to_string(&mut text).expect("read");
-    assert_eq!(text, "through");
-    let folder = tempfile::tempdir().expect("temporary folder");
-    assert!(write(folder.path(), b"a folder").expect_err("no file").to_string().contains("folder"));
 }
 
 #[test]

@@ -69,31 +69,6 @@ fn a_cube_comes_to_rest_in_every_world() {
     }
 }
 
-/// Without gravity up is z, and a robot's own scene, a plane at a height, is there, too.
-#[test]
-fn a_plane_needs_no_gravity() {
-    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link></robot>"#;
-    let toml = "urdf = \"\"\nfloating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, 0.0]\nsubsteps = 16\n[[scene]]\nname = \"table\"\nplane = { height = 0.3, angles = [0.0, 0.0, 0.0] }\n";
-    let system = std::sync::Arc::new(System::from_text("ball", urdf, Some(toml)).expect("valid"));
-    for (scene, height) in [("table", 0.3), ("plane", 0.0)] {
-        let scene = system.scene(scene).expect("a plane");
-        let event = scene.contact(&Vector3::new(1.0, 2.0, height + 0.25));
-        assert!((event.distance - 0.25).abs() < 1e-15 && event.normal == Vector3::z(), "{event:?}");
-        // Thrown at it, it comes back.
-        let mut batch = Batch::new(&system, &scene, 1);
-        (batch.state_mut(0)[2], batch.state_mut(0)[12]) = (height + 0.2, -1.0);
-        let mut solver = Articulated::new(ArticulatedConfig::implicit(8, Friction::Coulomb));
-        (0..60).for_each(|_| solver.step(&mut batch, &[]).expect("finite"));
-        assert!(batch.state(0)[2] > height + 0.04, "{}: it went through to {} m", scene.name, batch.state(0)[2]);
-    }
-    let error = System::from_text("ball", urdf, Some(&toml.replace("height = 0.3", "height = nan"))).map(|s| s.scene("table").map(|_| ()));
-    let error = match error {
-        Ok(refused) => refused.expect_err("a plane at no height").to_string(),
-        Err(refused) => refused.to_string(),
-    };
-    assert!(error.to_lowercase().contains("nan") && !error.contains('\n'), "{error}");
-}
-
 /// Boxes and pegs of a TOML stand where it says, whichever axis is up.
 #[test]
 fn boxes_and_pegs_stand_on_the_plane() {
@@ -128,18 +103,4 @@ fn boxes_and_pegs_stand_on_the_plane() {
             assert!(!error.contains('\n'), "{error}");
         }
     }
-}
-
-#[test]
-fn a_robot_without_contact_points_is_told_so() {
-    let refused = System::named("cartpole").expect("built in").scene("hills").err().expect("nothing to touch with");
-    let error = refused.to_string();
-    assert!(error.contains("known are free") && !error.contains("steps"), "{error}");
-}
-
-/// A mesh of 32 768 triangles, a few milliseconds: environments share one.
-#[test]
-fn environments_share_the_hills() {
-    let [a, b] = [cube("hills").1, cube("hills").1].map(|scene| scene.colliders[1].shape.clone());
-    assert!(std::sync::Arc::ptr_eq(&a.0, &b.0), "each scene has a mesh of its own");
 }

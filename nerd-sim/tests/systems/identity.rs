@@ -2,8 +2,8 @@
 
 use nerd_sim::prelude::*;
 
-const URDF: &str = include_str!("../assets/pendulum.urdf");
-const TOML: &str = include_str!("../assets/pendulum.toml");
+const URDF: &str = include_str!("../../assets/pendulum.urdf");
+const TOML: &str = include_str!("../../assets/pendulum.toml");
 
 fn hashes(urdf: &str, toml: &str) -> [String; 2] {
     let system = System::from_text("pendulum", urdf, Some(toml)).expect("valid");
@@ -90,8 +90,8 @@ fn how_data_are_made_changes_one() {
 
 #[test]
 fn limits_count_and_all_built_in_robots_differ() {
-    let toml = include_str!("../assets/cartpole.toml");
-    let urdf = include_str!("../assets/cartpole.urdf");
+    let toml = include_str!("../../assets/cartpole.toml");
+    let urdf = include_str!("../../assets/cartpole.urdf");
     let ours = hashes(urdf, toml);
     // Nothing of it touches: no material matters.
     let slippery = changed(

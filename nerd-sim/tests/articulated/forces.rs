@@ -1,7 +1,5 @@
 //! Forces at contact points: weight, the impulse of a landing, friction, and who tells none.
 
-#![cfg(feature = "rapier")]
-
 use std::sync::Arc;
 
 use nalgebra::Vector3;

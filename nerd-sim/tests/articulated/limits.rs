@@ -115,12 +115,6 @@ fn what_is_said_counts() {
     }
 }
 
-/// A chain that nobody builds is still read in no time.
-#[test]
-fn a_long_chain_is_read() {
-    assert_eq!(System::bare("arm", &arm(400, false), false).expect("valid").robot.joint_count(), 400);
-}
-
 /// A joint whose ends are one place has no range to divide by.
 #[test]
 fn a_joint_without_a_range_is_locked() {

@@ -172,23 +172,6 @@ fn words_are_looked_at() {
     assert!(system(&twice).expect_err("two scenes of a name").contains("ground"));
 }
 
-/// Joints of a bare URDF may be called what they like: their columns are told apart all the same.
-#[test]
-fn joints_called_like_columns_get_columns_of_their_own() {
-    for (hinge, rail) in [("step", "traj"), ("tau1", "tau"), ("a", "d_a"), ("px", "d_px"), ("q_step", "step")] {
-        let urdf = URDF.replace("\"hinge\"", &format!("\"{hinge}\"")).replace("\"rail\"", &format!("\"{rail}\""));
-        let system = System::bare("all", &urdf, true).expect("valid");
-        let spec = &system.spec;
-        let mut all: Vec<&str> =
-            spec.state_columns.iter().chain(&spec.torque_columns).map(String::as_str).chain(["traj", "step"]).collect();
-        let ours = spec.state_columns.iter().filter(|c| c.starts_with("tau")).count();
-        let count = all.len();
-        all.sort_unstable();
-        all.dedup();
-        assert!(all.len() == count && ours == 0, "{hinge}, {rail}: {:?}", spec.state_columns);
-    }
-}
-
 #[test]
 fn the_urdf_that_a_file_names_is_the_one_that_is_read() {
     let folder = tempfile::tempdir().expect("temporary folder");

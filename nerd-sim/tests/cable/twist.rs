@@ -3,8 +3,6 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use nerd_sim::dataset::{GenerateConfig, begin, record};
-use nerd_sim::nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
 
 const LINKS: usize = 60;
@@ -75,29 +73,4 @@ fn a_twisted_shaft_swings_back_in_the_time_of_theory() {
     let theory = 4.0 * LENGTH * (polar / twisting).sqrt();
     println!("period {period:.5} s, theory {theory:.5} s, {} half swings", crossings.len());
     assert!(crossings.len() > 6 && (period / theory - 1.0).abs() < 0.01, "period {period} s, theory {theory} s");
-}
-
-/// Data of a cable that twists converge as those of one that does not: 8 substeps, which both take, are near to many.
-#[test]
-fn data_of_a_cable_that_twists_start_untwisted_and_are_converged() {
-    let toml = "[cable]\nlength = 1.0\ndiameter = 0.008\nmass = 0.08\nbending = 1e-3\ntwisting = 8e-4\nat = [0.0, 0.0, 0.5]";
-    let system = Arc::new(System::from_toml("lead", toml).expect("a cable"));
-    let config = GenerateConfig { transitions: 80, frames: 20, seed: 3, ..GenerateConfig::default() };
-    let start = begin(&system, &config, 0, 4).expect("it begins");
-    assert!((0..4).all(|env| twists(&system).iter().all(|k| start.state(env)[*k] == 0.0)), "it starts twisted");
-    let nodes = |substeps: usize| {
-        let mut solver = Articulated::new(ArticulatedConfig::implicit(substeps, Friction::Coulomb));
-        let recording = record(&system, &mut solver, &config, 0, 4).expect("it moves");
-        let mut data = Data::new(&system.robot);
-        let last = (0..4).flat_map(|env| {
-            let state = &recording.states[(env * 21 + 20) * system.robot.state_dim()..][..system.robot.nq()];
-            kinematics(&system.robot, state, &mut data);
-            system.robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect::<Vec<_>>()
-        });
-        last.collect::<Vec<_>>()
-    };
-    let (own, many) = (nodes(system.spec.substeps), nodes(128));
-    let off = own.iter().zip(&many).map(|(a, b)| (a - b).norm()).sum::<f64>() / own.len() as f64;
-    println!("after 20 frames {off:.2e} m from 128 substeps");
-    assert!(off < 3e-3, "{off} m after 20 frames");
 }

@@ -1,13 +1,10 @@
 //! What rapier must do behind the solver interface. Each test guards a fault that rapier has when used plainly: state
 //! that lives outside (q, qd), a floating root that drifts with its centre of mass off the origin, silence about numbers
 //! that are not finite, default damping, hard limits in place of the model's.
-#![cfg(feature = "rapier")]
-
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 
 fn pendulum() -> Arc<System> {
     System::named("pendulum").expect("built in")
@@ -84,38 +81,6 @@ fn the_next_state_is_a_function_of_the_present_one_under_contact() {
     }
     println!("{touched} contacts in 960 frames");
     assert!(touched > 100, "only {touched} contacts: the test shows nothing");
-}
-
-#[test]
-fn resetting_one_environment_is_starting_it_afresh() {
-    let system = pendulum();
-    let (start, torques) = spread(&system, "ground1", 4);
-    let mut simulation = Simulation::new(start.clone(), Rapier::new(RapierConfig::default()));
-    for _ in 0..40 {
-        simulation.step(&torques).expect("finite");
-    }
-    simulation.reset(2, start.state(2));
-    let mut fresh = Simulation::new(start.clone(), Rapier::new(RapierConfig::default()));
-    for _ in 0..40 {
-        simulation.step(&torques).expect("finite");
-        fresh.step(&torques).expect("finite");
-        assert_eq!(bytes(simulation.batch.state(2)), bytes(fresh.batch.state(2)));
-    }
-}
-
-#[test]
-fn the_number_of_threads_changes_no_byte() {
-    let system = pendulum();
-    let (start, torques) = spread(&system, "ground1", 150);
-    let run = |threads: usize, mut solver: Box<dyn Solver + Send>| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
-        let mut batch = start.clone();
-        pool.install(|| (0..20).try_for_each(|_| solver.step(&mut batch, &torques))).expect("finite");
-        bytes(&batch.states)
-    };
-    let rapier = || Box::new(Rapier::new(RapierConfig::default()));
-    assert_eq!(run(1, rapier()), run(2, rapier()), "rapier");
-    assert_eq!(run(1, Box::new(articulated())), run(2, Box::new(articulated())), "articulated");
 }
 
 /// Deepest penetration (m) of any contact point over 300 frames from a fall, and at its end.
@@ -248,43 +213,6 @@ fn limits_are_the_springs_of_the_model() {
     assert!((fine.0 - x).abs() < 1e-2, "{:.4} m against {x:.4} m, bound 1e-2 m", fine.0);
 }
 
-#[test]
-fn what_cannot_be_stepped_is_an_error_that_names_the_environment() {
-    let system = pendulum();
-    let (mut batch, torques) = spread(&system, "ground1", 5);
-    batch.state_mut(3)[2] = f64::NAN;
-    let before = bytes(batch.state(3));
-    let error = Rapier::new(RapierConfig::default()).step(&mut batch, &torques).expect_err("not finite").to_string();
-    assert!(error.contains("environment 3") && error.contains("`qd1` is NaN"), "{error}");
-    assert_eq!(before, bytes(batch.state(3)), "its state is that before the step");
-
-    let (mut batch, mut torques) = spread(&system, "ground1", 5);
-    batch.state_mut(1)[2] = 1e200;
-    torques[2] = 1e200;
-    let error = Rapier::new(RapierConfig::default()).step(&mut batch, &torques).expect_err("overflow").to_string();
-    assert!(error.contains("environment 1"), "{error}");
-
-    let error = Rapier::new(RapierConfig { steps: 0, ..Default::default() }).step(&mut batch, &torques).expect_err("no steps").to_string();
-    assert!(error.contains("0 steps"), "{error}");
-
-    // Nothing at the end of the last joint: the mass matrix is singular.
-    let urdf = r#"<robot name="bare"><link name="world"/><link name="arm"/>
-        <joint name="j" type="continuous"><parent link="world"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"#;
-    if let Ok(bare) = System::from_text("bare", urdf, None) {
-        let bare = Arc::new(bare);
-        let mut batch = Batch::new(&bare, &bare.scene("free").expect("scene"), 1);
-        let error = Rapier::new(RapierConfig::default()).step(&mut batch, &[1.0]).expect_err("no inertia").to_string();
-        assert!(error.contains("environment 0") && error.contains("mass matrix"), "{error}");
-    }
-}
-
-#[test]
-fn settings_refuse_unknown_keys_and_default_the_rest() {
-    let config: RapierConfig = toml::from_str("iterations = 16").expect("valid");
-    assert_eq!(config, RapierConfig { iterations: 16, ..Default::default() });
-    assert!(toml::from_str::<RapierConfig>("iteration = 16").is_err());
-}
-
 /// The reference's cube dropped flat from 0.2 m: it stays down at 0, at 0.5 it rebounds to a quarter of the height. rapier
 /// makes the impact a few per cent too weak or too strong, as its step falls.
 #[test]
@@ -311,61 +239,4 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
     let mut batch = Batch::new(&system, &system.scene("ground").expect("scene"), 1);
     let error = Rapier::new(RapierConfig { restitution: 1.5, ..Default::default() }).step(&mut batch, &[]).expect_err("too much");
     assert!(error.to_string().contains("restitution is 1.5"), "{error}");
-}
-
-/// How far rapier's frames without contact are from ours: the floor of a learned model of rapier that adds what contact does
-/// to a frame of our flight. Flight at the reference simulator's settings is no base for that; exact flight is.
-#[test]
-fn flight_is_nearer_to_exact_flight_than_to_the_reference_s() {
-    let n = 64;
-    for (robot, bound) in [("pendulum-paper", 1e-4), ("cube-paper", 1e-5), ("ant-paper", 2e-4)] {
-        let system = System::named(robot).expect("built in");
-        let (joints, d, nq) = (system.robot.joint_count(), system.robot.state_dim(), system.robot.nq());
-        let mut first = Batch::new(&system, &system.scene("free").expect("scene"), n);
-        for env in 0..n {
-            first.reset(env, &start(&system, Start::Sample, &mut stream(31, env as u64)));
-        }
-        let torques = vec![0.0; n * joints];
-        // Largest |difference| of q and of qd by environment, sorted.
-        let gaps = |a: &Batch, b: &Batch| {
-            let far = |env: usize, range: std::ops::Range<usize>| {
-                let gap = |k: usize| (a.state(env)[k] - b.state(env)[k]).abs();
-                range.map(|k| if k < nq { gap(k).min(std::f64::consts::TAU - gap(k)) } else { gap(k) }).fold(0.0, f64::max)
-            };
-            [0..nq, nq..d].map(|range| {
-                let mut all: Vec<f64> = (0..n).map(|env| far(env, range.clone())).collect();
-                all.sort_by(f64::total_cmp);
-                all
-            })
-        };
-        let run = |mut solver: Box<dyn Solver>, frames: usize| {
-            let mut batch = first.clone();
-            (0..frames).for_each(|_| solver.step(&mut batch, &torques).expect("a frame"));
-            batch
-        };
-        let rapier = |frames| run(Box::new(Rapier::new(RapierConfig { steps: 16, ..Default::default() })), frames);
-        let (one, many) = (rapier(1), rapier(60));
-        let mut found = Vec::new();
-        for (name, config) in [
-            ("the reference's", ArticulatedConfig::paper(&system, Friction::Coulomb)),
-            ("Euler x64", ArticulatedConfig::explicit(64, Friction::Coulomb)),
-            ("exact", ArticulatedConfig::converged(Friction::Coulomb)),
-        ] {
-            let ours = |frames| run(Box::new(Articulated::new(config)), frames);
-            let [[q, qd], [far, _]] = [gaps(&ours(1), &one), gaps(&ours(60), &many)];
-            println!(
-                "{robot}, {name}: a frame |dq| median {:.1e} max {:.1e}, |dqd| {:.1e} {:.1e}; 60 frames |dq| median {:.1e} p90 {:.1e}",
-                q[n / 2],
-                q[n - 1],
-                qd[n / 2],
-                qd[n - 1],
-                far[n / 2],
-                far[9 * n / 10],
-            );
-            found.push(q[n / 2]);
-        }
-        let (reference, exact) = (found[0], found[2]);
-        assert!(exact < bound, "{robot}: a frame is {exact:.1e} from exact flight, bound {bound:.0e}");
-        assert!(exact < 0.3 * reference, "{robot}: {exact:.1e} from exact flight, {reference:.1e} from the reference's");
-    }
 }
