@@ -11,7 +11,6 @@ pub mod files;
 pub mod instruments;
 #[cfg(feature = "csv")]
 pub mod log;
-#[cfg(feature = "mjcf")]
 pub mod mjcf;
 mod random;
 pub mod range;
@@ -22,9 +21,7 @@ pub mod rollout;
 pub mod sampling;
 pub mod scene;
 pub mod solver;
-#[cfg(feature = "suite")]
 pub mod suite;
-pub mod survey;
 pub mod system;
 #[cfg(feature = "csv")]
 pub mod table;

@@ -132,7 +132,10 @@ impl System {
     }
 
     /// The same, its meshes found from where the URDF is.
-    pub(crate) fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
+    ///
+    /// # Errors
+    /// As [`Self::bare`].
+    pub fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
         let mut robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = plain(&robot);
         touch(&mut robot, path, spec.mesh_points);

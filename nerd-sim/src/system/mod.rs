@@ -16,7 +16,8 @@ pub(crate) mod truth;
 mod validate;
 pub(crate) mod vary;
 
-pub(crate) use derive::{pose_of, stiffness};
+pub use derive::pose_of;
+pub(crate) use derive::stiffness;
 pub use model::{System, SystemError};
 pub use source::Source;
 pub use spec::*;

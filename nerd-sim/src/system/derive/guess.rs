@@ -12,7 +12,7 @@ use nerd_core::robot::{Joint, JointKind, Robot};
 use super::limits::pose;
 use super::plain::{between, listed, plain, rounded};
 use super::spread::enough;
-use super::srdf;
+use super::srdf::pose_of;
 use crate::range::Range;
 use crate::scene::{GRAVITY, Material};
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
@@ -59,7 +59,7 @@ pub(crate) fn floats(robot: &Robot) -> bool {
 
 /// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are positions that somebody says of joints.
 pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
-    let (mut state, pose) = srdf::pose(robot, path);
+    let (mut state, pose) = pose_of(robot, path);
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
         *q = defaults.get(&joint.name).copied().unwrap_or(*q);

@@ -13,4 +13,4 @@ pub(crate) use limits::stiffen;
 #[cfg(feature = "meshes")]
 pub(crate) use meshes::touch;
 pub(crate) use plain::{between, listed, plain, rounded};
-pub(crate) use srdf::pose as pose_of;
+pub use srdf::pose_of;

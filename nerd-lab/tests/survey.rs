@@ -1,6 +1,6 @@
 //! Other people's robots: one file that nobody can read is one honest line, not the end of the others' turn.
 
-use nerd_sim::survey::{find, survey};
+use nerd_lab::survey::{find, survey};
 
 #[test]
 fn a_file_that_is_no_text_has_its_line_and_the_others_their_turn() {

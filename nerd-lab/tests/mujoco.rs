@@ -6,7 +6,8 @@ use std::path::Path;
 
 use nerd_core::robot::Limit;
 use nerd_core::state::wrap;
-use nerd_sim::mjcf::{Mujoco, Referee, Scheme, from_mujoco, mjcf, to_mujoco};
+use nerd_lab::mujoco::{Mujoco, Referee, Scheme, from_mujoco, to_mujoco};
+use nerd_sim::mjcf::mjcf;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 

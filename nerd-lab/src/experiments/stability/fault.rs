@@ -1,14 +1,12 @@
-//! What is broken on purpose, to show that a row can go red: [`Fault::around`] breaks any solver.
+//! What is broken on purpose, to show that a row can go red: [`Fault::of`] breaks any method.
 
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
 use nerd_core::state::{quaternion, vector};
-
-use crate::batch::Batch;
-use crate::scene::Scene;
-use crate::solver::{Solver, StepError};
+use nerd_sim::prelude::*;
+use nerd_sim::suite::Method;
 
 /// A defect, put around a solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +32,61 @@ pub enum Fault {
     /// Motors give a tenth more than they are told.
     StrongMotors,
 }
+
+use Fault::*;
+
+/// By row of the suite, the faults that it must see.
+const REDDENED: [(&str, &[Fault]); 49] = [
+    ("free fall", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("off-centre spin", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld]),
+    ("precession", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("tumbling box", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("gyroscopic energy", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("Dzhanibekov", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("Dzhanibekov, f32", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("far away", &[HiddenClock, SinglePrecision]),
+    ("pendulum period", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("pendulum energy", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("drive inertia", &[DroppedVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    ("joint limit", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("heavy end", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("swinging arm", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("universal joint", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("inner torques", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("falling quadruped", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("rest", &[NoFloor]),
+    ("restitution", &[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("tossed cube", &[PumpedVelocity]),
+    ("stiff ground", &[NoFloor, PumpedVelocity]),
+    ("tip into ground", &[PumpedVelocity]),
+    ("heavy tip", &[HalfGravity, PumpedVelocity]),
+    ("light tip", &[HalfGravity, PumpedVelocity]),
+    ("under terrain", &[NoFloor, FrozenWorld]),
+    ("stopping distance", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("friction threshold", &[NoFloor, DroppedVelocity, FrozenWorld]),
+    ("sliding down", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("plate at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("cube at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("table at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("rolling ball", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("pendulum self-convergence", &[DroppedVelocity, FrozenWorld]),
+    ("Ant self-convergence", &[DroppedVelocity, FrozenWorld]),
+    ("Markov", &[HiddenClock]),
+    ("cable's sag", &[HalfGravity, FrozenWorld]),
+    ("hanging chain", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("falling cable", &[NoFloor, FrozenWorld, PumpedVelocity]),
+    ("driven Ant", &[BodyAngularVelocity]),
+    ("ANYmal kp 85", &[FrozenWorld]),
+    ("ANYmal kp 200", &[FrozenWorld]),
+    ("ANYmal kp 2000", &[FrozenWorld]),
+    ("ANYmal kp 5000", &[FrozenWorld]),
+    ("kp 200 ahead", &[FrozenWorld]),
+    ("kp 2000 ahead", &[FrozenWorld]),
+    ("kp 5000 ahead", &[FrozenWorld]),
+    ("no number", &[SwallowedErrors]),
+    ("runner's energy", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    ("runner's momentum", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+];
 
 impl Fault {
     /// All ten.
@@ -66,8 +119,18 @@ impl Fault {
         }
     }
 
+    /// A method whose solver is broken.
+    pub fn of(self, method: Method) -> Method {
+        method.around(move |solver| self.around(solver))
+    }
+
+    /// Names of the rows of the suite that it must turn red; all others must stay green.
+    pub fn reddened(self) -> Vec<&'static str> {
+        REDDENED.iter().filter(|(_, faults)| faults.contains(&self)).map(|(row, _)| *row).collect()
+    }
+
     /// The solver, broken.
-    pub fn around(self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
+    fn around(self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
         Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
     }
 

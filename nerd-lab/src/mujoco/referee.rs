@@ -6,13 +6,15 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
+use anyhow::{Context, anyhow};
 use nerd_core::robot::Robot;
+use nerd_sim::mjcf::driven;
+use nerd_sim::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::text::driven;
-use super::{MjcfError, from_mujoco, to_mujoco};
-use crate::prelude::*;
+use super::state::{from_mujoco, to_mujoco};
+use crate::error::{Result, refuse};
 
 const REFEREE: &str = include_str!("referee.py");
 const WARP: &str = include_str!("warp.py");
@@ -109,8 +111,8 @@ impl Referee {
     /// Starts `python` on `system` in `scene`, to roll out `frames` frames from each of `starts`, states of ours.
     ///
     /// # Errors
-    /// Of [`mjcf`](super::mjcf), if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
-    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, starts: &[Vec<f64>], frames: usize) -> Result<Self, MjcfError> {
+    /// Of [`nerd_sim::mjcf::mjcf`], if `python` cannot be started or has no MuJoCo, or what MuJoCo says of the model.
+    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, starts: &[Vec<f64>], frames: usize) -> Result<Self> {
         let mut batch = Batch::new(system, scene, starts.len());
         batch.states = starts.concat();
         Self::of(python, &batch, frames)
@@ -121,7 +123,7 @@ impl Referee {
     ///
     /// # Errors
     /// As [`Self::new`]; a batch whose drives differ.
-    pub fn of(python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
+    pub fn of(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::by(REFEREE, python, batch, frames)
     }
 
@@ -130,14 +132,14 @@ impl Referee {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn warp(python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
+    pub fn warp(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::by(WARP, python, batch, frames)
     }
 
-    fn by(script: &str, python: &Path, batch: &Batch, frames: usize) -> Result<Self, MjcfError> {
+    fn by(script: &str, python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         let (system, first) = (&batch.system, batch.driven(0));
         if (1..batch.len()).any(|env| batch.driven(env) != first) {
-            return Err(MjcfError::Robot("drives differ between environments, which the referee of MuJoCo does not take".into()));
+            refuse!("drives differ between environments, which the referee of MuJoCo does not take");
         }
         let robot = system.robot.clone();
         let free = Arc::new(Scene::free(system.gravity()));
@@ -149,12 +151,12 @@ impl Referee {
         let numbers = batch.systems.iter().zip(&batch.scenes).map(|(own, scene)| numbers(own, scene)).collect();
         let mjcf = driven(system, batch.scenes.first().unwrap_or(&free), first)?;
         let request = Request { mjcf, frame_time: system.frame_time, frames, starts, numbers };
-        let cannot = |source| MjcfError::Start { python: python.into(), source };
+        let cannot = || format!("cannot start `{}` as a Python with MuJoCo", python.display());
         let mut command = Command::new(python);
         command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut child = command.spawn().map_err(cannot)?;
+        let mut child = command.spawn().with_context(cannot)?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(cannot(std::io::Error::other("it has no pipes")));
+            refuse!("{}: it has no pipes", cannot());
         };
         let mut referee = Self { version: String::new(), plain: false, worlds: 0, robot, child, input, output: BufReader::new(output) };
         let Version { version } = referee.ask(&request)?;
@@ -166,7 +168,7 @@ impl Referee {
     ///
     /// # Errors
     /// What MuJoCo says, or that it has ended.
-    pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played, MjcfError> {
+    pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
         self.set(Setting { integrator, substeps, timed, told: true, plain: self.plain, worlds: self.worlds })
     }
 
@@ -174,27 +176,27 @@ impl Referee {
     ///
     /// # Errors
     /// As [`Self::play`].
-    pub fn time(&mut self, integrator: Scheme, substeps: usize) -> Result<f64, MjcfError> {
+    pub fn time(&mut self, integrator: Scheme, substeps: usize) -> Result<f64> {
         Ok(self.set(Setting { integrator, substeps, timed: true, told: false, plain: self.plain, worlds: self.worlds })?.seconds)
     }
 
-    fn set(&mut self, setting: Setting) -> Result<Played, MjcfError> {
+    fn set(&mut self, setting: Setting) -> Result<Played> {
         let Rolled { states, seconds, lost } = self.ask(&setting)?;
         let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds, lost })
     }
 
-    pub(super) fn ask<A: DeserializeOwned>(&mut self, question: &impl Serialize) -> Result<A, MjcfError> {
+    pub(super) fn ask<A: DeserializeOwned>(&mut self, question: &impl Serialize) -> Result<A> {
         // One that has ended says why on its output.
-        let question = serde_json::to_string(question).map_err(|e| MjcfError::Referee(format!("cannot ask MuJoCo: {e}")))?;
+        let question = serde_json::to_string(question).context("cannot ask MuJoCo")?;
         let _ = writeln!(self.input, "{question}");
         let mut line = String::new();
-        self.output.read_line(&mut line).map_err(|e| MjcfError::Referee(format!("cannot hear MuJoCo: {e}")))?;
+        self.output.read_line(&mut line).context("cannot hear MuJoCo")?;
         match serde_json::from_str(&line) {
-            Ok(Said::Error { error }) => Err(MjcfError::Referee(error)),
+            Ok(Said::Error { error }) => Err(anyhow!(error)),
             Ok(Said::Answer(answer)) => Ok(answer),
-            Err(_) => Err(MjcfError::Referee("the Python of MuJoCo ended without an answer".into())),
+            Err(_) => Err(anyhow!("the Python of MuJoCo ended without an answer")),
         }
     }
 }

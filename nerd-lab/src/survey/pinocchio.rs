@@ -11,10 +11,9 @@ use nerd_core::dynamics::{Data, Factor, kinematics};
 use nerd_core::dynamics::{Derivatives, aba, bias, crba, jacobian, rnea};
 use nerd_core::robot::Robot;
 use nerd_core::state::write_quaternion;
+use nerd_sim::sampling::stream;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
-
-use crate::sampling::stream;
 
 const REFEREE: &str = include_str!("pinocchio.py");
 /// That of Pinocchio's models.

@@ -8,10 +8,21 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, Factor, crba, kinematics};
 use nerd_core::robot::{Base, Joint, JointKind, Limit, Link, Robot, ShapeKind};
 
-use super::MjcfError;
 use crate::drive::Drive;
 use crate::scene::{Collider, Scene};
 use crate::system::System;
+
+/// Why a system cannot be written for MuJoCo.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MjcfError {
+    /// The scene of this name holds what MuJoCo would need a mesh for.
+    #[error("scene `{0}` is more than planes, boxes and cylinders; MuJoCo would need a mesh")]
+    Scene(String),
+    /// The robot cannot be written; one line that says why.
+    #[error("{0}")]
+    Robot(String),
+}
 
 /// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
 const WEAKEST: f64 = 1e-4;
@@ -37,7 +48,10 @@ pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
 }
 
 /// The same with a drive on every joint, as actuators of MuJoCo's; none if there are none. Largest velocities are left out.
-pub(super) fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
+///
+/// # Errors
+/// As [`mjcf`].
+pub fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
     let robot = &system.robot;
     if let Some(joint) = robot.follower() {
         return Err(MjcfError::Robot(format!(

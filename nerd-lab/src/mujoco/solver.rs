@@ -4,11 +4,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use nerd_sim::prelude::*;
+use nerd_sim::solver::{Fault, check, commit};
 use serde::{Deserialize, Serialize};
 
-use super::{MjcfError, Referee, from_mujoco, to_mujoco};
-use crate::prelude::*;
-use crate::solver::{Fault, check, commit};
+use super::referee::Referee;
+use super::state::{from_mujoco, to_mujoco};
+use crate::error::Result;
 
 /// Steps of a frame: 1/480 s at sixty frames a second.
 const SUBSTEPS: usize = 8;
@@ -38,13 +40,13 @@ impl Mujoco {
     ///
     /// # Errors
     /// As [`Referee::new`].
-    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<Self, MjcfError> {
+    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<Self> {
         Ok(Self { referee: Referee::new(python, system, scene, &[], 0)?, next: Vec::new(), faults: Vec::new() })
     }
 }
 
 impl Solver for Mujoco {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> std::result::Result<(), StepError> {
         check(batch, torques, &mut self.faults)?;
         let (robot, joints) = (&batch.system.robot, batch.system.robot.joint_count());
         let sound: Vec<usize> = (0..batch.len()).filter(|env| self.faults.iter().all(|f| f.env != *env)).collect();
@@ -53,7 +55,7 @@ impl Solver for Mujoco {
             forces: sound.iter().map(|env| &torques[env * joints..(env + 1) * joints]).collect(),
             substeps: SUBSTEPS,
         };
-        let Stepped { states } = self.referee.ask(&asked).map_err(|e| StepError::Solver(e.to_string()))?;
+        let Stepped { states } = self.referee.ask(&asked).map_err(|e| StepError::Solver(format!("{e:#}")))?;
         if states.len() != sound.len() {
             return Err(StepError::Solver(format!("MuJoCo moved {} environments of {}", states.len(), sound.len())));
         }

@@ -1,19 +1,21 @@
 //! Whether a robot stands, from its URDF alone: on its own geometry, on a plane, each joint held by a drive
-//! ([`crate::drive::holding`]); and whether it falls as a body falls when nothing holds it. MuJoCo stands beside it where there is one.
+//! ([`nerd_sim::drive::holding`]); and whether it falls as a body falls when nothing holds it. MuJoCo stands beside it where there is one.
 
 use std::path::Path;
 use std::sync::Arc;
 
+use anyhow::Error;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, point_position, totals};
 use nerd_core::state::quaternion;
+use nerd_sim::drive::holding;
+use nerd_sim::prelude::*;
+use nerd_sim::system::pose_of;
 
-use super::{Found, reason, text};
-use crate::drive::holding;
-use crate::mjcf::{MjcfError, Referee, Scheme};
-use crate::prelude::*;
-use crate::system::pose_of;
+use super::file::{Found, reason, text};
+use crate::error::{Result, refuse};
+use crate::mujoco::{Referee, Scheme};
 
 /// Frames of a rollout: ten seconds at sixty a second.
 pub const STANDING: usize = 600;
@@ -57,18 +59,6 @@ pub struct Limp {
     pub deepest: f64,
 }
 
-/// Why nothing stood.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StandError {
-    /// One line.
-    #[error("{0}")]
-    Robot(String),
-    /// MuJoCo's answer.
-    #[error(transparent)]
-    Mujoco(#[from] MjcfError),
-}
-
 /// A robot about to stand.
 pub(super) struct Ready {
     pub(super) system: Arc<System>,
@@ -80,12 +70,11 @@ pub(super) struct Ready {
 }
 
 /// Reads a robot and puts it on its feet.
-pub(super) fn ready(found: &Found) -> Result<Ready, StandError> {
-    let fault = |e: String| StandError::Robot(e);
-    let system = System::bare_at(&found.name, &text(&found.path).map_err(fault)?, true, Some(&found.path));
-    let system = Arc::new(system.map_err(|e| fault(reason(&e, &found.name)))?);
+pub(super) fn ready(found: &Found) -> Result<Ready> {
+    let system = System::bare_at(&found.name, &text(&found.path).map_err(Error::msg)?, true, Some(&found.path));
+    let system = Arc::new(system.map_err(|e| Error::msg(reason(&e, &found.name)))?);
     if system.robot.contact_points.is_empty() {
-        return Err(fault("has nothing to touch the ground with".into()));
+        refuse!("has nothing to touch the ground with");
     }
     let (mut state, pose) = pose_of(&system.robot, Some(&found.path));
     let low = lowest(&system, &state);
@@ -98,21 +87,21 @@ pub(super) fn ready(found: &Found) -> Result<Ready, StandError> {
 ///
 /// # Errors
 /// If it cannot be read, touches nothing, cannot be stepped, or MuJoCo does not answer.
-pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing, StandError> {
+pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing> {
     let Ready { system, state, pose, drives } = ready(found)?;
-    let scene = system.scene("plane").map_err(|e| StandError::Robot(reason(&e, &found.name)))?;
-    let roll = |drives: &[Drive]| -> Result<Vec<Vec<f64>>, StandError> {
+    let scene = system.scene("plane").map_err(|e| Error::msg(reason(&e, &found.name)))?;
+    let roll = |drives: &[Drive]| -> Result<Vec<Vec<f64>>> {
         let mut batch = Batch::new(&system, &scene, 1);
         batch.reset(0, &state);
         batch.drives = drives.to_vec();
         let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
         let tau = vec![0.0; system.robot.joint_count()];
-        let mut frame = || solver.step(&mut batch, &tau).map(|()| batch.states.clone()).map_err(|e| StandError::Robot(e.to_string()));
+        let mut frame = || solver.step(&mut batch, &tau).map(|()| batch.states.clone()).map_err(Error::from);
         (0..STANDING).map(|_| frame()).collect()
     };
     let ours = roll(&drives)?;
     let limp = limp(&system, &state, &roll(&[])?);
-    let mujoco = python.map(|python| -> Result<_, StandError> {
+    let mujoco = python.map(|python| -> Result<_> {
         let mut batch = Batch::new(&system, &scene, 1);
         batch.reset(0, &state);
         batch.drives.clone_from(&drives);

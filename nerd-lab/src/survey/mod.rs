@@ -3,47 +3,35 @@
 //! turn: one that cannot be read, or that we panic on, has its line, too.
 //!
 //! ```
-//! let found = nerd_sim::survey::find("assets".as_ref())?;
-//! let robot = nerd_sim::survey::survey(found.iter().find(|f| f.name == "pendulum.urdf").expect("it is built in"));
+//! let found = nerd_lab::survey::find("../nerd-sim/assets".as_ref())?;
+//! let robot = nerd_lab::survey::survey(found.iter().find(|f| f.name == "pendulum.urdf").expect("it is built in"));
 //! assert_eq!(robot.sizes.map(|s| (s.links, s.joints)), Some((2, 2)));
 //! assert!(robot.fixed.is_ok());
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
-#[cfg(feature = "mjcf")]
 mod crowd;
+mod file;
 mod pinocchio;
-#[cfg(feature = "mjcf")]
 mod stand;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nerd_core::robot::{Robot, UrdfError};
+use nerd_sim::prelude::*;
 
-#[cfg(feature = "mjcf")]
 pub use crowd::{CROWD, Crowd, Pace, SETTINGS, crowd};
+pub use file::{Found, find};
+use file::{reason, text};
 pub use pinocchio::{Differences, PinocchioError, differences};
-#[cfg(feature = "mjcf")]
-pub use stand::{Course, Limp, STANDING, StandError, Standing, stand};
-
-use crate::prelude::*;
+pub use stand::{Course, Limp, STANDING, Standing, stand};
 
 /// Frames rolled out.
 pub const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it
 /// moves.
 const SUBSTEPS: [usize; 2] = [4, 64];
-
-/// A file that may be a robot.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
-    /// The file.
-    pub path: PathBuf,
-    /// Its path from the folder asked for.
-    pub name: String,
-}
 
 /// What came of a file.
 #[derive(Clone, Debug)]
@@ -71,33 +59,6 @@ pub struct Sizes {
     pub mass: f64,
     /// Meshes that were passed over.
     pub meshes: usize,
-}
-
-/// `path`, or the .urdf files below it by name; also a folder below it that cannot be read. No link is followed.
-///
-/// # Errors
-/// If `path` is not there.
-pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
-    let above = if path.metadata()?.is_dir() { path } else { path.parent().unwrap_or(path) };
-    let mut files = Vec::new();
-    search(path, above, &mut files);
-    Ok(files)
-}
-
-fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
-    let inside = if path.is_dir() { std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>).ok() } else { None };
-    let Some(mut inside) = inside else {
-        files.push(Found { path: path.into(), name: path.strip_prefix(above).unwrap_or(path).display().to_string() });
-        return;
-    };
-    inside.sort_by_key(std::fs::DirEntry::file_name);
-    for entry in inside {
-        // A link may lead back up.
-        let (path, kind) = (entry.path(), entry.file_type());
-        if kind.is_ok_and(|kind| kind.is_dir() || kind.is_file() && path.extension().is_some_and(|e| e == "urdf")) {
-            search(&path, above, files);
-        }
-    }
 }
 
 /// Reads a file on both bases and rolls what it holds out.
@@ -136,12 +97,6 @@ enum Unread {
     Because(String),
 }
 
-/// The text of a file, or why it has none.
-fn text(path: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
-    String::from_utf8(bytes).map_err(|e| format!("is not UTF-8 text: byte {}", e.utf8_error().valid_up_to()))
-}
-
 /// What came of a robot; a panic is our fault, and says so.
 fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
@@ -161,9 +116,4 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
         (0..FRAMES).try_for_each(|_| solver.step(&mut batch, &torques)).map(|()| substeps).map_err(|e| e.to_string())
     };
     frames(SUBSTEPS[0]).or_else(|_| frames(SUBSTEPS[1]))
-}
-
-/// What was said, without the name that stands in its row already.
-fn reason(error: &SystemError, name: &str) -> String {
-    error.to_string().replace(&format!("robot `{name}`: "), "").replace('|', "/")
 }

@@ -4,15 +4,17 @@
 use std::path::Path;
 use std::time::Instant;
 
+use anyhow::Error;
+use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
+use nerd_sim::sampling::stream;
+use nerd_sim::vary::{self, VarySpec};
 use rand::RngExt;
 
-use super::stand::{StandError, lowest, ready};
-use super::{Found, reason};
-use crate::mjcf::{Referee, Scheme};
-use crate::prelude::*;
-use crate::range::Range;
-use crate::sampling::stream;
-use crate::vary::{self, VarySpec};
+use super::file::{Found, reason};
+use super::stand::{lowest, ready};
+use crate::error::Result;
+use crate::mujoco::{Referee, Scheme};
 
 /// Frames of a rollout: half a second.
 pub const CROWD: usize = 30;
@@ -62,12 +64,12 @@ pub struct Crowd {
 ///
 /// # Errors
 /// If it cannot be read or stepped, or MuJoCo does not answer.
-pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut dyn FnMut(usize)) -> Result<Crowd, StandError> {
+pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut dyn FnMut(usize)) -> Result<Crowd> {
     let mut ready = ready(found)?;
     let spec = VarySpec { mass: Some(Range { low: 0.8, high: 1.2 }), friction: Some(Range { low: 0.3, high: 1.0 }), ..Default::default() };
     std::sync::Arc::make_mut(&mut ready.system).spec.vary = Some(spec);
     let (system, coords) = (&ready.system, ready.system.robot.root_coords());
-    let mut all = vary::batch(system, "plane", n, seed).map_err(|e| StandError::Robot(reason(&e, &found.name)))?;
+    let mut all = vary::batch(system, "plane", n, seed).map_err(|e| Error::msg(reason(&e, &found.name)))?;
     for env in 0..n {
         let (mut rng, mut state) = (stream(seed, (n + env) as u64), ready.state.clone());
         for (q, joint) in state[coords..].iter_mut().zip(system.robot.joints()) {
@@ -79,10 +81,10 @@ pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut d
     }
     all.drives = ready.drives.repeat(n);
     let judged = first(&all, JUDGED.min(n));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| StandError::Robot(e.to_string()))?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let ours = |batch: &Batch, substeps| pool.install(|| roll(batch, substeps));
     let (mut few, mut many) = (Referee::of(python, &judged, CROWD)?, Referee::of(python, &all, CROWD)?);
-    let mut fine = |plain: bool| -> Result<_, StandError> {
+    let mut fine = |plain: bool| -> Result<_> {
         few.plain = plain;
         Ok(few.play(Scheme::ImplicitFast, FINE, false)?.frames)
     };
@@ -116,16 +118,15 @@ fn first(all: &Batch, n: usize) -> Batch {
 }
 
 /// States by frame, and the seconds it took; the first frame, in which memory is made, is not among them.
-fn roll(begun: &Batch, substeps: usize) -> Result<(Vec<Vec<f64>>, f64), StandError> {
-    let fault = |e: StepError| StandError::Robot(e.to_string());
+fn roll(begun: &Batch, substeps: usize) -> Result<(Vec<Vec<f64>>, f64)> {
     let (mut solver, mut batch) = (Articulated::new(ArticulatedConfig::implicit(substeps, Friction::Coulomb)), begun.clone());
     let tau = vec![0.0; batch.len() * batch.system.robot.joint_count()];
-    solver.step(&mut batch, &tau).map_err(fault)?;
+    solver.step(&mut batch, &tau)?;
     batch.states.clone_from(&begun.states);
     let (mut states, mut seconds) = (Vec::with_capacity(CROWD), 0.0);
     for _ in 0..CROWD {
         let start = Instant::now();
-        solver.step(&mut batch, &tau).map_err(fault)?;
+        solver.step(&mut batch, &tau)?;
         seconds += start.elapsed().as_secs_f64();
         states.push(batch.states.clone());
     }

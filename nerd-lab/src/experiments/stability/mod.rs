@@ -1,5 +1,8 @@
 //! The stability map: every row of [`nerd_sim::suite`] under every analytic method, and the faults that show its rows can fail.
 
+mod fault;
+mod methods;
+
 use std::path::Path;
 #[cfg(feature = "cuda")]
 use std::sync::Arc;
@@ -10,13 +13,15 @@ use nerd_sim::articulated::device::{CudaArticulated, Real};
 use nerd_sim::prelude::System;
 #[cfg(feature = "cuda")]
 use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
-use nerd_sim::suite::{Cell, Fault, Line, Method, Suite, Verdict};
+use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use crate::error::Result;
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table, heat};
+pub use fault::{Fault, UnknownFault};
+pub use methods::{accurate, converged, known, paper};
 use nerd_train::progress::bar;
 
 /// Columns, and rows with a cell for each.
@@ -62,7 +67,8 @@ impl Stability {
     /// # Errors
     /// If a word is in no name.
     pub fn new(words: &[String], fault: Option<Fault>) -> Result<Self> {
-        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?.fault(fault), methods: Method::known() })
+        let methods = known().into_iter().map(|method| fault.map_or(method.clone(), |fault| fault.of(method))).collect();
+        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?, methods })
     }
 
     /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
@@ -85,7 +91,7 @@ impl Stability {
         ];
         let mut methods = Vec::new();
         for (name, config) in of {
-            methods.extend(Method::known().into_iter().filter(|method| method.name() == name));
+            methods.extend(known().into_iter().filter(|method| method.name() == name));
             methods.push(gpu(&format!("{name}, GPU, 32 bits"), Real::F32, config));
             methods.push(gpu(&format!("{name}, GPU, 64 bits"), Real::F64, config));
         }
@@ -94,7 +100,7 @@ impl Stability {
 
     /// Names of the rows that a fault must turn red.
     pub fn reddened(&self, fault: Fault) -> Vec<&'static str> {
-        self.suite.rows().iter().filter(|r| r.reddens.contains(&fault)).map(|r| r.name).collect()
+        self.suite.rows().iter().map(|r| r.name).filter(|name| fault.reddened().contains(name)).collect()
     }
 }
 
