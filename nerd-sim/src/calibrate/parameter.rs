@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::CalibrateError;
+use super::error::CalibrateError;
 use crate::scene::GRAVITY;
 use crate::system::System;
 

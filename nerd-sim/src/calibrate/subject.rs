@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::CalibrateError;
+use super::error::CalibrateError;
 use super::parameter::{Parameter, What, round};
 use crate::articulated::{Articulated, ArticulatedConfig};
 #[cfg(feature = "rapier")]

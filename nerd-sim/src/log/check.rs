@@ -64,7 +64,7 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[
 ///
 /// # Errors
 /// Which columns, by how much, and what fits instead.
-pub fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
+pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
     if let Some(root) = &spec.root {
         let seconds = |a: &Moment, b: &Moment| b.time - a.time;
         let linear = pairs(raw).map(|(a, b)| {
@@ -137,7 +137,7 @@ fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<Strin
 ///
 /// # Errors
 /// Free fall that no gravity has.
-pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
+pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
     if !log.system.robot.floating() || g == 0.0 {
         return Ok(());

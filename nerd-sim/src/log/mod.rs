@@ -16,7 +16,6 @@
 mod check;
 mod data;
 mod read;
-mod shards;
 mod spec;
 mod tidy;
 
@@ -28,7 +27,7 @@ pub(crate) use tidy::turned;
 use data::bad;
 pub use data::{Log, LogError, Trajectory};
 pub use read::specified;
-pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, Published, RootColumns, Time, Units};
+pub use spec::{Axes, JointColumns, LogSpec, Order, Published, RootColumns, Units};
 
 /// Between two rows lie at most so many frames.
 const FEW: f64 = 100.0;

@@ -1,6 +1,7 @@
 //! The TOML beside a table of measurements: which column is what, in which unit and frame.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// One file of measurements.
 ///
@@ -46,6 +47,73 @@ pub struct LogSpec {
     #[serde(default)]
     pub units: Units,
     /// Columns of a floating root.
+    #[serde(default)]
+    pub root: Option<RootColumns>,
+    /// Columns of joints.
+    #[serde(default, rename = "joint")]
+    pub joints: Vec<JointColumns>,
+    /// What others published.
+    #[serde(default)]
+    pub published: Vec<Published>,
+}
+
+/// A figure that others published of the same measurements.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Published {
+    /// Whose.
+    pub method: String,
+    /// Mean distance of the root (m).
+    pub position: f64,
+    /// Mean angle of the root (rad).
+    pub rotation: f64,
+}
+
+fn ground() -> String {
+    "ground".into()
+}
+
+/// Units, as factors to metres, radians and seconds; velocities are in those of length or angle over seconds.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Units {
+    /// Of lengths: `m` (default), `cm` or `mm`.
+    #[serde(deserialize_with = "length")]
+    pub length: f64,
+    /// Of angles: `rad` (default) or `deg`.
+    #[serde(deserialize_with = "angle")]
+    pub angle: f64,
+    /// Of the column of time: `s` (default), `ms`, `us` or `ns`.
+    #[serde(deserialize_with = "time")]
+    pub time: f64,
+}
+
+impl Default for Units {
+    fn default() -> Self {
+        Self { length: 1.0, angle: 1.0, time: 1.0 }
+    }
+}
+
+fn unit<'de, D: Deserializer<'de>>(from: D, known: &[(&str, f64)]) -> Result<f64, D::Error> {
+    let name = String::deserialize(from)?;
+    let found = known.iter().find(|(unit, _)| *unit == name).map(|(_, factor)| *factor);
+    let names = || known.iter().map(|(unit, _)| *unit).collect::<Vec<_>>().join(", ");
+    found.ok_or_else(|| D::Error::custom(format!("unknown unit `{name}`, known are {}", names())))
+}
+
+fn length<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    unit(from, &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)])
+}
+
+fn angle<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    unit(from, &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)])
+}
+
+fn time<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    unit(from, &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+}
+
+/// Columns of a floating root.
     #[serde(default)]
     pub root: Option<RootColumns>,
     /// Columns of joints.

@@ -39,9 +39,6 @@ fn states_come_back_as_a_solver_had_them() {
         let apart = toss.states.iter().flatten().zip(found.states.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(found.states.len() == 60 && apart < 1e-5, "toss {}: {apart} from what was written", toss.id);
     }
-    let recording = log.recording(20).expect("a scene");
-    assert_eq!((recording.trajectories, recording.states.len()), (6, 6 * 21 * 13), "two pieces of twenty frames each");
-    assert!(recording.depths.iter().all(|d| d.is_finite()));
 }
 
 #[test]
