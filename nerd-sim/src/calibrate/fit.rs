@@ -4,10 +4,10 @@
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
-use super::trial::{Distance, Trial, mean};
 use super::error::CalibrateError;
 use super::parameter::Parameter;
 use super::subject::Subject;
+use super::trial::{Distance, Trial, mean};
 
 /// How to fit. The search goes from coarse to fine: its first half, two searches, sees a quarter of the trials.
 #[derive(Clone, Copy, Debug)]
