@@ -3,7 +3,9 @@
 use nalgebra::Vector3;
 use nerd_core::state::{quaternion, vector};
 
+use crate::batch::Batch;
 use crate::scene::GRAVITY;
+use crate::solver::{Solver, StepError};
 use crate::suite::bodies::{Body, UPRIGHT};
 use crate::suite::error::Error;
 use crate::suite::row::Row;
@@ -128,8 +130,19 @@ fn single(trial: &Trial) -> Result<f64, Error> {
     let body = Body { frame: "1/1000", ..brick() };
     let start = Body::state([0.0; 3], UPRIGHT, [0.05, 5.0, 0.05], [0.0; 3]);
     let double = trial.passive(&body.system()?, "free", &start, 5000)?;
-    let rounded = Trial::new(trial.method, Some(SinglePrecision));
-    let single = rounded.passive(&body.system()?, "free", &start, 5000)?;
+    let rounded = trial.method.clone().around(|solver| Box::new(Rounded(solver)));
+    let single = Trial::new(&rounded).passive(&body.system()?, "free", &start, 5000)?;
     let [a, b] = [&double, &single].map(|m| vector(&m.last()[7..]));
     Ok(if turned(&double) { (a - b).norm() / a.norm() } else { 1.0 })
+}
+
+/// A solver whose states are kept in f32.
+struct Rounded(Box<dyn Solver>);
+
+impl Solver for Rounded {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        self.0.step(batch, torques)?;
+        batch.states.iter_mut().for_each(|x| *x = f64::from(*x as f32));
+        Ok(())
+    }
 }
