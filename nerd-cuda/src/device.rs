@@ -1,17 +1,18 @@
 //! One GPU: context, two streams, compiled kernels.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
 use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaStream, sys};
-use cudarc::nvrtc::{self, CompileOptions, Ptx};
+use cudarc::nvrtc;
 
+use crate::compile::compiled;
 use crate::error::{DeviceError, failed};
 use crate::graph::Graph;
 use crate::memory::{Buffer, allocate, check_fit};
-use crate::products::Precision;
+use crate::precision::Precision;
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;
@@ -122,11 +123,7 @@ impl Device {
     /// # Errors
     /// Kernels that do not compile or load.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
-        let (major, minor) = self.capability()?;
-        // Lambdas bear no word for where they run: NVRTC 13.0 takes them for the host's, which it refuses, 13.5 does not.
-        let here = "--device-as-default-execution-space".into();
-        let options = CompileOptions { options: vec![format!("--gpu-architecture=compute_{major}{minor}"), here], ..Default::default() };
-        let ptx = compiled(source, options)?;
+        let ptx = compiled(source, self.capability()?)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
         for name in kernels {
             self.kernels.insert(name, module.load_function(name).map_err(failed(name))?);
@@ -293,25 +290,6 @@ impl Device {
     }
 }
 
-/// The machine code's text of a source. What this process has compiled before is not compiled again.
-fn compiled(source: &str, options: CompileOptions) -> Result<Ptx, DeviceError> {
-    static KNOWN: Mutex<Vec<(String, Ptx)>> = Mutex::new(Vec::new());
-    // Held while it compiles, so that threads which want the same wait for it; those that want something else do, too.
-    let mut known = KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
-    if let Some((_, ptx)) = known.iter().find(|(text, _)| text == source) {
-        return Ok(ptx.clone());
-    }
-    let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
-    known.push((source.into(), ptx.clone()));
-    Ok(ptx)
-}
-
-/// Why a source does not compile: its failed assertions, or else the compiler's output.
-fn refusal(said: &str) -> String {
-    let asserted = said.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
-    asserted.map_or_else(|| format!("kernels do not compile: {said}"), str::to_string)
-}
-
 /// Refuses to go on without a library.
 fn present(name: &str, found: bool) -> Result<(), DeviceError> {
     let missing = || DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"));
@@ -326,17 +304,5 @@ impl Arg {
             Self::Float(x) => x.to_bits().into(),
             Self::Double(x) => x.to_bits(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_a_source_asserts_of_itself_is_all_that_is_told() {
-        let said = r#"CompileError { nvrtc: NvrtcError(..), log: "default_program(7): error: static assertion failed with \"too large a robot\"\n" }"#;
-        assert_eq!(refusal(said), "too large a robot");
-        assert_eq!(refusal("syntax error"), "kernels do not compile: syntax error");
     }
 }

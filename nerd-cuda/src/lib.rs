@@ -4,10 +4,12 @@
 //! other memory of the device. Work runs on two streams ([`Lane`]), each in order. Every call returns a [`DeviceError`] if the driver or a
 //! library fails.
 
+mod compile;
 mod device;
 mod error;
 mod graph;
 mod memory;
+mod precision;
 mod products;
 mod sums;
 
@@ -16,5 +18,6 @@ pub use device::{Arg, Device, Lane, ordinal, take};
 pub use error::DeviceError;
 pub use graph::Graph;
 pub use memory::Buffer;
-pub use products::{Batch, Op, Precision};
+pub use precision::Precision;
+pub use products::{Batch, Op};
 pub use sums::Sums;

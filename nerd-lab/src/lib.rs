@@ -10,5 +10,7 @@ pub mod cotrain;
 pub mod error;
 pub mod experiments;
 pub mod inspect;
+pub mod mujoco;
 pub mod paper;
 pub mod report;
+pub mod survey;

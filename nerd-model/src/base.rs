@@ -14,8 +14,9 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_sim::articulated::{Articulated, ArticulatedConfig, Draft, Friction};
-use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::batch::Batch;
 use nerd_sim::scene::Scene;
+use nerd_sim::scene::contacts;
 use nerd_sim::solver::{Solver, StepError};
 use nerd_sim::system::{System, SystemError};
 use nerd_sim::truth::Truth;
@@ -137,7 +138,7 @@ pub(crate) fn may_touch(
     let near = |events: &[ContactEvent]| events.iter().zip(&system.robot.contact_points).any(|(e, p)| e.distance - p.radius < MARGIN);
     near(events)
         || !scene.colliders.is_empty() && {
-            contacts(system, scene, flown, data, far);
+            contacts(&system.robot, scene, flown, data, far);
             near(far)
         }
 }

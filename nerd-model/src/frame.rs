@@ -5,7 +5,8 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_sim::articulated::Draft;
-use nerd_sim::batch::{Batch, contacts};
+use nerd_sim::batch::Batch;
+use nerd_sim::scene::contacts;
 use nerd_sim::solver::Fault;
 use nerd_sim::system::{System, SystemError};
 
@@ -72,7 +73,7 @@ impl Frame {
             let (scene, state) = (&batch.scenes[env], batch.state(env));
             self.events.clear();
             if !system.robot.contact_points.is_empty() {
-                contacts(system, scene, state, &mut self.data, &mut self.events);
+                contacts(&system.robot, scene, state, &mut self.data, &mut self.events);
             }
             let base = &mut next[i * d..(i + 1) * d];
             let tau = &torques[env * joints..(env + 1) * joints];

@@ -18,9 +18,9 @@ use nerd_model::form::View;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
 use nerd_sim::articulated::device::{Reach, Real, record};
-use nerd_sim::batch::contacts;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::contacts;
 
 /// Environments that mostly touch something.
 fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
@@ -52,7 +52,7 @@ fn expected(model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32]) 
     let mut told = Told { tokens: vec![0.0; batch.len() * width], bases: batch.states.clone(), states: batch.states.clone() };
     for env in 0..batch.len() {
         let (state, scene, tau) = (batch.state(env), &batch.scenes[env], &torques[env * joints..][..joints]);
-        contacts(system, scene, state, &mut data, &mut events);
+        contacts(&system.robot, scene, state, &mut data, &mut events);
         let base = &mut told.bases[env * d..][..d];
         if let Some(draft) = &mut draft {
             draft.step(system, &scene.gravity, &events, tau, base).expect("drafted");

@@ -3,8 +3,6 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, kinematics};
 
 use crate::drive::Drive;
 use crate::scene::Scene;
@@ -128,16 +126,5 @@ impl Batch {
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.state_mut(env).copy_from_slice(state);
         self.frames[env] = 0;
-    }
-}
-
-/// Contact events of every contact point at one state, into `events`. Also leaves the kinematics in `data`.
-pub fn contacts(system: &System, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
-    let robot = &system.robot;
-    kinematics(robot, state, data);
-    events.clear();
-    for point in &robot.contact_points {
-        let p0 = nerd_core::dynamics::point_position(data, point.link, &point.local);
-        events.push(scene.contact(&p0));
     }
 }

@@ -22,11 +22,9 @@ use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::robot::{Joint, JointKind};
 use serde::{Deserialize, Serialize};
 
-use crate::bodies::GRAVITY;
-use crate::derive::stiffness;
-use crate::scene::up;
-use crate::system::System;
-use crate::validate::within;
+use crate::range::within;
+use crate::scene::{GRAVITY, up};
+use crate::system::{System, stiffness};
 
 /// `tau = kp (target - q) + kd (speed - qd)`, kept within the effort. Beyond the joint's largest velocity
 /// ([`nerd_core::robot::Joint::velocity`]) it does not drive the joint faster still.

@@ -2,31 +2,17 @@
 
 pub mod articulated;
 pub mod batch;
-pub mod bodies;
-pub mod cable;
 #[cfg(feature = "calibrate")]
 pub mod calibrate;
-mod collider;
-mod columns;
 pub mod control;
 pub mod dataset;
-mod derive;
 pub mod drive;
 pub mod files;
-mod identity;
 pub mod instruments;
-mod limits;
 #[cfg(feature = "csv")]
 pub mod log;
-mod material;
-#[cfg(feature = "measured")]
-pub mod measured;
-mod merge;
-#[cfg(feature = "meshes")]
-pub mod meshes;
-#[cfg(feature = "mjcf")]
 pub mod mjcf;
-mod parallel;
+mod random;
 pub mod range;
 #[cfg(feature = "rapier")]
 pub mod rapier;
@@ -35,23 +21,16 @@ pub mod rollout;
 pub mod sampling;
 pub mod scene;
 pub mod solver;
-pub mod source;
-pub mod spec;
-mod spread;
-mod srdf;
-#[cfg(feature = "suite")]
 pub mod suite;
-pub mod survey;
 pub mod system;
 #[cfg(feature = "csv")]
 pub mod table;
 pub mod truth;
-mod validate;
 pub mod vary;
-pub mod worlds;
 
 pub use nerd_core;
 pub use parry3d_f64 as parry;
+pub use system::cable;
 
 /// What most programs need.
 pub mod prelude {

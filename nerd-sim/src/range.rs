@@ -1,9 +1,11 @@
 //! Sampling ranges written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A uniform distribution on `[low, high)`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
@@ -66,4 +68,31 @@ fn multiple(text: &str) -> Option<f64> {
         Some(factor) => Some(factor.parse::<f64>().ok()? * std::f64::consts::PI),
         None => text.parse().ok(),
     }
+}
+
+/// Refuses a number outside a range, by its key.
+pub fn within(key: impl fmt::Display, x: f64, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
+    if range.contains(&x) {
+        return Ok(());
+    }
+    let gap = if unit.is_empty() { "" } else { " " };
+    Err(format!("{key} is {}{gap}{unit}; a number from {} to {} is needed", short(x), short(*range.start()), short(*range.end())))
+}
+
+fn short(x: f64) -> String {
+    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") }
+}
+
+/// Both ends of a law, and the lower one below.
+pub(crate) fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
+    if law.low > law.high {
+        return Err(format!("{key} is {law}; its low end is above the high one"));
+    }
+    [law.low, law.high].iter().try_for_each(|end| within(format!("{key} is {law}; an end"), *end, range.clone(), unit))
+}
+
+/// So many values, no more: serde drops the rest of a longer list.
+pub(crate) fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(from: D) -> Result<[T; N], D::Error> {
+    let values = Vec::<T>::deserialize(from)?;
+    values.try_into().map_err(|found: Vec<T>| D::Error::custom(format!("{} values, {N} are needed", found.len())))
 }

@@ -18,7 +18,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::prelude::*;
+use crate::batch::Batch;
+use crate::scene::Scene;
+use crate::solver::{Solver, StepError};
+use crate::system::System;
 use crate::table::{Table, TableError};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.

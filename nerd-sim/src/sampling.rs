@@ -1,127 +1,26 @@
-//! Task-agnostic sampling: starts and scenes. Each trajectory draws from a ChaCha8 stream of its
-//! own, keyed by (seed, trajectory), so what it draws depends on neither threads nor neighbours.
+//! Task-agnostic sampling: starts and scenes.
 
 use std::sync::Arc;
 
-use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::state::{quaternion, wrap_state, write_quaternion};
-use rand::{Rng, RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use nerd_core::state::quaternion;
+use rand::{Rng, RngExt};
 
-use crate::batch::contacts;
+use crate::random::direction;
+pub use crate::random::{normal, stream};
 use crate::range::Range;
-use crate::scene::{Collider, Plane, Scene};
-use crate::spec::{PegSpec, RandomPegs, RandomPlane, RootSpec, RootStart};
-use crate::system::System;
-use crate::worlds::peg;
+use crate::scene::{Collider, PegSpec, Plane, Scene, contacts, peg};
+pub use crate::system::Start;
+use crate::system::start::{DRAWS, clear_start, draw, write_twist};
+use crate::system::{RandomPegs, RandomPlane, RootStart, System};
 
-/// Which of a system's two boxes a start is drawn from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
-    /// Training data.
-    Sample,
-    /// Evaluation (and tasks).
-    Reset,
-}
-
-impl Start {
-    /// Its name in a specification.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sample => "sample",
-            Self::Reset => "reset",
-        }
-    }
-}
-
-/// The random stream of a trajectory.
-pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(trajectory);
-    rng
-}
-
-/// One N(0, 1) number (Box and Muller), from two draws.
-pub fn normal(rng: &mut impl Rng) -> f64 {
-    let (u, v): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
+/// Rounds of draws after which a start that is not clear is taken: a specification that was changed since its system was made may have none.
+const ROUNDS: usize = 100;
 
 /// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose, until it stands clear if it must.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
-    loop {
-        if let Some(state) = clear_start(system, which, rng, DRAWS) {
-            return state;
-        }
-    }
-}
-
-/// Draws after which a specification is said to ask for too much.
-pub(crate) const DRAWS: usize = 10_000;
-
-/// The first of so many starts that stands as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
-/// inside of it.
-pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, draws: usize) -> Option<Vec<f64>> {
-    let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
-    let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
-    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-    (0..draws).map(|_| draw(system, which, rng)).find(|state| {
-        contacts(system, &scene, state, &mut data, &mut events);
-        events.iter().all(|e| e.distance >= least)
-    })
-}
-
-/// How far (m) from the data's scene a start stands at least, where that is asked for.
-pub(crate) fn least_clearance(system: &System, which: Start) -> Option<f64> {
-    let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
-    match &system.spec.root {
-        Some(root) => of(root, which).clearance,
-        None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
-    }
-}
-
-fn of(root: &RootSpec, which: Start) -> &RootStart {
-    match which {
-        Start::Reset => root.reset.as_ref().unwrap_or(&root.sample),
-        Start::Sample => &root.sample,
-    }
-}
-
-fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
-    let robot = &system.robot;
-    let mut state = robot.zero_state();
-    let (coords, nq, rates) = (robot.root_coords(), robot.nq(), robot.nq() + robot.root_dofs());
-    if let Some(root) = &system.spec.root {
-        let laws = of(root, which);
-        let mut vector = |laws: &[Range; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
-        let (p, w, v) = (vector(&laws.position), vector(&laws.angular), vector(&laws.linear));
-        let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(direction(rng)), laws.tilt.draw(rng));
-        let pose = quaternion(&root.quaternion) * turn;
-        state[..3].copy_from_slice(p.as_slice());
-        write_quaternion(&mut state[3..7], &pose);
-        write_twist(&mut state[nq..rates], (&p, &pose), (&w, &v));
-    }
-    let specs = &system.spec.joints;
-    let laws = |i: usize| if which == Start::Sample { &specs[i].sample } else { &specs[i].reset };
-    for i in 0..specs.len() {
-        state[coords + i] = laws(i).q.draw(rng);
-        if let Some(other) = laws(i).minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name)) {
-            state[coords + i] -= state[coords + other];
-        }
-    }
-    for i in 0..specs.len() {
-        state[rates + i] = laws(i).qd.draw(rng);
-    }
-    wrap_state(robot, &mut state);
-    state
-}
-
-/// A root's twist about the world's origin, of its place and its velocities (angular, linear) in body axes.
-fn write_twist(out: &mut [f64], (p, pose): (&Vector3<f64>, &UnitQuaternion<f64>), (w, v): (&Vector3<f64>, &Vector3<f64>)) {
-    let w = pose * w;
-    out[..3].copy_from_slice(w.as_slice());
-    out[3..].copy_from_slice((pose * v + p.cross(&w)).as_slice());
+    (0..ROUNDS).find_map(|_| clear_start(system, which, rng, DRAWS)).unwrap_or_else(|| draw(system, which, rng))
 }
 
 /// How far the velocities of [`hurry`] reach beyond the largest that resets draw: for the Ant to 6 m/s and 16 rad/s, near what
@@ -146,17 +45,6 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     }
     for (rate, joint) in state[rates..].iter_mut().zip(&spec.joints) {
         *rate = even(largest(&joint.reset.qd), &joint.sample.qd);
-    }
-}
-
-/// A cube-uniform direction.
-fn direction(rng: &mut impl Rng) -> Vector3<f64> {
-    let mut side = || 2.0 * rng.random::<f64>() - 1.0;
-    loop {
-        let n = Vector3::new(side(), side(), side());
-        if n.norm() > 1e-6 {
-            return n.normalize();
-        }
     }
 }
 
@@ -189,7 +77,7 @@ fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl 
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     let mut clear = |collider: &Collider| {
         let alone = Scene { name: String::new(), gravity: system.gravity(), colliders: vec![collider.clone()] };
-        contacts(system, &alone, state, &mut data, &mut events);
+        contacts(&system.robot, &alone, state, &mut data, &mut events);
         events.iter().zip(&system.robot.contact_points).all(|(event, point)| event.distance >= point.radius)
     };
     let mut one = || {

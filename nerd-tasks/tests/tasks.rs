@@ -2,7 +2,7 @@
 
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
-use nerd_sim::source::Source;
+use nerd_sim::system::Source;
 use nerd_tasks::{Episodes, Fast, View, Work, fast_start, named, names};
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {

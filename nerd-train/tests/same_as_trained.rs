@@ -15,9 +15,9 @@ use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Positions, TransformerConfig};
-use nerd_sim::batch::contacts;
 use nerd_sim::dataset::{GenerateConfig, Recording, record};
 use nerd_sim::prelude::*;
+use nerd_sim::scene::contacts;
 use nerd_train::prepare::{moments, tokens};
 use nerd_train::windows::Windows;
 
@@ -82,7 +82,7 @@ fn apart(robot: &str, scene: &str, base: Base, positions: Positions) -> (f64, us
         if let Some(draft) = &mut draft {
             for (env, state) in bases.chunks_exact_mut(d).enumerate() {
                 let (scene, tau) = (&batch.scenes[env], &torques[env * joints..][..joints]);
-                contacts(&system, scene, state, &mut data, &mut events);
+                contacts(&system.robot, scene, state, &mut data, &mut events);
                 draft.step(&system, &scene.gravity, &events, tau, state).expect("drafted");
             }
         }

@@ -1,4 +1,4 @@
-//! `cargo xtask urdf FILE ... --crowd N`: many that differ, see [`nerd_sim::survey::crowd`].
+//! `cargo xtask urdf FILE ... --crowd N`: many that differ, see [`nerd_lab::survey::crowd`].
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use nerd_lab::report::artifact::Head;
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Input, Inputs, Provenance, Table};
-use nerd_sim::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
+use nerd_lab::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
 
 use crate::common::bar;
 

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use nerd_lab::inspect::Inspection;
 use nerd_sim::dataset::Manifest;
 use nerd_sim::prelude::*;
-use nerd_sim::source::Source;
+use nerd_sim::system::Source;
 
 use crate::numbers::positive;
 use nerd_train::provenance::Provenance;

@@ -5,9 +5,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use nerd_lab::experiments::learned::Learned;
-use nerd_lab::experiments::stability::Stability;
+use nerd_lab::experiments::stability::{Fault, Stability};
 use nerd_lab::experiments::{Experiment, conduct};
-use nerd_sim::suite::Fault;
 
 use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;

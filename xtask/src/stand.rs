@@ -1,4 +1,4 @@
-//! `cargo xtask urdf FILE ... --stand`: robots on their own feet, see [`nerd_sim::survey::stand`].
+//! `cargo xtask urdf FILE ... --stand`: robots on their own feet, see [`nerd_lab::survey::stand`].
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use anyhow::Result;
 use nerd_lab::report::artifact::Head;
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Input, Inputs, Provenance, Table};
-use nerd_sim::survey::{Course, Found, STANDING, Standing, stand};
+use nerd_lab::survey::{Course, Found, STANDING, Standing, stand};
 
 use crate::common::bar;
 

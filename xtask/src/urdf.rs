@@ -1,9 +1,9 @@
-//! `cargo xtask urdf FOLDER`: other people's robots, see [`nerd_sim::survey`].
+//! `cargo xtask urdf FOLDER`: other people's robots, see [`nerd_lab::survey`].
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use nerd_sim::survey::{FRAMES, Found, PinocchioError, Surveyed, differences, find, survey};
+use nerd_lab::survey::{FRAMES, Found, PinocchioError, Surveyed, differences, find, survey};
 
 use crate::common::bar;
 use nerd_lab::report::artifact::Head;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
-use nerd_sim::batch::contacts;
 use nerd_sim::prelude::*;
+use nerd_sim::scene::contacts;
 use rand::Rng;
 
 use crate::campaign::case::{Fault, Judged, fault};
@@ -37,7 +37,7 @@ pub fn roll(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], torques: &[
         refused = refused.and((0..FRAMES).try_for_each(|_| solver.step(&mut batch, torques)));
         // What was stepped last is there, error or not.
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-        contacts(system, scene, batch.state(0), &mut data, &mut events);
+        contacts(&system.robot, scene, batch.state(0), &mut data, &mut events);
         if let Some(at) = batch.state(0).iter().position(|x| !x.is_finite()) {
             return fault(Fault::NotFinite, format!("`{}` is {}", system.spec.state_columns[at], batch.state(0)[at]));
         }

@@ -134,7 +134,7 @@ impl Experiment for Judges {
 pub fn mujoco(python: PathBuf) -> Arena {
     let make = move |system: &Arc<System>, scene: &Arc<Scene>| -> Result<Box<dyn Solver>, nerd_train::Error> {
         let solver =
-            nerd_sim::mjcf::Mujoco::new(&python, system, scene).map_err(|e| nerd_train::Error::Refused(format!("--mujoco: {e}")))?;
+            crate::mujoco::Mujoco::new(&python, system, scene).map_err(|e| nerd_train::Error::Refused(format!("--mujoco: {e}")))?;
         Ok(Box::new(solver))
     };
     Arena::Guest("MuJoCo".into(), Guest(Arc::new(make)))

@@ -8,7 +8,7 @@ use nerd_core::dynamics::{Data, kinematics, link_pose};
 use nerd_core::robot::Robot;
 use nerd_sim::batch::Batch;
 use nerd_sim::scene::Scene;
-use nerd_sim::source::Source;
+use nerd_sim::system::Source;
 use serde::Serialize;
 
 pub use super::solids::Solid;

@@ -8,7 +8,7 @@ use nerd_core::dynamics::{Data, TreeFactor, inertias};
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 
-use super::touches::Touch;
+use super::touch::Contact;
 
 /// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
 /// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
@@ -68,12 +68,10 @@ impl Tree {
         self.factor.ease(robot, joint + usize::from(robot.floating()))
     }
 
-    /// w of a touch along its normal.
-    pub(super) fn eased(&self, robot: &Robot, touch: &Touch, columns: &[(usize, Vector3<f64>)]) -> f64 {
-        match touch.link {
-            Some(link) => touch.normal.dot(&self.factor.eased(link, &Wrench::force_at(touch.normal, &touch.x)).at(&touch.x)),
-            None => columns.iter().map(|(k, a)| touch.normal.dot(a).powi(2) * self.ease(robot, k - robot.root_dofs())).sum(),
-        }
+    /// w of a contact along its normal.
+    pub(super) fn eased(&self, contact: &Contact) -> f64 {
+        let Contact { normal, x, link, .. } = contact;
+        normal.dot(&self.factor.eased(*link, &Wrench::force_at(*normal, x)).at(x))
     }
 
     /// The joints' own dampers, `share h d` each.
@@ -88,9 +86,10 @@ impl Tree {
         self.press.fill(Wrench::default());
     }
 
-    /// A point that pushes with `force` and resists with `h D`, `D = (along - across) n n^T + across`.
-    pub(super) fn point(&mut self, link: usize, touch: &Touch, force: Vector3<f64>, (along, across): (f64, f64), h: f64) {
-        let (n, b) = (&touch.normal, touch.x.cross_matrix());
+    /// A point that pushes and resists with `h D`, `D = (along - across) n n^T + across`.
+    pub(super) fn point(&mut self, contact: &Contact, h: f64) {
+        let (force, along, across) = contact.push(h);
+        let (link, n, b) = (contact.link, &contact.normal, contact.x.cross_matrix());
         let d = (n * n.transpose() * (along - across) + Matrix3::identity() * across) * h;
         // J_x = [-x^, 1].
         let bd = b * d;
@@ -103,7 +102,7 @@ impl Tree {
         add(0, 3, &bd);
         add(3, 0, &bd.transpose());
         add(3, 3, &d);
-        self.press[link] += Wrench::force_at(force, &touch.x);
+        self.press[link] += Wrench::force_at(force, &contact.x);
     }
 
     /// A joint that resists with so much.

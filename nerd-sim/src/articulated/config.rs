@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::system::System;
-use crate::validate::{MOST_SUBSTEPS, within};
+use crate::range::within;
+use crate::system::{MOST_SUBSTEPS, Refresh, System};
 
 /// Integrator of contact-free environments; those with contact use symplectic Euler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,17 +13,6 @@ pub enum Integrator {
     SymplecticEuler,
     /// Classical Runge-Kutta: fourth order.
     Rk4,
-}
-
-/// How often the mass matrix is computed and factorised under symplectic Euler.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Refresh {
-    /// At the first substep of a frame, as the reference simulator does for most robots.
-    #[default]
-    Frame,
-    /// At every substep.
-    Substep,
 }
 
 /// How contact, limits and joint damping act within a substep. A robot with dry friction is stepped implicitly in any case, and a

@@ -5,10 +5,10 @@
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 
-use super::frame::Workspace;
-use super::{ArticulatedConfig, Friction};
-use crate::parallel::Frame as _;
+use super::config::{ArticulatedConfig, Friction};
+use super::workspace::Workspace;
 use crate::scene::{Collider, Material, Plane, Scene};
+use crate::solver::parallel::Frame as _;
 use crate::system::{System, SystemError};
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.

@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::Friction;
+use super::config::Friction;
 use crate::scene::Material;
 
 /// Force (N) on the body at gap `gap < 0` (m), normal `n`, point velocity `v` (m/s).

@@ -1,9 +1,9 @@
 //! The solver over a batch.
 
-use super::ArticulatedConfig;
-use super::frame::Workspace;
+use super::config::ArticulatedConfig;
+use super::workspace::Workspace;
 use crate::batch::Batch;
-use crate::parallel::Parallel;
+use crate::solver::parallel::Parallel;
 use crate::solver::{Solver, StepError};
 
 /// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.

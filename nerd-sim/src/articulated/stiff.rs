@@ -16,7 +16,7 @@ use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Joint, JointKind, Limit, Robot};
 use nerd_core::spatial::{BodyInertia, parallel_axis};
 
-use super::Integrator;
+use super::config::Integrator;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
 pub(super) const MOST: f64 = 2.0;

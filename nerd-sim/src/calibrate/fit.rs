@@ -4,8 +4,10 @@
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
+use super::error::CalibrateError;
+use super::parameter::Parameter;
+use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
-use super::{CalibrateError, Parameter, Subject};
 
 /// How to fit. The search goes from coarse to fine: its first half, two searches, sees a quarter of the trials.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +43,7 @@ pub struct Fit {
 }
 
 /// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
-pub fn objective(apart: &Distance, unit: &Distance) -> f64 {
+fn objective(apart: &Distance, unit: &Distance) -> f64 {
     let parts = [(apart.position, unit.position), (apart.rotation, unit.rotation), (apart.joints, unit.joints)];
     let (sum, n) = parts.iter().filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
     if n > 0.0 { sum / n } else { 0.0 }

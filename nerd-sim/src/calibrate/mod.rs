@@ -15,44 +15,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod error;
 mod fit;
 mod parameter;
-mod saved;
 mod subject;
 mod trial;
 
-pub use fit::{Fit, FitConfig, objective, thinned};
+pub use error::CalibrateError;
+pub use fit::{Fit, FitConfig, thinned};
 pub use parameter::Parameter;
-pub use saved::Saved;
 pub use subject::{Engine, Subject};
 pub use trial::{Distance, Trial, distance, mean};
-
-use crate::solver::StepError;
-use crate::system::SystemError;
-
-/// Why nothing can be fitted; one line.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum CalibrateError {
-    /// No such parameter.
-    #[error("no parameter `{0}`: known are {1}")]
-    Parameter(String, String),
-    /// Not one of this engine's.
-    #[error("parameter `{0}` means nothing to this solver; leave it out")]
-    Engine(String),
-    /// A scene that there is not.
-    #[error(transparent)]
-    System(#[from] SystemError),
-    /// A step of the solver.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A parameter without anything to change.
-    #[error("parameter `{0}` has nothing to act on: no gravity, no mass, or no plane of the scene's own; leave it out")]
-    Nothing(String),
-    /// A file that does not say what is needed.
-    #[error("{}: {}", .0.display(), .1)]
-    File(std::path::PathBuf, String),
-    /// Nothing to fit to.
-    #[error("no trials to fit to")]
-    Empty,
-}

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::CalibrateError;
-use crate::bodies::GRAVITY;
+use super::error::CalibrateError;
+use crate::scene::GRAVITY;
 use crate::system::System;
 
 /// One parameter: its name, where it stands without a fit, and its bounds.

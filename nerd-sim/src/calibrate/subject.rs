@@ -4,10 +4,15 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::CalibrateError;
+use super::error::CalibrateError;
 use super::parameter::{Parameter, What, round};
-use crate::prelude::*;
-use crate::spec::PlaneSpec;
+use crate::articulated::{Articulated, ArticulatedConfig};
+#[cfg(feature = "rapier")]
+use crate::rapier::{Rapier, RapierConfig};
+use crate::scene::PlaneSpec;
+use crate::scene::Scene;
+use crate::solver::Solver;
+use crate::system::System;
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

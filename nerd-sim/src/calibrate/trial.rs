@@ -4,10 +4,12 @@ use nerd_core::dynamics::{Data, to_local, to_world};
 use nerd_core::state::{quaternion, vector};
 use rayon::prelude::*;
 
-use super::{CalibrateError, Subject};
-use crate::batch::contacts;
+use super::error::CalibrateError;
+use super::subject::Subject;
+use crate::batch::Batch;
 use crate::log::{Log, Trajectory, turned};
-use crate::prelude::*;
+use crate::scene::contacts;
+use crate::system::System;
 
 /// A start, and the poses that were measured from there on.
 #[derive(Clone, Debug)]
@@ -60,36 +62,19 @@ impl Subject {
     /// # Errors
     /// What the solver says if it cannot step any of them once.
     pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
-        self.roll_in(trials, &|| self.engine.solver())
-    }
-
-    /// The same in another solver of the subject's robot, for example a learned one.
-    ///
-    /// # Errors
-    /// As [`Self::roll`].
-    pub fn roll_in(&self, trials: &[Trial], solver: &(dyn Fn() -> Box<dyn Solver> + Sync)) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
-        let mut motions = self.states_in(trials, solver)?;
-        motions.iter_mut().flatten().for_each(|state| state.truncate(self.system.robot.nq()));
-        Ok(motions)
-    }
-
-    /// The same with velocities: whole states.
-    ///
-    /// # Errors
-    /// As [`Self::roll`].
-    pub fn states_in(&self, trials: &[Trial], solver: &(dyn Fn() -> Box<dyn Solver> + Sync)) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
-        let begin = || (solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
+        let nq = self.system.robot.nq();
+        let begin = || (self.engine.solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
         let rolled = trials.par_iter().map_init(begin, |(solver, batch, data), trial| {
             batch.reset(0, &self.start(trial, data));
             solver.reset(0);
             let (mut lost, mut first) = (false, None);
-            let mut motion = vec![batch.state(0).to_vec()];
+            let mut motion = vec![batch.state(0)[..nq].to_vec()];
             for torques in &trial.torques {
                 if let Some(error) = if lost { None } else { solver.step(batch, torques).err() } {
                     lost = true;
                     first = first.or(Some(error).filter(|_| motion.len() == 1));
                 }
-                motion.push(batch.state(0).to_vec());
+                motion.push(batch.state(0)[..nq].to_vec());
             }
             (motion, first)
         });
@@ -102,12 +87,12 @@ impl Subject {
 
     /// The start of a rollout: out of the ground, which would throw out what begins in it, and, in free fall, with a velocity of its
     /// own moment.
-    pub fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
+    fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
         if !robot.floating() {
             return state;
         }
-        contacts(&self.system, &self.scene, &state, data, &mut events);
+        contacts(&self.system.robot, &self.scene, &state, data, &mut events);
         let nearness = |(e, p): (&nerd_core::contact::ContactEvent, &nerd_core::contact::ContactPoint)| (e.distance - p.radius, e.normal);
         let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return state;
@@ -128,20 +113,8 @@ impl Subject {
     /// # Errors
     /// As [`Self::roll`].
     pub fn distances(&self, trials: &[Trial]) -> Result<Vec<Distance>, CalibrateError> {
-        self.distances_in(trials, &|| self.engine.solver())
-    }
-
-    /// The same in another solver of the subject's robot.
-    ///
-    /// # Errors
-    /// As [`Self::roll`].
-    pub fn distances_in(&self, trials: &[Trial], solver: &(dyn Fn() -> Box<dyn Solver> + Sync)) -> Result<Vec<Distance>, CalibrateError> {
-        Ok(self
-            .roll_in(trials, solver)?
-            .iter()
-            .zip(trials)
-            .map(|(motion, trial)| distance(&self.system, motion, &trial.measured))
-            .collect())
+        let motions = self.roll(trials)?;
+        Ok(motions.iter().zip(trials).map(|(motion, trial)| distance(&self.system, motion, &trial.measured)).collect())
     }
 }
 

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use super::DatasetError;
 use super::pilot::Pilot;
-use crate::range::Range;
+use crate::range::{Range, within};
 use crate::system::System;
-use crate::validate::within;
 
 /// Most that one shard may take in memory.
 const MOST_GIGABYTES: f64 = 16.0;

@@ -6,8 +6,7 @@ use std::sync::Arc;
 use rand::{Rng, RngExt};
 
 use crate::control::Controller;
-use crate::spec::RandomGains;
-use crate::system::System;
+use crate::system::{RandomGains, System};
 
 /// How hard a trajectory is driven.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,7 +10,7 @@ use super::begin::Begun;
 use super::drive::Drive;
 use super::recording::sha256_of;
 use super::{DatasetError, FORMAT, GenerateConfig, Manifest, Part, Recording, manifest, read_shard, write_shard};
-use crate::batch::contacts;
+use crate::scene::contacts;
 use crate::solver::Solver;
 use crate::system::System;
 
@@ -62,7 +62,7 @@ pub fn record(
             }
             out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
             if points > 0 {
-                contacts(system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+                contacts(&system.robot, &batch.scenes[env], batch.state(env), &mut data, &mut events);
                 for (k, event) in events.iter().enumerate() {
                     let at = (row * points + k) * 3;
                     out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());

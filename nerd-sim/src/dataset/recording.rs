@@ -1,11 +1,8 @@
 //! Trajectories of equal length in memory, trajectory-major, in f64: a robot 100 km from the world's origin is seen from
 //! where it stands as exactly as one at it, which world positions in f32 would round by 8 mm.
 
-use nerd_core::dynamics::Data;
 use sha2::{Digest, Sha256};
 
-use crate::batch::contacts;
-use crate::scene::Scene;
 use crate::system::System;
 
 /// Everything recorded of some trajectories: F frames each, states before and after.
@@ -32,36 +29,6 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// No trajectories yet, of so many frames each.
-    pub fn empty(frames: usize) -> Self {
-        Self { frames, ..Default::default() }
-    }
-
-    /// Takes up a trajectory: the states before and after each of its frames and the torques held over them, with the contacts that
-    /// its poses have in `scene`.
-    pub fn push(&mut self, system: &System, scene: &Scene, states: &[Vec<f64>], torques: &[Vec<f64>], data: &mut Data) {
-        let mut events = Vec::new();
-        self.trajectories += 1;
-        states.iter().for_each(|s| self.states.extend(s));
-        torques.iter().for_each(|t| self.torques.extend(t));
-        self.gravity.extend(scene.gravity.iter());
-        for state in &states[..self.frames] {
-            contacts(system, scene, state, data, &mut events);
-            for event in &events {
-                self.normals.extend(event.normal.iter());
-                self.points.extend(event.p1.iter());
-                self.depths.push(event.distance);
-            }
-        }
-    }
-
-    /// Takes up a longer motion as trajectories that follow one another; what is left at its end is left out.
-    pub fn cut(&mut self, system: &System, scene: &Scene, states: &[Vec<f64>], torques: &[Vec<f64>], data: &mut Data) {
-        let n = self.frames;
-        let pieces = states.windows(n + 1).zip(torques.windows(n)).step_by(n);
-        pieces.for_each(|(states, torques)| self.push(system, scene, states, torques, data));
-    }
-
     /// The arrays by name, with the shape of one trajectory; `drawn` only where something varies.
     pub fn arrays(&self) -> Vec<(&'static str, Vec<usize>, &Vec<f64>)> {
         let (n, f) = (self.trajectories, self.frames);

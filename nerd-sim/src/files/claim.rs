@@ -4,7 +4,7 @@ use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-use super::is_at;
+use super::open::is_at;
 
 /// A folder claimed by [`claim`] or [`share`], until this is dropped or the process ends, however it does. Folders that were made by the
 /// claim and are still empty then go with it.

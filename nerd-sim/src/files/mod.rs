@@ -1,9 +1,10 @@
 //! Files: output that is there whole or not at all, folders that one process at a time writes, texts.
 
 mod claim;
+mod open;
 mod partial;
 
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{Error, Result, Write};
 use std::path::{Path, PathBuf};
 
@@ -79,18 +80,4 @@ fn target(path: &Path) -> Result<PathBuf> {
         }
     }
     Err(Error::other("too many symbolic links"))
-}
-
-/// Whether an open file is still the one of that name.
-fn is_at(file: &File, path: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        let of = |m: &std::fs::Metadata| (m.dev(), m.ino());
-        matches!((file.metadata(), std::fs::metadata(path)), (Ok(a), Ok(b)) if of(&a) == of(&b))
-    }
-    #[cfg(not(unix))]
-    {
-        file.metadata().is_ok() && path.exists()
-    }
 }

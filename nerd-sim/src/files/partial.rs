@@ -8,7 +8,7 @@ use std::path::Path;
 
 use tempfile::NamedTempFile;
 
-use super::is_at;
+use super::open::is_at;
 
 const PREFIX: &str = ".nerd-";
 const SUFFIX: &str = ".tmp";

@@ -17,8 +17,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::batch::Batch;
+use crate::range::within;
 use crate::solver::{Solver, StepError};
-use crate::validate::within;
 
 /// One kind of motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -7,12 +7,11 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::state::quaternion;
 
+use super::data::{Log, LogError, bad};
 use super::read::{Moment, Raw};
 use super::spec::{Axes, LogSpec, Order};
 use super::tidy::rate;
-use super::{Log, LogError, bad};
-use crate::batch::contacts;
-use crate::scene::Scene;
+use crate::scene::{Scene, contacts};
 use crate::system::System;
 
 /// Rates that are off by more than this share are not those of the poses.
@@ -65,7 +64,7 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[
 ///
 /// # Errors
 /// Which columns, by how much, and what fits instead.
-pub fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
+pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
     if let Some(root) = &spec.root {
         let seconds = |a: &Moment, b: &Moment| b.time - a.time;
         let linear = pairs(raw).map(|(a, b)| {
@@ -138,7 +137,7 @@ fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<Strin
 ///
 /// # Errors
 /// Free fall that no gravity has.
-pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
+pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
     if !log.system.robot.floating() || g == 0.0 {
         return Ok(());
@@ -148,7 +147,7 @@ pub fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogErr
     let least = FLIGHT.1.max((FLIGHT.0 / system.frame_time).ceil() as usize);
     for trajectory in &mut log.trajectories {
         let height = |state: &Vec<f64>| {
-            contacts(&system, scene, state, &mut data, &mut events);
+            contacts(&system.robot, scene, state, &mut data, &mut events);
             let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance - p.radius > CLEAR);
             clear.then(|| -totals(&system.robot, state, &mut data).com.dot(&scene.gravity) / g)
         };

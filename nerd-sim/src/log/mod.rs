@@ -14,74 +14,20 @@
 //! ```
 
 mod check;
+mod data;
 mod read;
-mod shards;
 mod spec;
 mod tidy;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 #[cfg(feature = "calibrate")]
 pub(crate) use tidy::turned;
 
+use data::bad;
+pub use data::{Log, LogError, Trajectory};
 pub use read::specified;
-pub use spec::{Angle, Axes, JointColumns, Length, LogSpec, Order, Published, RootColumns, Time, Units};
-
-use crate::system::{System, SystemError};
-use crate::table::TableError;
-
-/// Measured trajectories.
-#[derive(Clone, Debug)]
-pub struct Log {
-    /// The robot.
-    pub system: Arc<System>,
-    /// Where it was.
-    pub scene: String,
-    /// What was measured, one state a frame.
-    pub trajectories: Vec<Trajectory>,
-    /// What was done to it, and what looks odd, a line each.
-    pub notes: Vec<String>,
-    /// What others published of it.
-    pub published: Vec<Published>,
-}
-
-/// One trajectory.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Trajectory {
-    /// Its name in the file.
-    pub id: u64,
-    /// Line of its first row.
-    pub line: u64,
-    /// States `[q, qd]` as solvers have them, one a frame.
-    pub states: Vec<Vec<f64>>,
-    /// Torques of the joints, as many.
-    pub torques: Vec<Vec<f64>>,
-}
-
-/// Why measurements cannot be used; one line.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LogError {
-    /// A table that cannot be read.
-    #[error(transparent)]
-    Table(#[from] TableError),
-    /// A robot that cannot be made.
-    #[error(transparent)]
-    System(#[from] SystemError),
-    /// A file that does not say what is needed, or contradicts itself.
-    #[error("{}: {reason}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// One line.
-        reason: String,
-    },
-}
-
-fn bad(path: &Path, reason: String) -> LogError {
-    LogError::Content { path: path.into(), reason }
-}
+pub use spec::{Axes, JointColumns, LogSpec, Order, Published, RootColumns, Units};
 
 /// Between two rows lie at most so many frames.
 const FEW: f64 = 100.0;

@@ -8,17 +8,17 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use nerd_core::robot::JointKind;
 use nerd_core::state::write_quaternion;
 
+use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, Order, RootColumns};
-use super::{LogError, bad};
 use crate::system::System;
-use crate::table::{Row, Table};
+use crate::table::{Row, Table, TableError};
 
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
 const MOST: f64 = 1e11;
 
 /// What one row says.
 #[derive(Clone, Debug)]
-pub struct Moment {
+pub(super) struct Moment {
     /// Line in its file.
     pub line: u64,
     /// Time (s).
@@ -34,7 +34,7 @@ pub struct Moment {
 
 /// A run of rows of one name.
 #[derive(Clone, Debug)]
-pub struct Raw {
+pub(super) struct Raw {
     /// Its name.
     pub id: u64,
     /// Its rows, in order of time.
@@ -103,11 +103,11 @@ fn twice<'a>(names: impl Iterator<Item = &'a String>) -> Option<&'a String> {
 }
 
 impl Columns {
-    fn new(table: &Table, spec: &LogSpec, system: &System) -> Result<Self, LogError> {
+    fn new(table: &Table, spec: &LogSpec, system: &System) -> Result<Self, TableError> {
         let many = |names: &[String]| table.columns(&names.iter().map(String::as_str).collect::<Vec<_>>());
         let one = |name: &String| many(std::slice::from_ref(name)).map(|c| c[0]);
         let some = |names: &Option<[String; 3]>| names.as_ref().map(|n| many(n)).transpose();
-        let root = |r: &RootColumns| -> Result<Root, LogError> {
+        let root = |r: &RootColumns| -> Result<Root, TableError> {
             Ok(Root {
                 position: many(&r.position)?,
                 quaternion: many(&r.quaternion)?,
@@ -127,11 +127,11 @@ impl Columns {
             trajectory: spec.trajectory.as_ref().map(one).transpose()?,
             time: one(&spec.time)?,
             root: spec.root.as_ref().map(root).transpose()?,
-            joints: joints.collect::<Result<_, LogError>>()?,
+            joints: joints.collect::<Result<_, TableError>>()?,
         })
     }
 
-    fn moment(&self, row: &Row<'_>, [length, angle, time]: [f64; 3]) -> Result<Moment, LogError> {
+    fn moment(&self, row: &Row<'_>, [length, angle, time]: [f64; 3]) -> Result<Moment, TableError> {
         let (mut q, mut qd, mut torques) = (Vec::new(), Vec::new(), Vec::new());
         if let Some(root) = &self.root {
             let p = row.numbers(&root.position)?;
@@ -145,7 +145,7 @@ impl Columns {
             q.extend(p.iter().map(|p| p * length));
             q.resize(7, 0.0);
             write_quaternion(&mut q[3..], &turn);
-            let three = |columns: &Option<Vec<usize>>, unit: f64| -> Result<Vector3<f64>, LogError> {
+            let three = |columns: &Option<Vec<usize>>, unit: f64| -> Result<Vector3<f64>, TableError> {
                 let x = columns.as_ref().map(|c| row.numbers(c)).transpose()?;
                 Ok(x.map_or(Vector3::repeat(f64::NAN), |x| Vector3::new(x[0], x[1], x[2]) * unit))
             };
@@ -168,25 +168,14 @@ impl Columns {
 ///
 /// # Errors
 /// A column that is not there, a cell that is no number, a quaternion that is none, time that does not go on; with its line.
-pub fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
+pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
     let mut table = Table::open(csv)?;
     let columns = Columns::new(&table, spec, system)?;
-    let factors = spec.units.factors();
+    let factors = [spec.units.length, spec.units.angle, spec.units.time];
     let mut all: BTreeMap<u64, Raw> = BTreeMap::new();
-    let mut wrong = None;
     table.rows(|row| {
-        if wrong.is_some() {
-            return Ok(());
-        }
         let id = columns.trajectory.map_or(Ok(0), |c| row.whole(c, u64::MAX))?;
-        let moment = match columns.moment(row, factors) {
-            Ok(moment) => moment,
-            Err(LogError::Table(e)) => return Err(e),
-            Err(e) => {
-                wrong = Some(e);
-                return Ok(());
-            }
-        };
+        let moment = columns.moment(row, factors)?;
         // Squares of what is larger leave the range of numbers, and nothing that moves is.
         if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
             return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));
@@ -200,9 +189,8 @@ pub fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, Log
         raw.moments.push(moment);
         Ok(())
     })?;
-    match wrong {
-        Some(e) => Err(e),
-        None if all.is_empty() => Err(bad(csv, "no rows".into())),
-        None => Ok(all.into_values().collect()),
+    if all.is_empty() {
+        return Err(bad(csv, "no rows".into()));
     }
+    Ok(all.into_values().collect())
 }

@@ -1,6 +1,7 @@
 //! The TOML beside a table of measurements: which column is what, in which unit and frame.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// One file of measurements.
 ///
@@ -72,77 +73,44 @@ fn ground() -> String {
     "ground".into()
 }
 
-/// Units; velocities are in those of length or angle over that of time.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+/// Units, as factors to metres, radians and seconds; velocities are in those of length or angle over seconds.
+#[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Units {
-    /// Of lengths, `m` by default.
-    pub length: Length,
-    /// Of angles, `rad` by default.
-    pub angle: Angle,
-    /// Of the column of time, `s` by default; velocities are always over seconds.
-    pub time: Time,
+    /// Of lengths: `m` (default), `cm` or `mm`.
+    #[serde(deserialize_with = "length")]
+    pub length: f64,
+    /// Of angles: `rad` (default) or `deg`.
+    #[serde(deserialize_with = "angle")]
+    pub angle: f64,
+    /// Of the column of time: `s` (default), `ms`, `us` or `ns`.
+    #[serde(deserialize_with = "time")]
+    pub time: f64,
 }
 
-/// Unit of length.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Length {
-    /// Metres.
-    #[default]
-    M,
-    /// Centimetres.
-    Cm,
-    /// Millimetres.
-    Mm,
-}
-
-/// Unit of angles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Angle {
-    /// Radians.
-    #[default]
-    Rad,
-    /// Degrees.
-    Deg,
-}
-
-/// Unit of time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Time {
-    /// Seconds.
-    #[default]
-    S,
-    /// Milliseconds.
-    Ms,
-    /// Microseconds.
-    Us,
-    /// Nanoseconds.
-    Ns,
-}
-
-impl Units {
-    /// Metres, radians and seconds of one unit.
-    pub fn factors(self) -> [f64; 3] {
-        let length = match self.length {
-            Length::M => 1.0,
-            Length::Cm => 1e-2,
-            Length::Mm => 1e-3,
-        };
-        let angle = match self.angle {
-            Angle::Rad => 1.0,
-            Angle::Deg => std::f64::consts::PI / 180.0,
-        };
-        let time = match self.time {
-            Time::S => 1.0,
-            Time::Ms => 1e-3,
-            Time::Us => 1e-6,
-            Time::Ns => 1e-9,
-        };
-        [length, angle, time]
+impl Default for Units {
+    fn default() -> Self {
+        Self { length: 1.0, angle: 1.0, time: 1.0 }
     }
+}
+
+fn unit<'de, D: Deserializer<'de>>(from: D, known: &[(&str, f64)]) -> Result<f64, D::Error> {
+    let name = String::deserialize(from)?;
+    let found = known.iter().find(|(unit, _)| *unit == name).map(|(_, factor)| *factor);
+    let names = || known.iter().map(|(unit, _)| *unit).collect::<Vec<_>>().join(", ");
+    found.ok_or_else(|| D::Error::custom(format!("unknown unit `{name}`, known are {}", names())))
+}
+
+fn length<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    unit(from, &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)])
+}
+
+fn angle<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    unit(from, &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)])
+}
+
+fn time<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    unit(from, &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
 }
 
 /// Columns of a floating root.

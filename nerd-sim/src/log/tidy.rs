@@ -4,7 +4,7 @@ use nerd_core::dynamics::to_world;
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 
-use super::Trajectory;
+use super::data::Trajectory;
 use super::read::{Moment, Raw};
 use crate::system::System;
 
@@ -16,7 +16,7 @@ const JITTER: f64 = 0.01;
 const SAME: f64 = 1e-4;
 
 /// The usual step of a trajectory: the median.
-pub fn step(moments: &[Moment]) -> f64 {
+pub(super) fn step(moments: &[Moment]) -> f64 {
     let mut steps: Vec<f64> = moments.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
@@ -24,7 +24,7 @@ pub fn step(moments: &[Moment]) -> f64 {
 
 /// Leaves out what is another trajectory turned about the vertical and shifted on the ground: it would count twice, and sit on
 /// both sides of a split.
-pub fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
+pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
     if !system.robot.floating() {
         return;
     }
@@ -54,7 +54,7 @@ pub fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
 }
 
 /// Cuts trajectories where rows are missing; what is left needs two rows.
-pub fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
+pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     let (mut all, mut gaps, mut first) = (Vec::new(), 0, None);
     for Raw { id, moments } in raw {
         let limit = GAP * step(&moments);
@@ -97,14 +97,14 @@ fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
 }
 
 /// From one position of every joint to another; endless joints take the short way.
-pub fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
+pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let first = robot.root_coords();
     let each = robot.joints().zip(a[first..].iter().zip(&b[first..]));
     each.map(|(joint, (a, b))| if joint.wraps() { wrap(b - a) } else { b - a }).collect()
 }
 
 /// Velocities that lead from one pose to another: angular and linear of the root in world axes, then joints.
-pub fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
+pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
     let mut out = Vec::new();
     if robot.floating() {
         let turn = quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse();
@@ -130,7 +130,7 @@ fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
 }
 
 /// One state a frame.
-pub fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Trajectory> {
+pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Trajectory> {
     let (robot, frame) = (&system.robot, system.frame_time);
     let (mut differences, mut resampled, total) = (0, 0, raw.len());
     let all = raw.into_iter().map(|Raw { id, mut moments }| {

@@ -3,7 +3,7 @@
 use rapier3d_f64::prelude as rapier;
 use serde::{Deserialize, Serialize};
 
-use crate::validate::MOST_SUBSTEPS;
+use crate::system::MOST_SUBSTEPS;
 
 /// Friction of robots that are one free body; multibodies always have `Coulomb` in rapier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,16 +13,6 @@ pub enum FrictionModel {
     Coulomb,
     /// One per four contact points, and a twist constraint: faster, less accurate.
     Simplified,
-}
-
-/// What holds the links together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Joints {
-    /// Reduced coordinates: joints hold exactly.
-    Multibody,
-    /// One constraint a joint: joints drift apart, and there is no armature. For comparison.
-    Impulse,
 }
 
 /// Settings of [`super::Rapier`].
@@ -40,8 +30,6 @@ pub struct RapierConfig {
     pub contact_damping_ratio: f64,
     /// Friction model. Default `coulomb`: the simplified one is up to 10 % off on small feet.
     pub friction: FrictionModel,
-    /// What holds the links together. Default `multibody`.
-    pub joints: Joints,
     /// Typical length of the scene (m), which scales rapier's tolerances. Default 0.1, the size of a robot's parts.
     pub length_unit: f64,
     /// Restitution of every contact, from 0 to 1. Default 0; it takes the place of the compliant law's damping.
@@ -56,7 +44,6 @@ impl Default for RapierConfig {
             contact_frequency_hz: 240.0,
             contact_damping_ratio: 10.0,
             friction: FrictionModel::Coulomb,
-            joints: Joints::Multibody,
             length_unit: 0.1,
             restitution: 0.0,
         }

@@ -8,21 +8,19 @@ use nerd_core::robot::{JointKind, Robot};
 use nerd_core::state::{quaternion, vector, write_quaternion};
 use rapier3d_f64::prelude::*;
 
+use super::config::RapierConfig;
 use super::template::{Template, axis, insert_scene};
-use super::{Joints, RapierConfig};
-use crate::parallel::Frame;
 use crate::scene::{Scene, from_parry, pose_from_parry, pose_to_parry, to_parry};
+use crate::solver::parallel::Frame;
 use crate::system::System;
 
 /// A robot's template and a world that is made new every frame.
 pub(super) struct Workspace {
-    pub(super) template: Arc<Template>,
-    pub(super) world: PhysicsWorld,
-    pub(super) data: Data,
+    template: Arc<Template>,
+    world: PhysicsWorld,
+    data: Data,
     factor: Factor,
     displacement: Vec<f64>,
-    /// Joint coordinates last seen: a pose tells an angle only up to whole turns.
-    pub(super) seen: Vec<f64>,
 }
 
 impl Frame for Workspace {
@@ -37,14 +35,7 @@ impl Frame for Workspace {
     fn new(system: &System, template: Arc<Template>) -> Self {
         let robot = &system.robot;
         let (data, factor) = (Data::new(robot), Factor::new(robot));
-        Self {
-            template,
-            world: PhysicsWorld::new(),
-            data,
-            factor,
-            displacement: vec![0.0; robot.nv()],
-            seen: vec![0.0; robot.joint_count()],
-        }
+        Self { template, world: PhysicsWorld::new(), data, factor, displacement: vec![0.0; robot.nv()] }
     }
 
     fn turn_to(&mut self, template: &Arc<Template>) {
@@ -57,21 +48,13 @@ impl Frame for Workspace {
         to_local(robot, q, qd);
         self.check(robot, scene, q, qd)?;
         self.renew(scene, config, system.frame_time);
-        let impulse = config.joints == Joints::Impulse;
-        if impulse {
-            self.place_bodies(robot, q, qd)?;
-        } else {
-            self.place(robot, q, qd)?;
-        }
+        self.place(robot, q, qd)?;
         for _ in 0..config.steps {
-            self.drive(robot, tau, impulse)?;
+            self.drive(robot, tau)?;
             self.world.step();
             if !self.world.quarantine().is_empty() {
                 return Err("rapier met a number that is not finite".into());
             }
-        }
-        if impulse {
-            self.read_joints(robot, q, qd)?;
         }
         self.read(robot, q, qd)?;
         to_world(robot, q, qd);
@@ -97,16 +80,13 @@ impl Workspace {
 
     /// A world that has never been stepped.
     fn renew(&mut self, scene: &Scene, config: &RapierConfig, frame_time: f64) {
-        let Template { bodies, colliders, joints, impulse, .. } = &*self.template;
-        let multibody_joints = if config.joints == Joints::Multibody { joints.clone() } else { MultibodyJointSet::new() };
-        let impulse_joints = if config.joints == Joints::Impulse { impulse.clone() } else { ImpulseJointSet::new() };
+        let Template { bodies, colliders, joints, .. } = &*self.template;
         self.world = PhysicsWorld {
             gravity: to_parry(&scene.gravity),
             integration_parameters: config.parameters(frame_time),
             bodies: bodies.clone(),
             colliders: colliders.clone(),
-            multibody_joints,
-            impulse_joints,
+            multibody_joints: joints.clone(),
             ..PhysicsWorld::new()
         };
         insert_scene(scene, config.restitution, &mut self.world.colliders);
@@ -154,7 +134,7 @@ impl Workspace {
 
     /// Joint torques for one outer step, as pairs of opposite torques (or forces along a slide) on the two bodies; limits
     /// that are violated now, as rapier's implicit spring and damper, which is [`nerd_core::robot::Limit`]'s law.
-    fn drive(&mut self, robot: &Robot, tau: &[f64], impulse: bool) -> Result<(), String> {
+    fn drive(&mut self, robot: &Robot, tau: &[f64]) -> Result<(), String> {
         let first = usize::from(robot.floating());
         for handle in &self.template.links {
             let body = self.world.bodies.get_mut(*handle).ok_or("no body")?;
@@ -163,7 +143,7 @@ impl Workspace {
         }
         for (i, link) in robot.links.iter().enumerate().skip(first) {
             let Some(joint) = &link.joint else { continue };
-            let effort = tau[i - first] + if impulse { self.passive(robot, i) } else { 0.0 };
+            let effort = tau[i - first];
             if effort == 0.0 {
                 continue;
             }

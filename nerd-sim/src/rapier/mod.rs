@@ -1,4 +1,4 @@
-//! rapier's reduced-coordinate multibodies (or, for comparison, bodies on impulse joints) behind [`crate::solver::Solver`], set up so that the next state is a
+//! rapier's reduced-coordinate multibodies behind [`crate::solver::Solver`], set up so that the next state is a
 //! function of state, torques and scene alone: every frame starts from a fresh world, so no warm start, contact cache or
 //! sleep state is carried over.
 //!
@@ -8,9 +8,8 @@
 
 mod config;
 mod frame;
-mod impulse;
 mod solver;
 mod template;
 
-pub use config::{FrictionModel, Joints, RapierConfig};
+pub use config::{FrictionModel, RapierConfig};
 pub use solver::Rapier;

@@ -3,7 +3,7 @@
 use super::RapierConfig;
 use super::frame::Workspace;
 use crate::batch::Batch;
-use crate::parallel::Parallel;
+use crate::solver::parallel::Parallel;
 use crate::solver::{Solver, StepError};
 
 /// rapier as a [`Solver`]. Remembers nothing of an environment between frames.

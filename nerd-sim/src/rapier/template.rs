@@ -19,8 +19,6 @@ pub(super) struct Template {
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) joints: MultibodyJointSet,
-    /// The same joints as constraints.
-    pub(super) impulse: ImpulseJointSet,
     /// Body of each link.
     pub(super) links: Vec<RigidBodyHandle>,
     /// The multibody; none for a single free body. Its link 0 is the base or the floating root, its DoFs are in the
@@ -41,7 +39,6 @@ impl Template {
             return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
         }
         let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
-        let mut impulse = ImpulseJointSet::new();
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
         let base = match robot.base {
             Base::Fixed(pose) => Some(bodies.insert(RigidBodyBuilder::fixed().pose(pose_to_parry(&pose)))),
@@ -58,7 +55,6 @@ impl Template {
             if let Some(joint) = &link.joint {
                 let parent = link.parent.map(|p| links[p]).or(base).ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
                 let frames = frames(joint, &link.parent.map_or(Vector3::zeros(), |p| self::shift(robot, p, &root_com)));
-                impulse.insert(parent, handle, frames, false);
                 joints.insert(parent, handle, frames, false).ok_or_else(|| format!("rapier refuses joint `{}`", joint.name))?;
             }
             links.push(handle);
@@ -84,7 +80,7 @@ impl Template {
                 multibody.armature_mut()[robot.root_dofs() + i] = joint.armature;
             }
         }
-        Ok(Self { bodies, colliders, joints, impulse, links, multibody, root_com })
+        Ok(Self { bodies, colliders, joints, links, multibody, root_com })
     }
 }
 

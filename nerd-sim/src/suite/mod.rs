@@ -1,12 +1,11 @@
-//! The stability suite: scenes with known answers, held against any solver. It shows where a solver stays right, where it bends
+//! The stability suite: scenes with known answers for any solver. It shows where a solver stays right, where it bends
 //! and where it breaks.
 //!
 //! A [`Row`] is a scene with a measured figure and a limit, which comes from an equation or from somebody's tests and never from
 //! our own build. Up to the limit is a pass, up to ten times the limit degraded; beyond it, or with an error of the solver (the
-//! figure is then that of the motion before), a failure. That rows can fail is shown by breaking a solver on purpose: each of ten
-//! [`Fault`]s turns those rows red that name it, and no other.
+//! figure is then that of the motion before), a failure.
 //!
-//! Your own solver against it:
+//! Your own solver:
 //!
 //! ```
 //! use nerd_sim::instruments::Hold; // yours in its place
@@ -19,16 +18,14 @@
 //! assert_eq!(lines[0].cells[0].verdict, Verdict::Fail, "what stays where it is does not fall");
 //! # Ok::<(), nerd_sim::suite::Error>(())
 //! ```
-//!
-//! All of it takes the analytic solvers of this crate, [`Method::known`], some minutes on two cores.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+pub mod bodies;
 mod cell;
 mod error;
-mod fault;
 mod method;
 mod row;
 mod rows;
@@ -36,20 +33,18 @@ mod trial;
 
 pub use cell::{Cell, Line, Verdict};
 pub use error::Error;
-pub use fault::{Fault, UnknownFault};
 pub use method::Method;
 pub use row::Row;
 
-/// Rows to be asked, perhaps of broken solvers.
+/// Rows to be asked.
 #[derive(Clone, Debug)]
 pub struct Suite {
     rows: Vec<&'static Row>,
-    fault: Option<Fault>,
 }
 
 impl Default for Suite {
     fn default() -> Self {
-        Self { rows: rows::all().collect(), fault: None }
+        Self { rows: rows::all().collect() }
     }
 }
 
@@ -69,13 +64,6 @@ impl Suite {
         Ok(self)
     }
 
-    /// Breaks every solver on purpose.
-    #[must_use]
-    pub fn fault(mut self, fault: Option<Fault>) -> Self {
-        self.fault = fault;
-        self
-    }
-
     /// The rows, in the order of tables.
     pub fn rows(&self) -> &[&'static Row] {
         &self.rows
@@ -85,7 +73,7 @@ impl Suite {
     pub fn run(&self, methods: &[Method], progress: impl Fn(usize) + Sync) -> Vec<Line> {
         let done = AtomicUsize::new(0);
         let measure = |row: &Row, method: &Method| {
-            let cell = row.cell(method, self.fault);
+            let cell = row.cell(method);
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
             cell
         };

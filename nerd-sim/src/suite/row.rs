@@ -2,7 +2,6 @@
 
 use super::cell::Cell;
 use super::error::Error;
-use super::fault::Fault;
 use super::method::Method;
 use super::trial::Trial;
 use crate::solver::StepError;
@@ -23,8 +22,6 @@ pub struct Row {
     pub why: &'static str,
     /// Largest figure that passes; up to ten times as much is degraded.
     pub limit: f64,
-    /// The faults that must turn this row red; all others must leave it green.
-    pub reddens: &'static [Fault],
     /// Measures; an error is a scene that could not be made.
     pub(super) measure: fn(&Trial) -> Result<f64, Error>,
 }
@@ -37,7 +34,7 @@ impl Row {
         limit: f64,
         measure: fn(&Trial) -> Result<f64, Error>,
     ) -> Self {
-        Self { name, figure, unit, source: "", why: "", limit, reddens: &[], measure }
+        Self { name, figure, unit, source: "", why: "", limit, measure }
     }
 
     pub(super) const fn source(self, source: &'static str) -> Self {
@@ -48,13 +45,9 @@ impl Row {
         Self { why, ..self }
     }
 
-    pub(super) const fn reddened_by(self, reddens: &'static [Fault]) -> Self {
-        Self { reddens, ..self }
-    }
-
-    /// Asks a method, perhaps with a fault around its solver.
-    pub fn cell(&self, method: &Method, fault: Option<Fault>) -> Cell {
-        let trial = Trial::new(method, fault);
+    /// Asks a method.
+    pub fn cell(&self, method: &Method) -> Cell {
+        let trial = Trial::new(method);
         match (self.measure)(&trial) {
             Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => Cell::unasked(),
             measured => Cell::new(measured, trial.lost.take(), self.limit),

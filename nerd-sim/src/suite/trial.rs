@@ -1,4 +1,4 @@
-//! One motion under one method, perhaps broken on purpose.
+//! One motion under one method.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -7,17 +7,15 @@ use nerd_core::dynamics::{Data, Totals, totals};
 use nerd_core::state::wrap;
 
 use super::error::Error;
-use super::fault::Fault;
 use super::method::Method;
-use crate::batch::{Batch, contacts};
-use crate::scene::Scene;
+use crate::batch::Batch;
+use crate::scene::{Scene, contacts};
 use crate::solver::{Solver, StepError};
 use crate::system::System;
 
-/// A method under test, perhaps with a fault.
+/// A method under test.
 pub(super) struct Trial<'a> {
     pub method: &'a Method,
-    pub fault: Option<Fault>,
     /// What the solver said when it gave up, if it did; from there on the motion stands still.
     pub lost: RefCell<Option<String>>,
 }
@@ -48,7 +46,7 @@ impl Motion {
         let (robot, own) = (&self.system.robot, &self.system.spec.material);
         let (mut data, mut events) = (Data::new(robot), Vec::new());
         let stored = |state: &Vec<f64>| {
-            contacts(&self.system, &self.scene, state, &mut data, &mut events);
+            contacts(&self.system.robot, &self.scene, state, &mut data, &mut events);
             let touching = robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius);
             let pressed = touching.map(|(point, event)| {
                 let k = self.scene.colliders[event.collider].material.mean(own).stiffness;
@@ -72,8 +70,8 @@ impl Motion {
 pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
 impl<'a> Trial<'a> {
-    pub fn new(method: &'a Method, fault: Option<Fault>) -> Self {
-        Self { method, fault, lost: RefCell::new(None) }
+    pub fn new(method: &'a Method) -> Self {
+        Self { method, lost: RefCell::new(None) }
     }
 
     /// A built-in robot, for every method the same but for what it is made of.
@@ -93,18 +91,18 @@ impl<'a> Trial<'a> {
 
     /// Rolls out under torques set by `drive(state, torques)`. An error of the solver is kept in `lost`.
     pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, Error> {
-        self.under(&mut *self.broken(self.method.solver(system)), system, scene, start, frames, drive)
+        self.under(&mut *self.method.solver(system), system, scene, start, frames, drive)
     }
 
     /// Without torques, under the method with four times the substeps.
     pub fn finer(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
-        let finer = self.method.finer_solver(system).ok_or(Error::NoFiner)?;
-        self.under(&mut *self.broken(finer), system, scene, start, frames, &mut |_, _| ())
+        let mut finer = self.method.finer_solver(system).ok_or(Error::NoFiner)?;
+        self.under(&mut *finer, system, scene, start, frames, &mut |_, _| ())
     }
 
     /// Without torques, by a solver that has stepped ten frames from `other`, and was then told to forget them.
     pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
-        let mut solver = self.broken(self.method.solver(system));
+        let mut solver = self.method.solver(system);
         let mut batch = Batch::new(system, &system.scene(scene)?, 1);
         batch.reset(0, other);
         let torques = vec![0.0; system.robot.joint_count()];
@@ -113,13 +111,6 @@ impl<'a> Trial<'a> {
         }
         solver.reset(0);
         self.under(&mut *solver, system, scene, start, frames, &mut |_, _| ())
-    }
-
-    fn broken(&self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
-        match self.fault {
-            Some(fault) => fault.around(solver),
-            None => solver,
-        }
     }
 
     fn under(

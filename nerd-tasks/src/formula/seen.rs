@@ -1,7 +1,7 @@
 //! What formulas may ask about one environment.
 
 use nerd_core::dynamics::{kinematics, point_position};
-use nerd_sim::batch::contacts;
+use nerd_sim::scene::contacts;
 use nerd_sim::system::System;
 
 use crate::{View, Work};
@@ -66,7 +66,7 @@ impl Sight<f64> for Seen<'_> {
     fn distance(&mut self, point: usize) -> f64 {
         let Work { system, data, events, .. } = &mut *self.work;
         if !std::mem::replace(&mut self.near, true) {
-            contacts(system, self.view.scene, self.view.state, data, events);
+            contacts(&system.robot, self.view.scene, self.view.state, data, events);
             self.placed = false;
         }
         events[point].distance

@@ -5,8 +5,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::mujoco::{Referee, Scheme};
 use nerd_sim::instruments::Replay;
-use nerd_sim::mjcf::{Referee, Scheme};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use serde::{Deserialize, Serialize};

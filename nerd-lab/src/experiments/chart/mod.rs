@@ -14,9 +14,9 @@ mod measure;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use crate::mujoco::Referee;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
-use nerd_sim::mjcf::Referee;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};

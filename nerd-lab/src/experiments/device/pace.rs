@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::time::Instant;
 
+use crate::mujoco::{Referee, Scheme};
 use nerd_core::state::difference;
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::Real;
-use nerd_sim::mjcf::{Referee, Scheme};
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 

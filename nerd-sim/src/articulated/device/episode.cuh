@@ -1,4 +1,4 @@
-// How an episode begins and what a robot's own controller makes of an action, as sampling.rs and control.rs have them. Tables: of the root,
+// How an episode begins and what a robot's own controller makes of an action, as system/start.rs and control.rs have them. Tables: of the root,
 // ranges of PLACES, SPINS, SPEEDS and TILTS and the orientation POSE; of the joints, ranges STARTS_Q and STARTS_QD and MINUS (-1), KP, KD, GAIN,
 // REST; the scene APART_FROM in which a start stands clear by APART.
 

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use super::super::{ArticulatedConfig, Friction};
 use super::program::{Reach, Real, flag, functions, number, record, table, whole};
 use crate::range::Range;
-use crate::sampling::{DRAWS, Start, least_clearance};
 use crate::system::System;
+use crate::system::start::{DRAWS, Start, least_clearance};
 
 /// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
 pub const RANDOM: &str = include_str!("random.cuh");
@@ -59,7 +59,7 @@ pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("REST", system.joint_specs().map(|j| j.default).collect());
     let other =
-        |s: &crate::spec::JointSpec, i: usize| s.reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
+        |s: &crate::system::JointSpec, i: usize| s.reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     whole(&mut text, "MINUS", specs.iter().enumerate().map(|(i, s)| other(s, i).map_or(-1, |k| k as i64)).collect());
     text.push_str(RANDOM);
     text.push_str(include_str!("episode.cuh"));

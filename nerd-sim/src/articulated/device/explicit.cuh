@@ -1,4 +1,4 @@
-// Explicit substeps: symplectic Euler, and Runge-Kutta where there is nothing to touch, as articulated/frame.rs; and what is too
+// Explicit substeps: symplectic Euler, and Runge-Kutta where there is nothing to touch, as articulated/explicit.rs; and what is too
 // stiff for them, as articulated/stiff.rs, where the bounds are explained. EASE of points, LEAST of joints, DAMPED of the robot.
 
 constexpr int STIFF = -2;               // not a fault: the frame wants the implicit step

@@ -8,9 +8,10 @@ use std::fmt::Write;
 use nerd_core::dynamics::{Factor, TreeFactor};
 use nerd_core::robot::{Base, JointKind, Robot};
 
-use super::super::implicit::{CALM, HALVINGS, LOST as FAR_OFF, OFF, PASSES, SETTLED};
+use super::super::implicit::{CALM, HALVINGS};
+use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
-use super::super::touches::CREEP;
+use super::super::touch::CREEP;
 use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh, along};
 use crate::batch::Batch;
 use crate::drive::Drive;

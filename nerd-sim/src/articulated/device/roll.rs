@@ -5,22 +5,17 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_cuda::{Device, DeviceError};
 
-use super::super::ArticulatedConfig;
-use super::held::Held;
 use super::program::{Reach, fault};
-use super::torques::acting;
+use super::scenes::take;
+use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
+use crate::solver::device::{Held, Resident, acting, failed};
 use crate::solver::{Fault, Solver, StepError, commit, sound};
 use crate::system::System;
 
 /// Environments of a block: a full warp, since an access of local memory costs as much for fewer; no more, so that a small batch spreads
 /// over the whole device. Measured on an H200 with 2 to 64.
 pub const BLOCK: usize = 32;
-
-/// An error of the device as one of a step.
-pub fn failed(error: DeviceError) -> StepError {
-    StepError::Solver(error.to_string())
-}
 
 /// What moves environments on a device.
 pub trait Motion: Send {
@@ -73,27 +68,6 @@ pub trait Motion: Send {
     fn frame(&mut self, held: &Held) -> Result<(), DeviceError>;
 }
 
-/// A batch that stays on a device while others work on it there, too.
-pub trait Resident {
-    /// Takes a batch over. What the host has of it grows old from here on.
-    ///
-    /// # Errors
-    /// What has no kernel; as [`Solver::step`].
-    fn hold(&mut self, batch: &Batch) -> Result<(), StepError>;
-
-    /// The device, and what is held there.
-    fn held(&self) -> Option<(&Device, &Held)>;
-
-    /// See [`Motion::memory`].
-    fn memory(&self) -> u64;
-
-    /// See [`Motion::frame`].
-    ///
-    /// # Errors
-    /// As that.
-    fn frame(&mut self) -> Result<(), DeviceError>;
-}
-
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
         let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
@@ -104,7 +78,7 @@ impl<M: Motion> Resident for OnDevice<M> {
         self.motion.check(batch)?;
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        held.take(device, batch, self.motion.config(), *reach, (&torques, 0))?;
+        take(held, device, batch, self.motion.config(), *reach, (&torques, 0))?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
         self.motion.follow(&batch.frames).map_err(failed)
     }
@@ -183,7 +157,7 @@ impl<M: Motion> OnDevice<M> {
         }
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        held.take(device, batch, self.motion.config(), *reach, (torques, columns.unwrap_or(joints)))?;
+        take(held, device, batch, self.motion.config(), *reach, (torques, columns.unwrap_or(joints)))?;
         self.motion.advance(held, &batch.frames, frames, hold).map_err(failed)?;
         let Some(device) = self.motion.device() else { return Ok(()) };
         let done = held.give(device, batch, &mut self.next).map_err(failed)?;

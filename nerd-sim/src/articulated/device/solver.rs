@@ -3,12 +3,12 @@
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Device, DeviceError};
 
-use super::super::ArticulatedConfig;
-use super::held::Held;
 use super::program::{Reach, Real, program};
-use super::roll::{BLOCK, Motion, OnDevice, failed};
+use super::roll::{BLOCK, Motion, OnDevice};
+use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
 use crate::solver::StepError;
+use crate::solver::device::{Held, failed};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///

@@ -32,7 +32,7 @@ struct Work {
     Touch touch[MOST];
     int touches;
     real weight[WEIGHTS]; // w, found once a frame; negative: not yet
-    real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as touches.rs
+    real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as articulated/touches.rs
     double before[ALONG ? NQ : 1];
     Along along;
     real rate[NV], middle[NV], right[NV], qdd[NV];

@@ -3,43 +3,36 @@
 use nalgebra::Vector3;
 use nerd_core::state::{quaternion, vector};
 
-use crate::bodies::{Body, GRAVITY, UPRIGHT};
+use crate::scene::GRAVITY;
+use crate::suite::bodies::{Body, UPRIGHT};
 use crate::suite::error::Error;
-use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
 use crate::suite::trial::Trial;
 
 pub(super) static ROWS: [Row; 7] = [
     Row::new("stopping distance", "error, mu 0.2 0.4 0.7", "relative", 0.05, stopping)
         .source("Newton tests; v^2 / 2 mu g")
-        .why("Dry friction is mu times the load at any speed.")
-        .reddened_by(&[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Dry friction is mu times the load at any speed."),
     Row::new("friction threshold", "slip below the angle, or 2 cm / slip above it", "2 cm", 1.0, threshold)
         .source("Newton tests; tan a = mu, mu 0.5, slopes 10 20 24, 29 35 40 deg, 0.5 s")
-        .why("Dry friction holds below its angle and lets go above it; a viscous one always creeps.")
-        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld]),
+        .why("Dry friction holds below its angle and lets go above it; a viscous one always creeps."),
     Row::new("sliding down", "error of the way, 35 deg, mu 0.5, 1 s", "relative", 0.05, sliding)
         .source("g (sin a - mu cos a) t^2 / 2")
-        .why("Above the angle a body accelerates by what friction leaves, neither held nor let go.")
-        .reddened_by(&[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Above the angle a body accelerates by what friction leaves, neither held nor let go."),
     Row::new("plate at four yaws", "a plate: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, plate(), 0.05))
         .source("Coulomb's cone is round")
-        .why("A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes.")
-        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+        .why("A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes."),
     Row::new("cube at four yaws", "a cube: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, Body::default(), 0.1))
         .source("Coulomb's cone is round")
-        .why("The same for a tall body, whose load moves from corner to corner.")
-        .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+        .why("The same for a tall body, whose load moves from corner to corner."),
     Row::new("table at four yaws", "a table of four round feet: spread of way, lateral way, yaw", "relative", 0.02, |trial| {
         yaws(trial, table(), 0.27)
     })
     .source("Coulomb's cone is round")
-    .why("The same on four balls, each of them a single contact.")
-    .reddened_by(&[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    .why("The same on four balls, each of them a single contact."),
     Row::new("rolling ball", "error of the speed, 15 deg, 1 s", "relative", 5e-3, rolling)
         .source("Drake's scene; 5/7 g sin a t")
-        .why("Friction at one point must turn the ball as fast as it travels.")
-        .reddened_by(&[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Friction at one point must turn the ball as fast as it travels."),
 ];
 
 /// A plate of 0.4 x 0.4 x 0.1 m and 1 kg.

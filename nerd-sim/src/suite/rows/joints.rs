@@ -5,50 +5,41 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use crate::bodies::{GRAVITY, chain, slider, universal};
 use crate::sampling::{Start, start, stream};
+use crate::scene::GRAVITY;
+use crate::suite::bodies::{chain, slider, universal};
 use crate::suite::error::Error;
-use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
 use crate::suite::trial::{Motion, Trial};
 
 pub(super) static ROWS: [Row; 9] = [
     Row::new("pendulum period", "mean error of the angle, 3.5 periods", "amplitudes", 0.01, period)
         .source("Newton tests; t = 2 pi sqrt(l/g) (1 + a^2/16)")
-        .why("A wrong inertia or a step that brakes shows in the period first.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("A wrong inertia or a step that brakes shows in the period first."),
     Row::new("pendulum energy", "change of energy, 1 rad, 2 s", "relative", 5e-3, energy)
         .source("Newton tests")
-        .why("Nothing in it brakes, so what energy it loses or gains is the step's doing.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Nothing in it brakes, so what energy it loses or gains is the step's doing."),
     Row::new("drive inertia", "error of the speed under a constant torque, 1 s", "relative", 1e-4, armature)
         .source("rapier tests; tau t / (I + armature)")
-        .why("A motor's rotor adds to the inertia of its joint; whoever forgets it accelerates too fast.")
-        .reddened_by(&[DroppedVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+        .why("A motor's rotor adds to the inertia of its joint; whoever forgets it accelerates too fast."),
     Row::new("joint limit", "depth beyond v sqrt(m/k), or gain of speed", "relative", 0.1, limit)
         .source("a spring's equation; a limit gives no energy")
-        .why("A limit is a spring: a coarse step passes through it, or is thrown back faster than it came.")
-        .reddened_by(&[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("A limit is a spring: a coarse step passes through it, or is thrown back faster than it came."),
     Row::new("heavy end", "change of energy, 16 links, 1000:1, 2 s", "relative", 0.05, heavy_end)
         .source("energy is constant; masses of rapier's test")
-        .why("A heavy mass at the end of a light chain is what pulls joints apart that are only constraints.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("A heavy mass at the end of a light chain is what pulls joints apart that are only constraints."),
     Row::new("swinging arm", "change of energy, Franka without drives, 2 s", "relative", 0.05, arm)
         .source("energy is constant")
-        .why("Seven coupled joints with a real arm's inertias: forces that are left out or late show as energy.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Seven coupled joints with a real arm's inertias: forces that are left out or late show as energy."),
     Row::new("universal joint", "distance from the circle of a conical pendulum, 2 s", "radii", 0.01, conical)
         .source("w^2 = g / l cos a; 1 % of Newton's tests")
-        .why("Two axes in one place: the first must carry the second along.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Two axes in one place: the first must carry the second along."),
     Row::new("inner torques", "change of the Ant's momentum under random torques, 1 s", "relative", 5e-4, inner_torques)
         .source("Newton tests, 5e-4; momentum theorem")
-        .why("Motors push links against each other: the momentum of the whole is not theirs to change.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+        .why("Motors push links against each other: the momentum of the whole is not theirs to change."),
     Row::new("falling quadruped", "change of ANYmal's energy, 1 s", "of what falling gave", 5e-3, falling)
         .source("energy is constant; SimBenchmark's drop")
-        .why("A whole robot in the air: with all its joints moving, energy stays.")
-        .reddened_by(&[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+        .why("A whole robot in the air: with all its joints moving, energy stays."),
 ];
 
 fn period(trial: &Trial) -> Result<f64, Error> {

@@ -2,7 +2,6 @@
 
 use crate::sampling::{Start, start, stream};
 use crate::suite::error::Error;
-use crate::suite::fault::Fault::*;
 use crate::suite::row::Row;
 use crate::suite::trial::{Motion, Trial};
 
@@ -11,18 +10,15 @@ pub(super) static ROWS: [Row; 3] = [
         against_finer(trial, "pendulum", "ground1")
     })
     .source("a tenth of the paper's error of a learned pendulum, 0.012 rad")
-    .why("A truth to learn from must be nearer to its own limit than models come to the truth.")
-    .reddened_by(&[DroppedVelocity, FrozenWorld]),
+    .why("A truth to learn from must be nearer to its own limit than models come to the truth."),
     Row::new("Ant self-convergence", "against four times the substeps, dropped, 1 s, 4 starts", "rad", 4.7e-3, |trial| {
         against_finer(trial, "ant", "ground")
     })
     .source("a tenth of the paper's error of a learned Ant, 0.047 rad")
-    .why("The same for a walking robot that lands on its feet.")
-    .reddened_by(&[DroppedVelocity, FrozenWorld]),
+    .why("The same for a walking robot that lands on its feet."),
     Row::new("Markov", "a motion against its second half begun afresh, or after a reset", "rad", 1e-12, markov)
         .source("the next state is a function of the present one")
-        .why("A model learns a function of the state: of a solver that remembers more there is none.")
-        .reddened_by(&[HiddenClock]),
+        .why("A model learns a function of the state: of a solver that remembers more there is none."),
 ];
 
 /// Mean |dq| at the end of a second between a method and itself with four times the substeps; 1 if from some start no

@@ -1,0 +1,14 @@
+//! Arithmetic of matrix products.
+
+use serde::{Deserialize, Serialize};
+
+/// Arithmetic of products; everything is stored and summed in f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// f32 throughout.
+    F32,
+    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
+    #[default]
+    Tf32,
+}

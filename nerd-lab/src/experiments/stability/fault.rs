@@ -1,0 +1,237 @@
+//! What is broken on purpose, to show that a row can go red: [`Fault::of`] breaks any method.
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use nerd_core::state::{quaternion, vector};
+use nerd_sim::prelude::*;
+use nerd_sim::suite::Method;
+
+/// A defect, put around a solver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Gravity at half its strength.
+    HalfGravity,
+    /// The scene's colliders are gone.
+    NoFloor,
+    /// Velocities are zero after every frame.
+    DroppedVelocity,
+    /// The root's angular velocity is given in body axes instead of world axes.
+    BodyAngularVelocity,
+    /// The state never changes.
+    FrozenWorld,
+    /// Velocities grow by 2 % a frame.
+    PumpedVelocity,
+    /// Velocities gain 1e-9 for every frame since the solver was made.
+    HiddenClock,
+    /// States are kept in f32.
+    SinglePrecision,
+    /// An error of the solver is passed over.
+    SwallowedErrors,
+    /// Motors give a tenth more than they are told.
+    StrongMotors,
+}
+
+use Fault::*;
+
+/// By row of the suite, the faults that it must see.
+const REDDENED: [(&str, &[Fault]); 49] = [
+    ("free fall", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("off-centre spin", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld]),
+    ("precession", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("tumbling box", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("gyroscopic energy", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("Dzhanibekov", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("Dzhanibekov, f32", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("far away", &[HiddenClock, SinglePrecision]),
+    ("pendulum period", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("pendulum energy", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("drive inertia", &[DroppedVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    ("joint limit", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("heavy end", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("swinging arm", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("universal joint", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("inner torques", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("falling quadruped", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("rest", &[NoFloor]),
+    ("restitution", &[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("tossed cube", &[PumpedVelocity]),
+    ("stiff ground", &[NoFloor, PumpedVelocity]),
+    ("tip into ground", &[PumpedVelocity]),
+    ("heavy tip", &[HalfGravity, PumpedVelocity]),
+    ("light tip", &[HalfGravity, PumpedVelocity]),
+    ("under terrain", &[NoFloor, FrozenWorld]),
+    ("stopping distance", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("friction threshold", &[NoFloor, DroppedVelocity, FrozenWorld]),
+    ("sliding down", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("plate at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("cube at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("table at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("rolling ball", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("pendulum self-convergence", &[DroppedVelocity, FrozenWorld]),
+    ("Ant self-convergence", &[DroppedVelocity, FrozenWorld]),
+    ("Markov", &[HiddenClock]),
+    ("cable's sag", &[HalfGravity, FrozenWorld]),
+    ("hanging chain", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("falling cable", &[NoFloor, FrozenWorld, PumpedVelocity]),
+    ("driven Ant", &[BodyAngularVelocity]),
+    ("ANYmal kp 85", &[FrozenWorld]),
+    ("ANYmal kp 200", &[FrozenWorld]),
+    ("ANYmal kp 2000", &[FrozenWorld]),
+    ("ANYmal kp 5000", &[FrozenWorld]),
+    ("kp 200 ahead", &[FrozenWorld]),
+    ("kp 2000 ahead", &[FrozenWorld]),
+    ("kp 5000 ahead", &[FrozenWorld]),
+    ("no number", &[SwallowedErrors]),
+    ("runner's energy", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    ("runner's momentum", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+];
+
+impl Fault {
+    /// All ten.
+    pub const ALL: [Self; 10] = [
+        Self::HalfGravity,
+        Self::NoFloor,
+        Self::DroppedVelocity,
+        Self::BodyAngularVelocity,
+        Self::FrozenWorld,
+        Self::PumpedVelocity,
+        Self::HiddenClock,
+        Self::SinglePrecision,
+        Self::SwallowedErrors,
+        Self::StrongMotors,
+    ];
+
+    /// Its name, as on a command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::HalfGravity => "half-gravity",
+            Self::NoFloor => "no-floor",
+            Self::DroppedVelocity => "dropped-velocity",
+            Self::BodyAngularVelocity => "body-angular-velocity",
+            Self::FrozenWorld => "frozen-world",
+            Self::PumpedVelocity => "pumped-velocity",
+            Self::HiddenClock => "hidden-clock",
+            Self::SinglePrecision => "single-precision",
+            Self::SwallowedErrors => "swallowed-errors",
+            Self::StrongMotors => "strong-motors",
+        }
+    }
+
+    /// A method whose solver is broken.
+    pub fn of(self, method: Method) -> Method {
+        method.around(move |solver| self.around(solver))
+    }
+
+    /// Names of the rows of the suite that it must turn red; all others must stay green.
+    pub fn reddened(self) -> Vec<&'static str> {
+        REDDENED.iter().filter(|(_, faults)| faults.contains(&self)).map(|(row, _)| *row).collect()
+    }
+
+    /// The solver, broken.
+    fn around(self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
+        Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
+    }
+
+    /// What it makes of a scene.
+    fn scene(self, scene: &Scene) -> Scene {
+        let mut scene = scene.clone();
+        match self {
+            Self::HalfGravity => scene.gravity *= 0.5,
+            Self::NoFloor => scene.colliders.clear(),
+            _ => {}
+        }
+        scene
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// No fault has that name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no fault is called `{0}`; known are {known}", known = Fault::ALL.map(Fault::name).join(", "))]
+pub struct UnknownFault(pub String);
+
+impl FromStr for Fault {
+    type Err = UnknownFault;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFault> {
+        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| UnknownFault(name.into()))
+    }
+}
+
+/// A solver with a fault.
+struct Broken {
+    solver: Box<dyn Solver>,
+    fault: Fault,
+    /// Frames stepped.
+    frame: u64,
+    /// States before the frame.
+    before: Vec<f64>,
+    /// Scenes met, and what the fault makes of them.
+    scenes: Vec<[Arc<Scene>; 2]>,
+    /// What the motors give.
+    torques: Vec<f64>,
+}
+
+impl Broken {
+    /// The scenes that the solver is shown.
+    fn shown(&mut self, scenes: &[Arc<Scene>]) -> Vec<Arc<Scene>> {
+        let mut shown = Vec::with_capacity(scenes.len());
+        for scene in scenes {
+            if !self.scenes.iter().any(|[known, _]| Arc::ptr_eq(known, scene)) {
+                self.scenes.push([scene.clone(), Arc::new(self.fault.scene(scene))]);
+            }
+            shown.extend(self.scenes.iter().find(|[known, _]| Arc::ptr_eq(known, scene)).map(|[_, broken]| broken.clone()));
+        }
+        shown
+    }
+}
+
+impl Solver for Broken {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        self.before.clone_from(&batch.states);
+        self.frame += 1;
+        let shown = self.shown(&batch.scenes);
+        let scenes = std::mem::replace(&mut batch.scenes, shown);
+        self.torques.clear();
+        let strength = if self.fault == Fault::StrongMotors { 1.1 } else { 1.0 };
+        self.torques.extend(torques.iter().map(|t| t * strength));
+        let done = self.solver.step(batch, &self.torques);
+        batch.scenes = scenes;
+        if self.fault != Fault::SwallowedErrors {
+            done?;
+        }
+        let system = batch.system.clone();
+        let (d, nq, floating) = (system.robot.state_dim(), system.robot.nq(), system.robot.floating());
+        for (state, before) in batch.states.chunks_exact_mut(d).zip(self.before.chunks_exact(d)) {
+            match self.fault {
+                Fault::DroppedVelocity => state[nq..].fill(0.0),
+                Fault::PumpedVelocity => state[nq..].iter_mut().for_each(|v| *v *= 1.02),
+                Fault::HiddenClock => state[nq..].iter_mut().for_each(|v| *v += 1e-9 * self.frame as f64),
+                Fault::SinglePrecision => state.iter_mut().for_each(|x| *x = f64::from(*x as f32)),
+                Fault::FrozenWorld => state.copy_from_slice(before),
+                Fault::BodyAngularVelocity if floating => into_body_axes(state, nq),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn reset(&mut self, env: usize) {
+        self.solver.reset(env);
+    }
+}
+
+/// Turns the root's angular velocity into body axes; the velocity of its origin stays.
+fn into_body_axes(state: &mut [f64], nq: usize) {
+    let (p, w, v) = (vector(&state[..3]), vector(&state[nq..]), vector(&state[nq + 3..]));
+    let body = quaternion(&state[3..7]).inverse() * w;
+    state[nq..nq + 3].copy_from_slice(body.as_slice());
+    state[nq + 3..nq + 6].copy_from_slice((v + w.cross(&p) - body.cross(&p)).as_slice());
+}

@@ -1,0 +1,151 @@
+//! The stability map: every row of [`nerd_sim::suite`] under every analytic method, and the faults that show its rows can fail.
+
+mod fault;
+mod methods;
+
+use std::path::Path;
+#[cfg(feature = "cuda")]
+use std::sync::Arc;
+
+use nerd_model::pick::Setting;
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::{CudaArticulated, Real};
+use nerd_sim::prelude::System;
+#[cfg(feature = "cuda")]
+use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
+use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
+use serde::{Deserialize, Serialize};
+
+use super::Experiment;
+use crate::error::Result;
+use crate::report::table::digits;
+use crate::report::{Input, Inputs, Table, heat};
+pub use fault::{Fault, UnknownFault};
+pub use methods::{accurate, converged, known, paper};
+use nerd_train::progress::bar;
+
+/// Columns, and rows with a cell for each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StabilityMap {
+    /// Names of the columns.
+    pub methods: Vec<String>,
+    /// The rows.
+    pub rows: Vec<Line>,
+}
+
+impl StabilityMap {
+    /// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed, `lost` where the solver gave up.
+    pub fn table(&self) -> Table {
+        let mark = |c: &Cell| match c.verdict {
+            _ if c.lost.is_some() => " lost",
+            Verdict::Pass | Verdict::Unasked => "",
+            Verdict::Degraded => " !",
+            Verdict::Fail => " !!",
+        };
+        let cell = |c: &Cell| c.figure.map_or_else(|| "-".into(), digits) + mark(c);
+        let rows = self.rows.iter().map(|l| {
+            let start = [l.row.clone(), l.asked(), digits(l.limit)];
+            start.into_iter().chain(l.cells.iter().map(cell)).collect()
+        });
+        let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str)).collect();
+        Table::new("stability", &header)
+            .with(rows)
+            .noted("!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it has not what the row asks for.")
+    }
+}
+
+/// The suite under all analytic methods, perhaps broken ones.
+pub struct Stability {
+    name: String,
+    suite: Suite,
+    methods: Vec<Method>,
+}
+
+impl Stability {
+    /// The rows with one of `words` in their names, or all.
+    ///
+    /// # Errors
+    /// If a word is in no name.
+    pub fn new(words: &[String], fault: Option<Fault>) -> Result<Self> {
+        let methods = known().into_iter().map(|method| fault.map_or(method.clone(), |fault| fault.of(method))).collect();
+        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?, methods })
+    }
+
+    /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
+    ///
+    /// # Errors
+    /// As [`Stability::new`].
+    #[cfg(feature = "cuda")]
+    pub fn on_device(words: &[String]) -> Result<Self> {
+        // Settings, and the same with so many times the substeps.
+        type Settings = fn(&System, usize) -> ArticulatedConfig;
+        let gpu = |name: &str, real: Real, config: Settings| {
+            let at =
+                move |times| move |system: &Arc<System>| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config(system, times), real)) };
+            Method::new(name, at(1)).finer(at(4))
+        };
+        let of: [(&str, Settings); 3] = [
+            ("accurate", |system, times| ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb)),
+            ("implicit x16", |_, times| ArticulatedConfig::implicit(16 * times, Friction::Coulomb)),
+            ("Euler x64", |_, times| ArticulatedConfig::explicit(64 * times, Friction::Coulomb)),
+        ];
+        let mut methods = Vec::new();
+        for (name, config) in of {
+            methods.extend(known().into_iter().filter(|method| method.name() == name));
+            methods.push(gpu(&format!("{name}, GPU, 32 bits"), Real::F32, config));
+            methods.push(gpu(&format!("{name}, GPU, 64 bits"), Real::F64, config));
+        }
+        Ok(Self { name: "stability-device".into(), suite: Suite::new().only(words)?, methods })
+    }
+
+    /// Names of the rows that a fault must turn red.
+    pub fn reddened(&self, fault: Fault) -> Vec<&'static str> {
+        self.suite.rows().iter().map(|r| r.name).filter(|name| fault.reddened().contains(name)).collect()
+    }
+}
+
+impl Experiment for Stability {
+    type Data = StabilityMap;
+
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn seed(&self) -> u64 {
+        0
+    }
+
+    fn effort(&self) -> f64 {
+        (self.suite.rows().len() * self.methods.len()) as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let mut inputs = Inputs::default();
+        for robot in ["pendulum", "franka", "ant", "anymal"] {
+            inputs.add(Input::robot(&*System::named(robot)?));
+            inputs.add(Input::robot(&*System::named(&format!("{robot}-paper"))?));
+        }
+        for (robot, scene) in [("pendulum", "ground1"), ("ant", "ground"), ("anymal", "free")] {
+            for setting in [Setting::Accurate, Setting::Euler(16), Setting::Implicit(16), Setting::RapierSteps(4)] {
+                inputs.add(Input::motion(robot, scene, &setting)?);
+            }
+            inputs.add(Input::motion(&format!("{robot}-paper"), scene, &Setting::Paper)?);
+        }
+        Ok(inputs)
+    }
+
+    fn measure(&self) -> Result<StabilityMap> {
+        let bar = bar("cells", self.effort() as u64);
+        let rows = self.suite.run(&self.methods, |done| bar.set(done as u64));
+        bar.finish();
+        Ok(StabilityMap { methods: self.methods.iter().map(|m| m.name().to_string()).collect(), rows })
+    }
+
+    fn tables(&self, data: &StabilityMap) -> Result<Vec<Table>> {
+        Ok(vec![data.table()])
+    }
+
+    fn pictures(&self, data: &StabilityMap, stem: &Path) -> Result<()> {
+        heat::draw("Where methods fail: figure of each row, coloured by figure / limit", &data.methods, &data.rows, stem)
+    }
+}

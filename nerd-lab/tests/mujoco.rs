@@ -1,0 +1,164 @@
+//! The model written for MuJoCo holds all of the robot; states come back as they went; and where there is a MuJoCo
+//! (`NERD_MUJOCO`, the path of a Python that has it), it moves as ours does.
+
+use std::io::Write;
+use std::path::Path;
+
+use nerd_core::robot::Limit;
+use nerd_core::state::wrap;
+use nerd_lab::mujoco::{Mujoco, Referee, Scheme, from_mujoco, to_mujoco};
+use nerd_sim::mjcf::mjcf;
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+
+fn text(robot: &str, scene: &str) -> String {
+    let system = System::named(robot).expect("built in");
+    mjcf(&system, &system.scene(scene).expect("scene")).expect("written")
+}
+
+fn count(text: &str, what: &str) -> usize {
+    text.matches(what).count()
+}
+
+#[test]
+fn every_body_joint_and_mass_is_there() {
+    // The cube is one box, the others a ball a contact point.
+    for (robot, scene, shapes) in [("pendulum", "ground1", 4), ("ant", "ground", 25), ("cube", "ground", 1)] {
+        let system = System::named(robot).expect("built in");
+        let text = text(robot, scene);
+        let model = &system.robot;
+        assert_eq!(count(&text, "<body "), model.links.len(), "{robot}: bodies");
+        assert_eq!(count(&text, "</body>"), model.links.len(), "{robot}: bodies that end");
+        assert_eq!(count(&text, "<joint "), model.joint_count(), "{robot}: joints");
+        assert_eq!(count(&text, "<freejoint/>"), usize::from(model.floating()), "{robot}: free roots");
+        let masses = text.split("<inertial mass=\"").skip(1).filter_map(|t| t.split('"').next()?.parse::<f64>().ok());
+        let mass: f64 = masses.sum();
+        assert!((mass / model.mass() - 1.0).abs() < 1e-12, "{robot}: {mass} kg, not {}", model.mass());
+        // Names, so the order, of the joints.
+        let names = text.split("<joint name=\"").skip(1).filter_map(|t| t.split('"').next());
+        assert!(names.eq(model.joints().map(|j| j.name.as_str())), "{robot}: order of the joints");
+        assert_eq!(count(&text, "type=\"plane\""), 1, "{robot}");
+        let found = count(&text, "type=\"sphere\"") + count(&text, "type=\"box\"");
+        assert_eq!(found, shapes, "{robot}: shapes");
+    }
+    assert_eq!(count(&text("ant", "free"), "<geom"), 0, "nothing to touch, no shapes");
+}
+
+#[test]
+fn states_come_back_as_they_went() {
+    for robot in ["pendulum", "ant", "cube"] {
+        let system = System::named(robot).expect("built in");
+        for k in 0..20 {
+            let ours = start(&system, Start::Sample, &mut stream(3, k));
+            let back = from_mujoco(&system.robot, &to_mujoco(&system.robot, &ours));
+            let gap = ours.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(gap < 1e-13, "{robot}: {gap:.1e}");
+        }
+    }
+    // A root at (1, 0, 0) that turns with 2 rad/s about the world's z and stands still, its body turned a quarter about x.
+    let system = System::named("cube").expect("built in");
+    let half = 0.5f64.sqrt();
+    let ours = [1.0, 0.0, 0.0, half, 0.0, 0.0, half, 0.0, 0.0, 2.0, 0.0, -2.0, 0.0];
+    let theirs = to_mujoco(&system.robot, &ours);
+    let expected = [1.0, 0.0, 0.0, half, half, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0];
+    assert!(theirs.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{theirs:?}");
+}
+
+/// Passive, contact-free, a second of RK4 at fine steps: the same robot, or it would not come to the same place. Limits
+/// without their damping, with which ours may pull and MuJoCo's not; to 1e-4 of their force they are the same springs,
+/// and a second has several bounces.
+#[test]
+fn mujoco_moves_as_ours_does() {
+    let Ok(python) = std::env::var("NERD_MUJOCO") else {
+        let _ = writeln!(std::io::stderr(), "skipped: no MuJoCo");
+        return;
+    };
+    // A cable's springs are stepped by our implicit step, which is of second order.
+    let cable = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cables/lead.toml");
+    for (name, limits, bound) in [
+        ("pendulum", false, 1e-9),
+        ("cartpole", false, 1e-9),
+        ("ant", false, 1e-9),
+        ("anymal", false, 1e-9),
+        ("ant", true, 0.1),
+        (cable, false, 0.02),
+    ] {
+        let mut system = (*System::named(name).expect("built in")).clone();
+        for joint in system.robot.joints_mut() {
+            joint.limit = joint.limit.filter(|_| limits).map(|l| Limit { damping: 0.0, ..l });
+        }
+        let system = std::sync::Arc::new(system);
+        let scene = system.scene("free").expect("scene");
+        let starts: Vec<_> = (0..8).map(|k| start(&system, Start::Sample, &mut stream(7, k))).collect();
+        let mut mujoco = Referee::new(Path::new(&python), &system, &scene, &starts, 60).expect("MuJoCo");
+        let theirs = mujoco.play(Scheme::Rk4, 256, false).expect("played");
+        let mut batch = Batch::new(&system, &scene, starts.len());
+        starts.iter().enumerate().for_each(|(env, s)| batch.reset(env, s));
+        let mut ours = Articulated::new(ArticulatedConfig {
+            substeps: 256,
+            contact_substeps: 1024,
+            ..ArticulatedConfig::converged(Friction::Coulomb)
+        });
+        let (mut worst, coords, nq) = (0.0f64, system.robot.root_coords(), system.robot.nq());
+        for frame in &theirs.frames {
+            ours.step(&mut batch, &vec![0.0; starts.len() * system.robot.joint_count()]).expect("stepped");
+            for (a, b) in batch.states.chunks(system.robot.state_dim()).zip(frame.chunks(system.robot.state_dim())) {
+                // A quaternion and its negative are one pose.
+                let sign = if coords > 0 && a[6] * b[6] < 0.0 { -1.0 } else { 1.0 };
+                for (k, (x, y)) in a.iter().zip(b).enumerate() {
+                    let y = if (3..coords).contains(&k) { sign * y } else { *y };
+                    let gap = if (coords..nq).contains(&k) { wrap(x - y) } else { x - y };
+                    worst = worst.max(gap.abs());
+                }
+            }
+        }
+        let _ = writeln!(std::io::stderr(), "{name}, limits {limits}: MuJoCo {} within {worst:.1e} over a second", mujoco.version);
+        assert!(worst < bound, "{name}: MuJoCo is {worst:.1e} away, allowed {bound:.0e}");
+    }
+}
+
+/// As a solver it is refused in one line where there is none, whether or not the program is there.
+#[test]
+fn without_a_python_that_has_it_mujoco_is_refused_in_one_line() {
+    let system = System::named("ant").expect("built in");
+    let scene = system.scene("ground").expect("scene");
+    for python in ["/nowhere/python", "/bin/true", "/bin/cat"] {
+        if python != "/nowhere/python" && !Path::new(python).exists() {
+            continue;
+        }
+        let error = Mujoco::new(Path::new(python), &system, &scene).err().expect("no MuJoCo").to_string();
+        assert!(error.contains("MuJoCo") || error.contains(python), "{python}: {error}");
+        assert!(!error.contains('\n'), "{python}: `{error}` is not one line");
+    }
+}
+
+/// As a solver it is a function of the state alone, and of each environment alone; and it flies as ours does.
+#[test]
+fn mujoco_as_a_solver_has_no_memory() {
+    let Ok(python) = std::env::var("NERD_MUJOCO") else {
+        let _ = writeln!(std::io::stderr(), "skipped: no MuJoCo");
+        return;
+    };
+    for (robot, name) in [("ant", "ground"), ("cube", "ground"), ("pendulum", "free")] {
+        let system = System::named(robot).expect("built in");
+        let scene = system.scene(name).expect("scene");
+        let solver = || Mujoco::new(Path::new(&python), &system, &scene).expect("MuJoCo");
+        let mut batch = Batch::new(&system, &scene, 4);
+        (0..4).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(9, env as u64))));
+        let torques: Vec<f64> = (0..4 * system.robot.joint_count()).map(|i| (i as f64).sin()).collect();
+        let mut used = solver();
+        for frame in 0..30 {
+            let mut fresh = batch.clone();
+            let before = batch.clone();
+            used.step(&mut batch, &torques).expect("stepped");
+            solver().step(&mut fresh, &torques).expect("stepped");
+            assert_eq!(batch.states, fresh.states, "{robot} on {name}, frame {frame}: it remembers");
+            if name == "free" {
+                let mut ours = before;
+                Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)).step(&mut ours, &torques).expect("stepped");
+                let apart = ours.states.iter().zip(&batch.states).map(|(a, b)| wrap(a - b).abs()).fold(0.0, f64::max);
+                assert!(apart < 0.05, "{robot}, frame {frame}: MuJoCo is {apart:.1e} away after one frame");
+            }
+        }
+    }
+}

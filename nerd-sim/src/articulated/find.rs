@@ -1,0 +1,106 @@
+//! What acts in a substep of the implicit step: points on colliders, dry friction, drives, joints beyond limits.
+
+use nalgebra::Vector3;
+use nerd_core::dynamics::velocities;
+use nerd_core::robot::Robot;
+
+use super::touch::{Contact, DryFriction, Spring, Touch};
+use super::touches::Touches;
+use super::workspace::Workspace;
+use crate::scene::{Material, Scene};
+
+impl Workspace {
+    /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
+    pub(super) fn find(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
+        velocities(robot, qd, &mut self.data);
+        let Touches { touches, columns, tree, pull, .. } = &mut self.touches;
+        touches.clear();
+        columns.clear();
+        let (data, dofs) = (&self.data, robot.root_dofs());
+        for ((pull, joint), x) in pull.iter_mut().zip(robot.joints()).zip(&q[robot.root_coords()..]) {
+            *pull = joint.stiffness * (joint.rest - x);
+        }
+        for (owner, event) in self.owners.iter().zip(&self.events) {
+            let (point, n) = (&robot.contact_points[*owner], event.normal);
+            let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
+            let velocity = data.velocity[point.link].at(&x);
+            let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
+            let start = columns.len();
+            let mut link = tree.is_none().then_some(point.link);
+            while let Some(i) = link {
+                if robot.links[i].joint.is_some() {
+                    columns.push((data.dof[i], data.axis[i].at(&x)));
+                } else {
+                    for k in 0..3 {
+                        columns.push((k, Vector3::ith(k, 1.0).cross(&x)));
+                        columns.push((3 + k, Vector3::ith(k, 1.0)));
+                    }
+                }
+                link = robot.links[i].parent;
+            }
+            touches.push(Touch::Contact(Contact {
+                index: owner * scene.colliders.len() + event.collider,
+                link: point.link,
+                x,
+                columns: start..columns.len(),
+                material: part_of(&self.materials[event.collider], part),
+                normal: n,
+                gap,
+                velocity,
+                ahead: [0.0; 3],
+                across: 0.0,
+                parted: false,
+                force: Vector3::zeros(),
+            }));
+        }
+        let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
+        for (joint, friction) in robot.joints().map(|j| j.friction).enumerate().filter(|(_, friction)| *friction > 0.0) {
+            touches.push(Touch::Friction(DryFriction { joint, most: friction, rate: qd[dofs + joint], across: 0.0 }));
+        }
+        for ((joint, modelled), drive) in robot.joints().enumerate().zip(&self.drives) {
+            let (x, v) = (q[robot.root_coords() + joint], qd[dofs + joint]);
+            let spring = Spring {
+                index: pairs + joints + joint,
+                joint,
+                side: 1.0,
+                stiffness: drive.kp,
+                damping: drive.kd,
+                gap: x - drive.target,
+                rate: v - drive.speed,
+                ahead: [0.0; 2],
+            };
+            touches.push(Touch::Drive { spring, bounds: drive.bounds(modelled, v), held: None });
+        }
+        for (joint, modelled) in robot.joints().enumerate() {
+            let Some(limit) = modelled.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
+            let x = q[robot.root_coords() + joint];
+            for (end, side) in [(limit.lower, 1.0), (limit.upper, -1.0)] {
+                let rate = side * qd[dofs + joint];
+                let Some((part, gap)) = inside(side * (x - end), 0.5 * h * rate) else { continue };
+                let (stiffness, damping) = (part * limit.stiffness, part * limit.damping);
+                touches.push(Touch::Limit(Spring { index: pairs + joint, joint, side, stiffness, damping, gap, rate, ahead: [0.0; 2] }));
+            }
+        }
+    }
+}
+
+/// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
+/// negative, and its mean there. None if it never is.
+fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
+    let (least, most) = (middle - half.abs(), middle + half.abs());
+    match (least < 0.0, most <= 0.0) {
+        (false, _) => None,
+        (true, true) => Some((1.0, middle)),
+        (true, false) => Some((least / (least - most), 0.5 * least)),
+    }
+}
+
+/// A material that acts for a part of the time.
+fn part_of(material: &Material, part: f64) -> Material {
+    Material {
+        stiffness: part * material.stiffness,
+        damping: part * material.damping,
+        friction_damping: part * material.friction_damping,
+        friction: material.friction,
+    }
+}

@@ -1,0 +1,178 @@
+//! The change of velocity over a substep of the implicit step, by repeated solves.
+
+use nalgebra::{DVector, Vector3};
+use nerd_core::dynamics::{Data, bias};
+use nerd_core::robot::Robot;
+use nerd_core::state::vector;
+
+use super::config::{ArticulatedConfig, Friction};
+use super::touch::{Contact, Touch};
+use super::touches::Touches;
+use super::workspace::Workspace;
+use crate::scene::Scene;
+use crate::system::System;
+
+/// Solves of a substep at most.
+pub(super) const PASSES: usize = 6;
+/// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
+pub(super) const SETTLED: f64 = 0.02;
+
+/// Change of a joint's way over half a substep (rad or m), by what its rate was thought to be, that asks for another solve; and after that
+/// solve, for shorter substeps. Of chains alone.
+pub(super) const OFF: f64 = 1e-3;
+pub(super) const LOST: f64 = 1e-2;
+
+/// What a substep of length h (s) is made of.
+#[derive(Clone, Copy)]
+pub(super) struct Substep<'a> {
+    pub(super) system: &'a System,
+    pub(super) scene: &'a Scene,
+    pub(super) config: &'a ArticulatedConfig,
+    /// Whether contacts are held as they were found.
+    pub(super) held: bool,
+    /// See [`SETTLED`].
+    pub(super) settled: f64,
+    pub(super) tau: &'a [f64],
+    pub(super) h: f64,
+}
+
+impl Workspace {
+    /// `rate`, the change of local velocities over h, from forces in the substep's middle; `false` if the substep is too long to find it.
+    pub(super) fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
+        let Substep { system, scene, config, tau, h, settled, .. } = *own;
+        let robot = &system.robot;
+        let dofs = robot.root_dofs();
+        let Touches { braked, dampers, springs, mass, tree, .. } = &mut self.touches;
+        let shares = robot.joints().zip(braked).zip(dampers).zip(springs);
+        let shares = shares.map(|(((joint, d), damper), spring)| *damper * h * *d + *spring * h * h * joint.stiffness);
+        if let Some(tree) = tree {
+            tree.damp(shares);
+        } else {
+            shares.enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
+            mass.copy_from(&self.data.mass);
+        }
+        let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
+        for _ in 0..PASSES {
+            let Touches { middle, rate, right, pull, braked, .. } = &mut self.touches;
+            if stale {
+                middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
+                bias(robot, middle, &scene.gravity, &mut self.data);
+                right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
+                for (i, right) in right[dofs..].iter_mut().enumerate() {
+                    *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
+                }
+            }
+            let changed = self.solve(robot, h, settled, config.friction)?;
+            // The rate that an unbounded drive would give says nothing of the middle.
+            let wait = changed && !self.drives.is_empty();
+            let Touches { middle, rate, tree, .. } = &mut self.touches;
+            if tree.is_some() {
+                // A chain may whip: then the rate of the substep before says little of this one's middle.
+                let joints = middle.iter().zip(qd.iter().zip(self.data.qdd.iter())).skip(dofs);
+                let jump = joints.fold(0.0f64, |most, (m, (v, a))| most.max((v + 0.5 * h * a - m).abs())) * h;
+                found = jump <= LOST;
+                // What changed because a point has parted is no whip.
+                if !jump.is_finite() || corrected && quiet && !found {
+                    return Ok(false);
+                }
+                correct |= jump > if corrected { LOST } else { OFF };
+                quiet = !changed;
+            }
+            rate.copy_from_slice(self.data.qdd.as_slice());
+            if robot.floating() {
+                // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+                let turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
+                (0..3).for_each(|k| rate[3 + k] += turn[k]);
+            }
+            if !changed && !correct {
+                return Ok(true);
+            }
+            stale = correct && !wait;
+            correct &= wait;
+            corrected |= stale;
+        }
+        Ok(found)
+    }
+
+    /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
+    /// end, and a point that would pull has parted; whether that changes anything.
+    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction) -> Result<bool, String> {
+        let Touches { touches, columns, mass, right, tree, .. } = &mut self.touches;
+        match tree {
+            Some(tree) => tree.clear(),
+            None => self.data.mass.copy_from(mass),
+        }
+        self.data.qdd.as_mut_slice().copy_from_slice(right);
+        let dofs = robot.root_dofs();
+        for touch in touches.iter() {
+            let (joint, (force, resists)) = match touch {
+                Touch::Contact(contact) if contact.parted => continue,
+                Touch::Contact(contact) => {
+                    match tree {
+                        Some(tree) => tree.point(contact, h),
+                        None => press(&mut self.data, contact, &columns[contact.columns.clone()], h),
+                    }
+                    continue;
+                }
+                Touch::Drive { spring, held: Some(force), .. } => {
+                    self.data.qdd[dofs + spring.joint] += force;
+                    continue;
+                }
+                Touch::Drive { spring, .. } | Touch::Limit(spring) => (spring.joint, spring.push(h)),
+                Touch::Friction(dry) => (dry.joint, (-(dry.rate * dry.across), dry.across)),
+            };
+            let k = dofs + joint;
+            self.data.qdd[k] += force;
+            match tree {
+                Some(tree) => tree.joint(joint, resists * h),
+                None => self.data.mass[(k, k)] += resists * h,
+            }
+        }
+        let mut qdd = std::mem::replace(&mut self.data.qdd, DVector::zeros(0));
+        let (sound, lost) = match tree {
+            Some(tree) => (tree.solve(robot, &self.data, qdd.as_mut_slice()), Some(tree.lost())),
+            None => (self.factor.refill(&self.data.mass), None),
+        };
+        self.data.qdd = qdd;
+        if !sound {
+            return Err(self.factor.fault_at(robot, lost));
+        }
+        if tree.is_none() {
+            self.factor.solve(self.data.qdd.as_mut_slice());
+        }
+        let mut changed = false;
+        for touch in touches.iter_mut() {
+            changed |= match touch {
+                Touch::Contact(contact) if contact.parted => false,
+                Touch::Contact(contact) => {
+                    let change = match tree {
+                        Some(tree) => tree.at(contact.link, &contact.x) * h,
+                        None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
+                    };
+                    contact.settle(&change, h, friction, settled)
+                }
+                Touch::Friction(dry) => dry.settle(h * self.data.qdd[dofs + dry.joint], friction, settled),
+                Touch::Drive { spring, bounds: [least, most], held: held @ None } => {
+                    let force = spring.force(h * self.data.qdd[dofs + spring.joint], h);
+                    *held = (!(*least..=*most).contains(&force)).then(|| force.clamp(*least, *most));
+                    held.is_some()
+                }
+                Touch::Drive { .. } | Touch::Limit(_) => false,
+            };
+        }
+        Ok(changed)
+    }
+}
+
+/// Adds a contact's force to `data.qdd`, and what it resists to `data.mass`.
+fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], h: f64) {
+    let (n, (force, along, across)) = (&contact.normal, contact.push(h));
+    for (i, a) in columns {
+        data.qdd[*i] += a.dot(&force);
+        // h D a
+        let d = (n * ((along - across) * n.dot(a)) + a * across) * h;
+        for (j, b) in columns {
+            data.mass[(*i, *j)] += b.dot(&d);
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! What resists a robot's motion in a substep of the implicit step, by kind.
+
+use nalgebra::Vector3;
+
+use super::config::Friction;
+use super::force::drag;
+use crate::scene::Material;
+
+/// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
+pub(super) const CREEP: f64 = 1e-3;
+
+/// Something that acts within a substep, or will.
+pub(super) enum Touch {
+    /// A point on a collider. It pushes, is damped while it approaches, and rubs.
+    Contact(Contact),
+    /// Dry friction of a joint.
+    Friction(DryFriction),
+    /// A joint beyond an end of its range. It may pull, and is damped both ways.
+    Limit(Spring),
+    /// A drive, within its least and largest force; the bound that holds it, once one does.
+    Drive { spring: Spring, bounds: [f64; 2], held: Option<f64> },
+}
+
+/// A point on a collider: what it is, then what the substep makes of it.
+pub(super) struct Contact {
+    /// Its number among points and colliders.
+    pub(super) index: usize,
+    pub(super) link: usize,
+    /// Where it touches (m, from the root).
+    pub(super) x: Vector3<f64>,
+    /// Its columns among all, `J = [.. column ..]` by DoF, where the matrix is at hand.
+    pub(super) columns: std::ops::Range<usize>,
+    pub(super) material: Material,
+    pub(super) normal: Vector3<f64>,
+    pub(super) gap: f64,
+    pub(super) velocity: Vector3<f64>,
+    /// Shares a of the spring, the damper and the drag.
+    pub(super) ahead: [f64; 3],
+    /// Drag c (N s/m).
+    pub(super) across: f64,
+    /// Whether it would pull, and acts no more.
+    pub(super) parted: bool,
+    /// Its force (N) on the robot in the substep.
+    pub(super) force: Vector3<f64>,
+}
+
+/// A spring and a damper of one joint.
+pub(super) struct Spring {
+    /// Its number among all weights.
+    pub(super) index: usize,
+    pub(super) joint: usize,
+    /// The sign of the joint's velocity in `rate`.
+    pub(super) side: f64,
+    pub(super) stiffness: f64,
+    pub(super) damping: f64,
+    /// How far it is from rest, and how fast it leaves it.
+    pub(super) gap: f64,
+    pub(super) rate: f64,
+    /// Shares a of the spring and the damper.
+    pub(super) ahead: [f64; 2],
+}
+
+/// A joint that rubs under a constant force, and always looks all the way ahead.
+pub(super) struct DryFriction {
+    pub(super) joint: usize,
+    /// Largest force (N m or N).
+    pub(super) most: f64,
+    pub(super) rate: f64,
+    /// Drag (N m s/rad or N s/m).
+    pub(super) across: f64,
+}
+
+impl Contact {
+    /// How far ahead its forces must look to be stable over h, from its own inertia 1 / w.
+    pub(super) fn weigh(&mut self, w: f64, h: f64, friction: Friction) {
+        let vn = self.normal.dot(&self.velocity);
+        if vn >= 0.0 {
+            self.material.damping = 0.0;
+        }
+        let m = &self.material;
+        let normal = (-(m.stiffness * self.gap + m.damping * vn)).max(0.0);
+        self.across = drag(normal, (self.velocity - self.normal * vn).norm(), m, friction);
+        self.ahead = [ahead(h * h * m.stiffness * w), damper(h, m.damping, w), damper(h, self.across, w)];
+    }
+
+    /// Its force on the robot before the substep, and what resists along and across its normal.
+    pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
+        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
+        let vn = n.dot(&self.velocity);
+        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (self.velocity - n * vn) * self.across;
+        (force, spring * h * m.stiffness + damper * m.damping, slide * self.across)
+    }
+
+    /// Its force and drag after a change of its velocity over h; whether another solve is asked for.
+    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
+        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
+        let (vn, dn) = (n.dot(&self.velocity), n.dot(change));
+        let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
+        self.parted = normal < 0.0;
+        let seen = self.velocity + change * slide;
+        let slip = seen - n * n.dot(&seen);
+        self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.across };
+        let across = drag(normal.max(0.0), slip.norm(), m, friction);
+        let changed = self.parted || (across / self.across - 1.0).abs() > settled;
+        self.across = across;
+        changed
+    }
+}
+
+impl Spring {
+    pub(super) fn weigh(&mut self, w: f64, h: f64) {
+        self.ahead = [ahead(h * h * self.stiffness * w), damper(h, self.damping, w)];
+    }
+
+    /// Its force on the joint before the substep, and what resists.
+    pub(super) fn push(&self, h: f64) -> (f64, f64) {
+        let [spring, damper] = self.ahead;
+        let force = -(self.stiffness * self.gap + self.damping * self.rate);
+        (self.side * force, spring * h * self.stiffness + damper * self.damping)
+    }
+
+    /// Its force after a change of its rate over h.
+    pub(super) fn force(&self, change: f64, h: f64) -> f64 {
+        let [spring, damper] = self.ahead;
+        -(self.stiffness * (self.gap + spring * h * change) + self.damping * (self.rate + damper * change))
+    }
+}
+
+impl DryFriction {
+    /// Its drag at a rate of the joint.
+    pub(super) fn drag(&self, rate: f64, friction: Friction) -> f64 {
+        let material = Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 };
+        drag(self.most, rate.abs(), &material, friction)
+    }
+
+    /// Its drag after a change of its rate; whether another solve is asked for.
+    pub(super) fn settle(&mut self, change: f64, friction: Friction, settled: f64) -> bool {
+        let across = self.drag(self.rate + change, friction);
+        let changed = (across / self.across - 1.0).abs() > settled;
+        self.across = across;
+        changed
+    }
+}
+
+/// The share of a spring with `z = h^2 k w` that keeps it stable.
+pub(super) fn ahead(z: f64) -> f64 {
+    (0.5 - 0.5 / z).max(0.0)
+}
+
+/// The share of a damper d that keeps it stable.
+fn damper(h: f64, d: f64, w: f64) -> f64 {
+    (1.0 - 1.0 / (h * d * w)).max(0.5)
+}

@@ -1,0 +1,106 @@
+//! Working memory of a frame, and the contact events in it.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, Factor, point_position, velocities};
+use nerd_core::robot::Robot;
+
+use super::stiff::{Bounds, Stiff};
+use super::touches::Touches;
+use crate::drive::Drive;
+use crate::scene::{Material, Scene};
+use crate::system::System;
+
+/// Working memory of one environment at a time; nothing in it outlives a frame.
+pub(super) struct Workspace {
+    pub(super) data: Data,
+    pub(super) factor: Factor,
+    pub(super) materials: Vec<Material>,
+    /// Contact events, and the point of each.
+    pub(super) events: Vec<ContactEvent>,
+    pub(super) owners: Vec<usize>,
+    pub(super) touches: Touches,
+    pub(super) stiff: Stiff,
+    /// Drives of the joints; empty: none.
+    pub(super) drives: Vec<Drive>,
+    /// Mean force (N) on each contact point in the frame, world axes.
+    pub(super) forces: Vec<Vector3<f64>>,
+    /// Of the explicit integrators.
+    pub(super) rates: [Vec<f64>; 4],
+    pub(super) trial: Vec<f64>,
+    pub(super) start: Vec<f64>,
+}
+
+impl Workspace {
+    pub(super) fn of(system: &System, bounds: Arc<Bounds>) -> Self {
+        let robot = &system.robot;
+        let d = robot.state_dim();
+        Self {
+            data: Data::new(robot),
+            factor: Factor::new(robot),
+            rates: std::array::from_fn(|_| vec![0.0; d]),
+            trial: vec![0.0; d],
+            start: vec![0.0; d],
+            materials: Vec::new(),
+            events: Vec::new(),
+            owners: Vec::new(),
+            touches: Touches::new(robot),
+            stiff: Stiff::new(robot, bounds),
+            drives: Vec::new(),
+            forces: vec![Vector3::zeros(); robot.contact_points.len()],
+        }
+    }
+
+    /// Contact events of all points with every collider that they may touch within a time (s) at their present velocity,
+    /// or nearer than `margin` (m).
+    pub(super) fn query(&mut self, system: &System, scene: &Scene, qd: &[f64], time: f64, margin: f64) -> Result<(), String> {
+        let robot = &system.robot;
+        self.events.clear();
+        let mut lost = false;
+        if let [only] = &scene.colliders[..] {
+            // It is looked at wherever it is, by every point in turn.
+            for point in &robot.contact_points {
+                let event = only.query(&point_position(&self.data, point.link, &point.local));
+                lost |= event.distance.is_nan();
+                self.events.push(event);
+            }
+        } else {
+            velocities(robot, qd, &mut self.data);
+            self.owners.clear();
+            for (index, point) in robot.contact_points.iter().enumerate() {
+                let p0 = point_position(&self.data, point.link, &point.local);
+                let speed = self.data.velocity[point.link].at(&(p0 - self.data.origin)).norm();
+                scene.contacts(&p0, point.radius + margin + time * speed, &mut self.events);
+                self.owners.resize(self.events.len(), index);
+            }
+            lost = self.events.iter().any(|e| e.distance.is_nan());
+        }
+        if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
+    }
+
+    /// Takes contacts as they were found elsewhere, one a point, all with the scene's only collider.
+    pub(super) fn face(&mut self, system: &System, scene: &Scene, events: &[ContactEvent]) {
+        self.materials.clear();
+        self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
+        self.events.clear();
+        self.owners.clear();
+        for (owner, event) in events.iter().enumerate().filter(|(_, e)| e.distance.is_finite()) {
+            self.events.push(ContactEvent { collider: 0, ..*event });
+            self.owners.push(owner);
+        }
+    }
+
+    /// Names the contact point and the collider between which there is no distance.
+    #[cold]
+    fn lost(&self, robot: &Robot, scene: &Scene) -> String {
+        let found = self.events.iter().zip(&self.owners).find(|(e, _)| e.distance.is_nan());
+        let (collider, index) = found.map_or((0, 0), |(event, index)| (event.collider, *index));
+        let link = &robot.links[robot.contact_points[index].link].name;
+        format!(
+            "the distance of contact point {index} on link `{link}` to collider {collider} of scene `{}` is no number: the state or the collider is not finite",
+            scene.name
+        )
+    }
+}

@@ -1,0 +1,60 @@
+//! Measured trajectories of a robot.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::spec::Published;
+use crate::system::{System, SystemError};
+use crate::table::TableError;
+
+/// Measured trajectories.
+#[derive(Clone, Debug)]
+pub struct Log {
+    /// The robot.
+    pub system: Arc<System>,
+    /// Where it was.
+    pub scene: String,
+    /// What was measured, one state a frame.
+    pub trajectories: Vec<Trajectory>,
+    /// What was done to it, and what looks odd, a line each.
+    pub notes: Vec<String>,
+    /// What others published of it.
+    pub published: Vec<Published>,
+}
+
+/// One trajectory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Its name in the file.
+    pub id: u64,
+    /// Line of its first row.
+    pub line: u64,
+    /// States `[q, qd]` as solvers have them, one a frame.
+    pub states: Vec<Vec<f64>>,
+    /// Torques of the joints, as many.
+    pub torques: Vec<Vec<f64>>,
+}
+
+/// Why measurements cannot be used; one line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// A table that cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// A robot that cannot be made.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// A file that does not say what is needed, or contradicts itself.
+    #[error("{}: {reason}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// One line.
+        reason: String,
+    },
+}
+
+pub(super) fn bad(path: &Path, reason: String) -> LogError {
+    LogError::Content { path: path.into(), reason }
+}

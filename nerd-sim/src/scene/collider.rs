@@ -1,0 +1,116 @@
+//! Static bodies, held once as parry shapes, so that every solver, the learned one too, sees the same thing. A plane is
+//! answered in closed form; it is never queried as a mesh.
+
+use nalgebra::{Isometry3, Vector3};
+use nerd_core::contact::ContactEvent;
+use parry3d_f64::shape::SharedShape;
+
+use super::convert::{from_parry, pose_to_parry, to_parry};
+use super::material::Material;
+
+/// The half-space `normal . x <= offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit normal, pointing out.
+    pub normal: Vector3<f64>,
+    /// Distance of the surface from the world's origin along the normal (m).
+    pub offset: f64,
+}
+
+/// One static body.
+#[derive(Clone)]
+pub struct Collider {
+    /// Its shape.
+    pub shape: SharedShape,
+    /// Its pose in the world.
+    pub pose: Isometry3<f64>,
+    /// Its material.
+    pub material: Material,
+    /// Set if the shape is a half-space, which is then answered in closed form.
+    pub plane: Option<Plane>,
+    /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked how far. Another
+    /// shape needs another one.
+    pub ball: (Vector3<f64>, f64),
+}
+
+impl Collider {
+    /// A plane.
+    pub fn plane(plane: Plane, material: Material) -> Self {
+        let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
+        let ball = (Vector3::zeros(), f64::INFINITY);
+        Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane), ball }
+    }
+
+    /// Any other parry shape.
+    pub fn new(shape: SharedShape, pose: Isometry3<f64>, material: Material) -> Self {
+        let plane = shape.as_halfspace().map(|h| {
+            let normal = pose.rotation * from_parry(&h.normal);
+            Plane { normal, offset: normal.dot(&pose.translation.vector) }
+        });
+        let ball = shape.compute_local_bounding_sphere();
+        Self { ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)), shape, pose, material, plane }
+    }
+
+    /// Says what is not finite or out of its range, if anything is.
+    pub fn check(&self) -> Result<(), String> {
+        // Solvers ask in every frame: first whether all is well, in few steps.
+        if let Some(Plane { normal, offset }) = &self.plane
+            && (normal.norm_squared() - 1.0).abs() < 1e-6
+            && (offset + self.pose.translation.vector.sum()).is_finite()
+            && (self.pose.rotation.quaternion().norm_squared() - 1.0).abs() < 1e-6
+            && self.material.sound()
+        {
+            return Ok(());
+        }
+        self.fault()
+    }
+
+    #[inline(never)]
+    fn fault(&self) -> Result<(), String> {
+        let bounds = || self.shape.compute_local_aabb();
+        match &self.plane {
+            Some(Plane { normal, offset }) if !((normal.norm() - 1.0).abs() < 1e-6 && offset.is_finite()) => {
+                return Err(format!(
+                    "the plane with normal {:?} and offset {offset} m: a unit vector and a finite number are needed",
+                    normal.as_slice()
+                ));
+            }
+            None if !(from_parry(&bounds().mins).iter().chain(&from_parry(&bounds().maxs)).all(|x| x.is_finite())) => {
+                return Err("the size of the shape is not finite".into());
+            }
+            _ => {}
+        }
+        let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
+        if !(place.iter().all(|x| x.is_finite()) && (turn.norm() - 1.0).abs() < 1e-6) {
+            return Err(format!(
+                "its pose stands at {:?} m, turned by {:?}: finite numbers are needed",
+                place.as_slice(),
+                turn.coords.as_slice()
+            ));
+        }
+        self.material.check()
+    }
+
+    /// Whether no place of it is nearer to `p0` than `reach` (m), as far as a ball around it tells: sooner than a query does. Of what is no
+    /// number it is not known.
+    #[inline(always)]
+    pub(crate) fn beyond(&self, p0: &Vector3<f64>, reach: f64) -> bool {
+        let (centre, radius) = self.ball;
+        self.plane.is_none() && (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach
+    }
+
+    /// Nearest point and outward normal of the surface for the world point `p0`.
+    #[inline(always)]
+    pub(crate) fn query(&self, p0: &Vector3<f64>) -> ContactEvent {
+        if let Some(plane) = &self.plane {
+            let distance = plane.normal.dot(p0) - plane.offset;
+            return ContactEvent { p0: *p0, p1: p0 - plane.normal * distance, normal: plane.normal, distance, collider: 0 };
+        }
+        let found = self.shape.project_point(&pose_to_parry(&self.pose), to_parry(p0), false);
+        let p1 = from_parry(&found.point);
+        let (gap, sign) = (p0 - p1, if found.is_inside { -1.0 } else { 1.0 });
+        let length = gap.norm();
+        let normal = if length > 1e-12 { gap * (sign / length) } else { Vector3::zeros() };
+        ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
+    }
+}

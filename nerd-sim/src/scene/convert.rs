@@ -1,0 +1,27 @@
+//! Between nalgebra's types and parry's.
+
+use nalgebra::{Isometry3, Quaternion, Vector3};
+use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
+
+/// nalgebra to parry.
+pub(crate) fn to_parry(v: &Vector3<f64>) -> ParryVector {
+    ParryVector::new(v.x, v.y, v.z)
+}
+
+/// parry to nalgebra.
+pub(crate) fn from_parry(v: &ParryVector) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+/// nalgebra to parry.
+pub(crate) fn pose_to_parry(pose: &Isometry3<f64>) -> Pose {
+    let q: &Quaternion<f64> = pose.rotation.quaternion();
+    Pose::from_parts(to_parry(&pose.translation.vector), Rotation::from_xyzw(q.i, q.j, q.k, q.w))
+}
+
+/// parry to nalgebra.
+#[cfg(feature = "rapier")]
+pub(crate) fn pose_from_parry(pose: &Pose) -> Isometry3<f64> {
+    let (t, r) = (from_parry(&pose.translation), pose.rotation);
+    Isometry3::from_parts(t.into(), nalgebra::UnitQuaternion::new_normalize(Quaternion::new(r.w, r.x, r.y, r.z)))
+}

@@ -1,0 +1,125 @@
+//! Everything that is not the robot: gravity and static colliders.
+
+mod collider;
+mod convert;
+mod material;
+mod spec;
+mod worlds;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::robot::Robot;
+
+pub use collider::{Collider, Plane};
+#[cfg(feature = "rapier")]
+pub(crate) use convert::{from_parry, pose_from_parry, pose_to_parry, to_parry};
+pub use material::Material;
+pub use spec::{BoxSpec, PegSpec, PlaneSpec, SceneSpec};
+pub use worlds::{WORLDS, hill, world};
+pub(crate) use worlds::{described, peg};
+
+/// Gravity (m/s^2) where nothing else is said.
+pub const GRAVITY: f64 = 9.81;
+
+/// Thickness (m) of what covers a surface, beyond rounding.
+const SKIN: f64 = 1e-6;
+
+/// Gravity and static colliders.
+#[derive(Clone)]
+pub struct Scene {
+    /// Name, as on the command line.
+    pub name: String,
+    /// Gravity (m/s^2), world axes.
+    pub gravity: Vector3<f64>,
+    /// Static bodies.
+    pub colliders: Vec<Collider>,
+}
+
+impl Scene {
+    /// Nothing but gravity.
+    pub fn free(gravity: Vector3<f64>) -> Self {
+        Self { name: "free".into(), gravity, colliders: Vec::new() }
+    }
+
+    /// The nearest collider's event for the world point `p0`.
+    #[inline]
+    pub fn contact(&self, p0: &Vector3<f64>) -> ContactEvent {
+        let mut best = ContactEvent::none(*p0);
+        for (collider, body) in self.colliders.iter().enumerate() {
+            if body.beyond(p0, best.distance) {
+                continue;
+            }
+            let event = body.query(p0);
+            if event.distance < best.distance {
+                best = ContactEvent { collider, ..event };
+            }
+        }
+        best
+    }
+
+    /// Every event that acts on a point at `p0`, of the colliders nearer than `reach` (m), onto `events`.
+    ///
+    /// Where colliders overlap or lie side by side the surface is that of their union: a place of a surface that a nearer
+    /// collider covers is no surface, and its event is left out. But a point inside several colliders is pushed out of each.
+    pub fn contacts(&self, p0: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
+        let first = events.len();
+        for (collider, body) in self.colliders.iter().enumerate() {
+            if body.beyond(p0, reach) {
+                continue;
+            }
+            let event = body.query(p0);
+            // What is no number is found, too, so that it can be told.
+            if event.distance < reach || event.distance.is_nan() {
+                events.push(ContactEvent { collider, ..event });
+            }
+        }
+        let found = events.len();
+        if found - first < 2 {
+            return;
+        }
+        for k in first..found {
+            if !self.covered(&events[k], &events[first..found]) {
+                events.push(events[k]);
+            }
+        }
+        events.drain(first..found);
+    }
+
+    /// Whether the nearest place of a collider that `p0` is outside of is covered by a nearer one of `others`.
+    fn covered(&self, event: &ContactEvent, others: &[ContactEvent]) -> bool {
+        let nearer = |o: &&ContactEvent| (o.distance, o.collider) < (event.distance, event.collider);
+        event.distance > 0.0 && others.iter().filter(nearer).any(|o| self.colliders[o.collider].query(&event.p1).distance < SKIN)
+    }
+
+    /// Says what is not finite or out of its range, if anything is. Solvers ask before they step.
+    pub fn check(&self) -> Result<(), String> {
+        if !self.gravity.iter().all(|g| g.is_finite()) {
+            return Err(format!("scene `{}`: gravity {:?} is not finite (m/s^2)", self.name, self.gravity.as_slice()));
+        }
+        let wrong = |(k, body): (usize, &Collider)| body.check().err().map(|e| format!("scene `{}`, collider {k}: {e}", self.name));
+        self.colliders.iter().enumerate().find_map(wrong).map_or(Ok(()), Err)
+    }
+}
+
+/// The up direction: against gravity, z where there is none.
+pub(crate) fn up(gravity: &Vector3<f64>) -> Vector3<f64> {
+    -gravity.try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
+}
+
+/// The horizontal plane turned by extrinsic x-y-z angles.
+pub(crate) fn turned_plane(gravity: &Vector3<f64>, height: f64, angles: [f64; 3]) -> Plane {
+    let up = up(gravity);
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angles[2])
+        * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angles[1])
+        * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angles[0]);
+    let normal = turn * up;
+    Plane { normal, offset: normal.dot(&(up * height)) }
+}
+
+/// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
+pub fn contacts(robot: &Robot, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
+    kinematics(robot, state, data);
+    events.clear();
+    events.extend(robot.contact_points.iter().map(|point| scene.contact(&point_position(data, point.link, &point.local))));
+}

@@ -1,0 +1,113 @@
+//! Scenes that every robot with contact points has beside its own: a plane, a slope, a box, steps, hills.
+//!
+//! Laid out with x and y on the ground and z against gravity, then turned so that z is the robot's up axis. Nothing rises
+//! above the ground within 0.4 m of the origin, so a robot that starts clear of a plane starts clear here, too.
+
+use std::sync::LazyLock;
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use parry3d_f64::math::Vector as ParryVector;
+use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
+
+use super::collider::{Collider, Plane};
+use super::material::Material;
+use super::spec::{PegSpec, SceneSpec};
+use super::{Scene, turned_plane, up};
+
+/// Their names.
+pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
+
+/// Slope of `slope` (rad): 10 degrees, rising along x, through the origin.
+const SLOPE: f64 = 0.174_532_925_199_432_95;
+/// Box of `box`: half edges and centre (m), on a plane.
+const BOX: [[f64; 3]; 2] = [[0.3, 0.5, 0.1], [0.75, 0.0, 0.1]];
+/// Steps of `steps`: number, rise, tread, width (m); the first one's edge stands at x = 0.4 m.
+const STEPS: (usize, f64, f64, f64) = (6, 0.08, 0.4, 4.0);
+/// Hills of `hills`: half side (m), cells a side, depth of the deepest valley (m); beyond them lies a plane that deep.
+const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
+
+/// The mesh of `hills`, made once and shared by every scene.
+static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(SharedShape::new));
+
+/// A scene that a robot's TOML describes; `material` where it names none.
+pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Scene {
+    let (upright, material) = (upright(gravity), spec.material.unwrap_or(material));
+    let plane = turned_plane(gravity, spec.plane.height, spec.plane.angles);
+    let solid = |shape, at: Vector3<f64>, turn: UnitQuaternion<f64>| {
+        Collider::new(shape, Isometry3::from_parts(at.into(), upright * turn), material)
+    };
+    let boxes = spec.boxes.iter().map(|b| {
+        let [x, y, z] = b.size.map(|edge| 0.5 * edge);
+        solid(SharedShape::cuboid(x, y, z), b.at.into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn))
+    });
+    let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
+    let colliders = std::iter::once(Collider::plane(plane, material)).chain(boxes).chain(pegs).collect();
+    Scene { name: spec.name.clone(), gravity: *gravity, colliders }
+}
+
+/// A cylinder that stands up.
+pub(crate) fn peg(spec: &PegSpec, gravity: &Vector3<f64>, material: Material) -> Collider {
+    // Parry's cylinders lie along y.
+    let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    let middle = Vector3::from(spec.at) + up(gravity) * (0.5 * spec.height);
+    let pose = Isometry3::from_parts(middle.into(), upright(gravity) * standing);
+    Collider::new(SharedShape::cylinder(0.5 * spec.height, spec.radius), pose, material)
+}
+
+/// Turns z into the up direction.
+fn upright(gravity: &Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between(&Vector3::z(), &up(gravity))
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+}
+
+/// One of [`WORLDS`] under `gravity`, all of one material.
+pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
+    let turn = upright(gravity);
+    let flat = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
+    let cuboid = |half: [f64; 3], centre: [f64; 3]| {
+        let pose = Isometry3::from_parts((turn * Vector3::from(centre)).into(), turn);
+        Collider::new(SharedShape::cuboid(half[0], half[1], half[2]), pose, material)
+    };
+    let ground = flat(0.0, Vector3::z());
+    let colliders = match name {
+        "plane" => vec![ground],
+        "slope" => vec![flat(0.0, Vector3::new(-SLOPE.sin(), 0.0, SLOPE.cos()))],
+        "box" => vec![ground, cuboid(BOX[0], BOX[1])],
+        "steps" => {
+            let (count, rise, tread, width) = STEPS;
+            // Each is a box from the ground up that reaches to the end of the last one.
+            let step = |k: usize| {
+                let (from, to, height) = (0.4 + tread * k as f64, 0.4 + tread * count as f64, rise * (k + 1) as f64);
+                cuboid([0.5 * (to - from), 0.5 * width, 0.5 * height], [0.5 * (from + to), 0.0, 0.5 * height])
+            };
+            std::iter::once(ground).chain((0..count).map(step)).collect()
+        }
+        "hills" => {
+            let pose = Isometry3::from_parts(Vector3::zeros().into(), turn);
+            vec![flat(-HILLS.2, Vector3::z()), Collider::new(HILLS_MESH.clone()?, pose, material)]
+        }
+        _ => return None,
+    };
+    Some(Scene { name: name.into(), gravity: *gravity, colliders })
+}
+
+/// Height of the hills (m) above (x, y), at most 0 and at least the negative depth: a sum of waves, the same for ever.
+pub fn hill(x: f64, y: f64) -> f64 {
+    let wave = |a: f64, b: f64, c: f64| 0.5 * (a * x + b * y + c).sin();
+    let sum = wave(1.3, 0.4, 1.1) * wave(-0.3, 1.1, 0.2) * 2.0 + 0.7 * wave(2.1, -1.7, 2.0) + 0.3 * wave(3.7, 3.1, 0.5);
+    HILLS.2 * (sum - 1.0).clamp(-2.0, 0.0) / 2.0
+}
+
+/// The hills as a mesh whose inside is below: a height field has none, so a point under it would be lost.
+fn hills() -> Option<TriMesh> {
+    let (half, cells, _) = HILLS;
+    let at = |k: usize| -half + 2.0 * half * k as f64 / cells as f64;
+    let corner = |i: usize, j: usize| (i * (cells + 1) + j) as u32;
+    let grid = |n: usize| (0..n).flat_map(move |i| (0..n).map(move |j| (i, j)));
+    let vertices = grid(cells + 1).map(|(i, j)| ParryVector::new(at(i), at(j), hill(at(i), at(j)))).collect();
+    let faces = grid(cells).flat_map(|(i, j)| {
+        let (a, b, c, d) = (corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
+        [[a, b, c], [a, c, d]]
+    });
+    TriMesh::with_flags(vertices, faces.collect(), TriMeshFlags::ORIENTED).ok()
+}

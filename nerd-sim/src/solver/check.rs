@@ -1,0 +1,127 @@
+//! What a frame begins and ends with, in every solver: the batch looked at, the new states taken over.
+
+use std::sync::Arc;
+
+use nerd_core::state::wrap_state;
+
+use super::error::{Fault, StepError};
+use crate::batch::Batch;
+use crate::scene::Scene;
+use crate::system::System;
+
+/// Refuses a batch or torques of other lengths than the system needs, and drives; finds environments whose state or torque is no
+/// number, or whose scene is none. For solvers that have no drives inside their frame, and one robot for all environments.
+///
+/// # Errors
+/// [`StepError::Refused`], [`StepError::Solver`] or [`StepError::Torques`].
+pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    plain(batch)?;
+    sound(batch, torques, faults)
+}
+
+/// Refuses drives, to tell forces, and robots that differ.
+///
+/// # Errors
+/// [`StepError::Refused`].
+pub fn plain(batch: &Batch) -> Result<(), StepError> {
+    undriven(batch)?;
+    if batch.systems.is_empty() {
+        return Ok(());
+    }
+    let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
+    Err(StepError::Refused(text.into()))
+}
+
+/// Refuses drives, and to tell forces.
+pub(crate) fn undriven(batch: &Batch) -> Result<(), StepError> {
+    if !batch.forces.is_empty() {
+        return Err(StepError::Refused("this solver tells no contact forces: leave `forces` empty, or step with articulated".into()));
+    }
+    if batch.drives.is_empty() {
+        return Ok(());
+    }
+    let text =
+        "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
+    Err(StepError::Refused(text.into()))
+}
+
+/// The same as [`check`], drives and robots of their own allowed and looked at.
+pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    batch.check().map_err(StepError::Solver)?;
+    let system = &*batch.system;
+    let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
+    if torques.len() != batch.len() * joints {
+        return Err(StepError::Torques { found: torques.len(), environments: batch.len(), joints });
+    }
+    faults.clear();
+    let mut last: Option<(&Arc<Scene>, bool)> = None;
+    for (env, scene) in batch.scenes.iter().enumerate() {
+        // Environments mostly share one.
+        if last.is_some_and(|(known, sound)| sound && Arc::ptr_eq(known, scene)) {
+            continue;
+        }
+        let checked = scene.check();
+        last = Some((scene, checked.is_ok()));
+        if let Err(reason) = checked {
+            faults.push(Fault { env, frame: batch.frames[env], reason });
+        }
+    }
+    for (at, drive) in batch.drives.iter().enumerate() {
+        if let Err(reason) = drive.check() {
+            let (env, joint) = (at / joints, system.robot.joints().nth(at % joints).map_or("", |j| &j.name));
+            if faults.iter().all(|f| f.env != env) {
+                faults.push(Fault { env, frame: batch.frames[env], reason: format!("joint `{joint}`: {reason}") });
+            }
+        }
+    }
+    let names = [&system.spec.state_columns, &system.spec.torque_columns];
+    for ((numbers, width), names) in [(&*batch.states, d), (torques, joints)].into_iter().zip(names) {
+        if numbers.iter().all(|x| x.is_finite()) {
+            continue;
+        }
+        for (at, x) in numbers.iter().enumerate().filter(|(_, x)| !x.is_finite()) {
+            let env = at / width;
+            if faults.iter().all(|f| f.env != env) {
+                let reason = format!("`{}` is {x} before the step", names[at % width]);
+                faults.push(Fault { env, frame: batch.frames[env], reason });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Ends a frame: takes over the states `next` of every environment without a fault, wraps angles, counts the frame. A state
+/// that is not finite is a fault, too.
+///
+/// # Errors
+/// [`StepError::Environments`] with all faults, by environment.
+pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    let system = batch.system.clone();
+    let d = system.robot.state_dim();
+    if !next.iter().all(|x| x.is_finite()) {
+        for (env, state) in next.chunks_exact(d).enumerate() {
+            let Some(reason) = gone(&system, state) else { continue };
+            if faults.iter().all(|f| f.env != env) {
+                faults.push(Fault { env, frame: batch.frames[env], reason: system.source.lost(reason) });
+            }
+        }
+    }
+    faults.iter().for_each(|f| next[f.env * d..][..d].copy_from_slice(batch.state(f.env)));
+    for state in next.chunks_exact_mut(d) {
+        wrap_state(&system.robot, state);
+    }
+    std::mem::swap(&mut batch.states, next);
+    batch.frames.iter_mut().for_each(|f| *f += 1);
+    if faults.is_empty() {
+        return Ok(());
+    }
+    faults.iter().for_each(|f| batch.frames[f.env] = f.frame);
+    faults.sort_by_key(|f| f.env);
+    Err(StepError::Environments(std::mem::take(faults)))
+}
+
+/// Names the first number of a state, or of its first part, that is not finite.
+pub(crate) fn gone(system: &System, state: &[f64]) -> Option<String> {
+    let column = state.iter().position(|x| !x.is_finite())?;
+    Some(format!("`{}` is {}; the state before it is the last good one", system.spec.state_columns[column], state[column]))
+}

@@ -1,0 +1,56 @@
+//! Why a frame could not be stepped.
+
+/// Why a frame could not be stepped.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// Some environments could not be stepped: they stand where they stood. Every other one was, as if these were not there.
+    #[error("{}", said(.0))]
+    Environments(Vec<Fault>),
+    /// The torques are not `environments x joints` numbers; nothing was stepped.
+    #[error("{found} torques for {environments} environments of {joints} joints")]
+    Torques {
+        /// Numbers given.
+        found: usize,
+        /// Environments of the batch.
+        environments: usize,
+        /// Joints of the robot.
+        joints: usize,
+    },
+    /// The batch asks for what this solver has not; nothing was stepped.
+    #[error("{0}")]
+    Refused(String),
+    /// The solver as a whole failed; nothing was stepped.
+    #[error("{0}")]
+    Solver(String),
+}
+
+impl StepError {
+    /// The environments that were set aside, for who goes on with the others.
+    ///
+    /// # Errors
+    /// Itself, if nothing was stepped.
+    pub fn faults(self) -> Result<Vec<Fault>, Self> {
+        match self {
+            Self::Environments(faults) => Ok(faults),
+            other => Err(other),
+        }
+    }
+}
+
+/// An environment that could not be stepped, with its address.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Environment.
+    pub env: usize,
+    /// Frame counted from the environment's reset.
+    pub frame: u64,
+    /// One line.
+    pub reason: String,
+}
+
+fn said(faults: &[Fault]) -> String {
+    let Some(Fault { env, frame, reason }) = faults.first() else { return "no environment failed".into() };
+    let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
+    format!("environment {env}, frame {frame}: {reason}{others}")
+}

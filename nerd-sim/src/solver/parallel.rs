@@ -1,0 +1,164 @@
+//! The batch loop that the analytic solvers share. Environments are independent and each is stepped by one thread, so
+//! the number of threads changes nothing but the time it takes.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::check::{commit, sound, undriven};
+use super::error::{Fault, StepError};
+use crate::batch::Batch;
+use crate::drive::Drive;
+use crate::scene::Scene;
+use crate::system::System;
+
+/// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
+pub(crate) trait Frame: Send + Sized {
+    /// Settings of the solver.
+    type Config: Sync;
+    /// What is worked out of a robot's numbers, once.
+    type Known: Send + Sync;
+    /// Environments that one thread steps in a row.
+    const CHUNK: usize;
+    /// Whether it has drives inside its frame, and tells forces.
+    const DRIVEN: bool = false;
+
+    /// What it must know of a system; `Err` says why it cannot be simulated.
+    fn know(system: &System) -> Result<Arc<Self::Known>, String>;
+
+    /// Memory for a system, and for all that differ from it in numbers alone.
+    fn new(system: &System, known: Arc<Self::Known>) -> Self;
+
+    /// Takes over what is known of the system that is stepped next.
+    fn turn_to(&mut self, known: &Arc<Self::Known>);
+
+    /// Advances `state` under joint torques `tau`; `Err` says why not.
+    fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
+
+    /// Takes over the drives of the environment that is stepped next.
+    fn drive(&mut self, _drives: &[Drive]) {}
+
+    /// Mean force (N) on each contact point in the last frame, world axes.
+    fn forces(&self) -> &[Vector3<f64>] {
+        &[]
+    }
+}
+
+/// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
+/// changes), then no more.
+pub(crate) struct Parallel<F: Frame> {
+    /// The batch's robot, and those of its environments where they have their own.
+    known: Option<Known<F>>,
+    own: Vec<Known<F>>,
+    frames: Vec<F>,
+    next: Vec<f64>,
+    /// In the place of forces that nobody asks for.
+    unasked: Vec<Vector3<f64>>,
+    faults: Mutex<Vec<Fault>>,
+}
+
+/// A system and what is known of it.
+type Known<F> = (Arc<System>, Arc<<F as Frame>::Known>);
+
+/// Number, states, forces and memory of a chunk.
+type Chunk<'a, F> = (usize, ((&'a mut [f64], &'a mut [Vector3<f64>]), &'a mut F));
+
+impl<F: Frame> Parallel<F> {
+    pub(crate) fn new() -> Self {
+        Self { known: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), unasked: Vec::new(), faults: Mutex::default() }
+    }
+
+    /// One frame of every environment that can be stepped; see [`crate::solver::Solver::step`].
+    pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        // Who knows no drives refuses them before anything is stepped.
+        if !F::DRIVEN {
+            undriven(batch)?;
+        }
+        sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
+        let known = self.know(batch).map_err(StepError::Solver)?;
+        let system = &*batch.system;
+        let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
+        let chunks = batch.len().div_ceil(F::CHUNK);
+        while self.frames.len() < chunks {
+            self.frames.push(F::new(system, known.clone()));
+        }
+        let own = &self.own;
+        // Out of the batch while that is read by all.
+        let mut forces = std::mem::take(&mut batch.forces);
+        let asked = !forces.is_empty();
+        let width = if asked { F::CHUNK * system.robot.contact_points.len() } else { 1 };
+        self.unasked.resize(chunks, Vector3::zeros());
+        let told = if asked { &mut forces[..] } else { &mut self.unasked[..] };
+        self.next.clone_from(&batch.states);
+        // Who is no number from the start is not stepped at all.
+        let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
+        let faults = &self.faults;
+        let now = &*batch;
+        let run = |(chunk, ((states, told), frame)): Chunk<'_, F>| {
+            for (i, state) in states.chunks_exact_mut(d).enumerate() {
+                let env = chunk * F::CHUNK + i;
+                let told = if asked { &mut told[i * width / F::CHUNK..(i + 1) * width / F::CHUNK] } else { &mut told[..0] };
+                if bad.contains(&env) {
+                    told.fill(Vector3::zeros());
+                    continue;
+                }
+                let tau = &torques[env * joints..(env + 1) * joints];
+                frame.drive(now.driven(env));
+                if let Some((_, known)) = own.get(env) {
+                    frame.turn_to(known);
+                }
+                match frame.step(now.of(env), &now.scenes[env], config, state, tau) {
+                    Ok(()) if asked => told.copy_from_slice(frame.forces()),
+                    Ok(()) => {}
+                    Err(reason) => {
+                        told.fill(Vector3::zeros());
+                        let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
+                        faults.push(Fault { env, frame: now.frames[env], reason: now.of(env).source.lost(reason) });
+                    }
+                }
+            }
+        };
+        if chunks <= 1 {
+            self.next.chunks_mut(F::CHUNK * d).zip(told.chunks_mut(width)).zip(&mut self.frames).enumerate().for_each(run);
+        } else {
+            let both = self.next.par_chunks_mut(F::CHUNK * d).zip(told.par_chunks_mut(width));
+            both.zip(self.frames.par_iter_mut()).enumerate().for_each(run);
+        }
+        batch.forces = forces;
+        commit(batch, &mut self.next, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Looks at the batch's robots as far as they are others than in the last frame.
+    fn know(&mut self, batch: &Batch) -> Result<Arc<F::Known>, String> {
+        let known = match &self.known {
+            Some((system, known)) if Arc::ptr_eq(system, &batch.system) => known.clone(),
+            _ => {
+                self.frames.clear();
+                self.own.clear();
+                self.known.insert((batch.system.clone(), F::know(&batch.system)?)).1.clone()
+            }
+        };
+        if batch.systems.is_empty() && !self.own.is_empty() {
+            self.own.clear();
+            self.frames.iter_mut().for_each(|frame| frame.turn_to(&known));
+        }
+        self.own.truncate(batch.systems.len());
+        for (env, system) in batch.systems.iter().enumerate() {
+            if self.own.get(env).is_some_and(|(own, _)| Arc::ptr_eq(own, system)) {
+                continue;
+            }
+            batch
+                .system
+                .alike(system)
+                .map_err(|what| format!("the robot of environment {env} is built otherwise than the batch's: {what}"))?;
+            let known = (system.clone(), F::know(system)?);
+            match self.own.get_mut(env) {
+                Some(own) => *own = known,
+                None => self.own.push(known),
+            }
+        }
+        Ok(known)
+    }
+}

@@ -1,0 +1,85 @@
+//! A system of its parts: the specification checked against the robot, the robot equipped with what it says.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactPoint;
+use nerd_core::robot::{Link, Robot};
+
+use super::columns::name_columns;
+use super::derive::stiffen;
+use super::model::{System, SystemError};
+use super::source::Source;
+use super::spec::{ContactSpec, Spec};
+use super::start::{DRAWS, Start, clear_start};
+use super::validate::check;
+use crate::random::stream;
+
+impl System {
+    /// From a robot, and a specification that nobody has looked at yet.
+    pub(crate) fn new(name: &str, mut robot: Robot, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
+        let wrong = |text: String| SystemError::Spec(name.into(), text);
+        name_columns(&robot, &mut spec);
+        check(&spec, &robot).map_err(wrong)?;
+        // From here on in the order of the coordinates.
+        let places: HashMap<&str, usize> = robot.joints().enumerate().map(|(i, j)| (j.name.as_str(), i)).collect();
+        spec.joints.sort_by_key(|joint| places.get(joint.name.as_str()).copied());
+        if let Some(root) = &mut spec.root {
+            upright(&mut root.quaternion);
+        }
+        equip(&mut robot, &spec, source != Source::Derived);
+        let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
+        if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
+            return Err(wrong(format!("{key}: the robot has no contact point that could touch it; give it [[contact]] points")));
+        }
+        if let Some(vary) = &spec.vary {
+            vary.fits(&robot).map_err(wrong)?;
+        }
+        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec, source };
+        system.spec.truth.check(&system.robot).map_err(|e| wrong(format!("truth: {e}")))?;
+        if let Some(scene) = &system.spec.data_scene {
+            system.scene(scene)?;
+        }
+        for which in [Start::Sample, Start::Reset] {
+            if clear_start(&system, which, &mut stream(0, 0), DRAWS).is_none() {
+                let [law, remedy] = source.starts(system.spec.root.is_some(), which.name());
+                return Err(wrong(format!("none of {DRAWS} starts of {law} stands clear of the data's scene: {remedy}")));
+            }
+        }
+        Ok(system)
+    }
+}
+
+/// Gives the robot what a checked specification says of it.
+fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
+    let at = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.name == name);
+    if !spec.mass_matrix_of.is_empty() {
+        let other = |l: &Link| spec.mass_matrix_of.get(&l.name).map_or(&l.name, |o| o).clone();
+        robot.mass_matrix_of = robot.links.iter().filter_map(|l| at(robot, &other(l))).collect();
+    }
+    for (joint, said) in robot.joints_mut().zip(&spec.joints) {
+        (joint.armature, joint.stiffness, joint.rest) = (said.armature, said.stiffness, said.rest);
+        if let (Some(limit), Some(law)) = (&mut joint.limit, said.limit) {
+            (limit.stiffness, limit.damping) = (law.stiffness, law.damping);
+        }
+    }
+    let unsaid: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
+    stiffen(robot, &unsaid, spec.seconds() / spec.substeps as f64);
+    if !spec.contacts.is_empty() {
+        let point = |c: &ContactSpec| {
+            Some(ContactPoint { link: at(robot, &c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
+        };
+        robot.contact_points = spec.contacts.iter().filter_map(point).collect();
+    } else if told && spec.scenes.is_empty() && spec.random_plane.is_none() {
+        // Said to have nothing to touch: the robot pays for no contact point.
+        robot.contact_points.clear();
+    }
+}
+
+/// Makes a quaternion a unit one; one that is so but for rounding stays as it is.
+fn upright(quaternion: &mut [f64; 4]) {
+    let size = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (size - 1.0).abs() > 1e-12 {
+        quaternion.iter_mut().for_each(|x| *x /= size);
+    }
+}

@@ -1,0 +1,35 @@
+//! The robots and cables that come with the crate.
+
+/// Name, specification and URDF of a robot that comes with the crate.
+macro_rules! built_in {
+    ($($name:literal, $urdf:literal;)*) => {
+        [$(($name, include_str!(concat!("../../assets/", $name, ".toml")), include_str!(concat!("../../assets/", $urdf, ".urdf")))),*]
+    };
+}
+
+pub(super) const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
+    "cartpole", "cartpole";
+    "pendulum", "pendulum";
+    "cube", "cube";
+    "franka", "franka";
+    "ant", "ant";
+    "anymal", "anymal";
+    "cartpole-paper", "cartpole";
+    "pendulum-paper", "pendulum";
+    "cube-paper", "cube";
+    "franka-paper", "franka";
+    "ant-paper", "ant";
+    "anymal-paper", "anymal-paper";
+};
+
+/// Name and text of the cables that come with the crate.
+pub(super) const CABLES: [(&str, &str); 2] =
+    [("lead", include_str!("../../assets/cables/lead.toml")), ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml"))];
+
+/// Keys of a robot's TOML that mean nothing of a cable, and what stands in their place.
+pub(crate) const FOREIGN: [(&str, &str); 4] = [
+    ("floating", "a cable's root is decided by [cable] held"),
+    ("urdf", "a cable has none, [cable] says all of it"),
+    ("mesh_points", "a cable has no meshes"),
+    ("like", "a cable is like no other robot"),
+];

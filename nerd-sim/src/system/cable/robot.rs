@@ -1,0 +1,92 @@
+//! The chain of rods.
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use nerd_core::contact::ContactPoint;
+use nerd_core::robot::{Base, Joint, JointKind, Link, Robot};
+use nerd_core::spatial::BodyInertia;
+
+use super::spec::{CableSpec, Held};
+use crate::scene::GRAVITY;
+use crate::system::derive::rounded;
+
+/// Seconds in which a bent piece comes to rest where no damping is said: leads, hoses and ropes lose a bend in a moment. A chain of springs
+/// that loses nothing shakes ever faster.
+const REST: f64 = 0.01;
+/// How fast a gripper follows (rad/s): 4 Hz.
+const PULSE: f64 = 8.0 * std::f64::consts::PI;
+
+impl CableSpec {
+    /// The chain. Its links are called `rod1`, `rod2`, .., its joints `bend1`, `sway1`, `twist1`, ..; those of a gripper `x`, `y`, `z`,
+    /// `yaw`, `pitch`, `roll`.
+    pub fn robot(&self, name: &str) -> Robot {
+        let at = Isometry3::translation(self.at()[0], self.at()[1], self.at()[2]);
+        let mut robot = Robot::new(name, if self.held == Held::Free { Base::Floating } else { Base::Fixed(at) });
+        let mut parent = (self.held == Held::Gripper).then(|| self.carriage(&mut robot));
+        let step = self.length / self.links as f64;
+        let (mass, radius) = (self.mass / self.links as f64, 0.5 * self.diameter);
+        let across = mass * (3.0 * radius * radius + step * step) / 12.0;
+        let rod = BodyInertia {
+            mass,
+            com: Vector3::x() * (0.5 * step),
+            inertia: Matrix3::from_diagonal(&Vector3::new(0.5 * mass * radius * radius, across, across)),
+        };
+        for k in 0..self.links {
+            let name = format!("rod{}", k + 1);
+            if k == 0 && self.held == Held::Free {
+                robot.links.push(Link { name, parent: None, joint: None, inertia: rod, shapes: Vec::new() });
+                parent = Some(0);
+            } else {
+                let clamped = k == 0;
+                let mut origin = if clamped {
+                    Isometry3::from_parts(Vector3::zeros().into(), self.turn())
+                } else {
+                    Isometry3::translation(step, 0.0, 0.0)
+                };
+                let mut hinges = vec![("sway", Vector3::z_axis(), self.bending), ("bend", Vector3::y_axis(), self.bending)];
+                hinges.extend(self.twisting.map(|stiffness| ("twist", Vector3::x_axis(), stiffness)));
+                let last = hinges.len() - 1;
+                for (i, (word, axis, stiffness)) in hinges.into_iter().enumerate() {
+                    let mut joint = Joint::new(format!("{word}{}", k + 1), JointKind::Continuous, origin, axis);
+                    joint.stiffness = if clamped { 2.0 } else { 1.0 } * stiffness / step;
+                    joint.damping = match self.damping {
+                        None => joint.stiffness * REST,
+                        Some(damping) if self.bending > 0.0 => joint.stiffness * damping / self.bending,
+                        Some(damping) => damping / step,
+                    };
+                    let (name, inertia) =
+                        if i == last { (name.clone(), rod) } else { (format!("{word}{}", k + 1), BodyInertia::default()) };
+                    robot.links.push(Link { name, parent, joint: Some(joint), inertia, shapes: Vec::new() });
+                    parent = Some(robot.links.len() - 1);
+                    origin = Isometry3::identity();
+                }
+            }
+            let end = |x: f64| ContactPoint { link: robot.links.len() - 1, local: Vector3::x() * x, radius, thickness: radius };
+            let ends = if k == 0 && self.held == Held::Free { vec![end(0.0), end(step)] } else { vec![end(step)] };
+            robot.contact_points.extend(ends);
+        }
+        robot
+    }
+
+    /// Six axes; the last link is the gripper. It weighs as little as a rod: each axis has a drive with an inertia of its own.
+    fn carriage(&self, robot: &mut Robot) -> usize {
+        let [x, y, z] = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
+        let (slide, turn) = (JointKind::Prismatic, JointKind::Continuous);
+        let axes = [("x", slide, x), ("y", slide, y), ("z", slide, z), ("yaw", turn, z), ("pitch", turn, y), ("roll", turn, x)];
+        for (k, (name, kind, axis)) in axes.into_iter().enumerate() {
+            let mut joint = Joint::new(name, kind, Isometry3::identity(), axis);
+            (joint.armature, joint.stiffness) = self.drive(kind == slide);
+            joint.damping = 2.0 * (joint.armature * joint.stiffness).sqrt();
+            let (mass, radius) = (self.mass / self.links as f64, 3.0 * self.diameter);
+            let ball = BodyInertia { mass, com: Vector3::zeros(), inertia: Matrix3::identity() * (0.4 * mass * radius * radius) };
+            let (name, inertia) = if k < 5 { (format!("axis_{name}"), BodyInertia::default()) } else { ("gripper".into(), ball) };
+            robot.links.push(Link { name, parent: k.checked_sub(1), joint: Some(joint), inertia, shapes: Vec::new() });
+        }
+        5
+    }
+
+    /// Inertia and stiffness of an axis of the gripper: the cable sags it by little, and does not hurry it.
+    fn drive(&self, slides: bool) -> (f64, f64) {
+        let stiffness = if slides { 10.0 * self.mass * PULSE * PULSE } else { 25.0 * self.mass * GRAVITY * self.length };
+        (rounded(stiffness / (PULSE * PULSE)), rounded(stiffness))
+    }
+}

@@ -1,0 +1,90 @@
+//! `[cable]` of a TOML.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::range::within;
+
+/// Most rods: their mass matrix, where one is asked for, takes a gigabyte.
+const MOST: f64 = 3000.0;
+
+/// What holds a cable's first end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Held {
+    /// A gripper on three slides (x, y, z) and three hinges (yaw, pitch, roll), each with a critically damped spring about its home, as an arm
+    /// under impedance control has: a force of `stiffness x` leads it to x.
+    #[default]
+    Gripper,
+    /// A clamp that stands still.
+    Fixed,
+    /// Nothing.
+    Free,
+}
+
+/// `[cable]`.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct CableSpec {
+    /// Length (m).
+    pub length: f64,
+    /// Outer diameter (m).
+    pub diameter: f64,
+    /// Mass of all of it (kg).
+    pub mass: f64,
+    /// Bending stiffness E I (N m^2).
+    pub bending: f64,
+    /// Twisting stiffness G J (N m^2); without it, it does not twist.
+    pub twisting: Option<f64>,
+    /// Damping of bending: moment for a unit of the rate of curvature (N m^2 s); that of twisting is in the same ratio to its stiffness
+    /// [default: 0.01 s times the stiffness].
+    pub damping: Option<f64>,
+    /// Rods that stand for it.
+    #[serde(default = "forty")]
+    pub links: usize,
+    /// What holds its first end.
+    #[serde(default)]
+    pub held: Held,
+    /// Where the first end is at zero coordinates (m, world) [default: one length above the origin].
+    pub at: Option<[f64; 3]>,
+    /// Direction from there to the other end at zero coordinates.
+    #[serde(default = "ahead")]
+    pub along: [f64; 3],
+}
+
+fn forty() -> usize {
+    40
+}
+
+fn ahead() -> [f64; 3] {
+    [1.0, 0.0, 0.0]
+}
+
+impl CableSpec {
+    /// Refuses what is no cable.
+    ///
+    /// # Errors
+    /// The key, its value and what is needed.
+    pub fn check(&self) -> Result<(), String> {
+        let within = |key: &str, x: f64, low: f64, high: f64, unit: &str| within(format!("[cable] {key}"), x, low..=high, unit);
+        within("length", self.length, 1e-3, 1e4, "m")?;
+        within("diameter", self.diameter, 1e-6, self.length, "m")?;
+        within("mass", self.mass, 1e-9, 1e6, "kg")?;
+        within("bending", self.bending, 0.0, 1e9, "N m^2")?;
+        within("twisting", self.twisting.unwrap_or(0.0), 0.0, 1e9, "N m^2")?;
+        within("damping", self.damping.unwrap_or(0.0), 0.0, 1e9, "N m^2 s")?;
+        within("links", self.links as f64, 1.0, MOST, "")?;
+        self.at().iter().try_for_each(|x| within("at", *x, -1e6, 1e6, "m"))?;
+        within("along's size", Vector3::from(self.along).norm(), 1e-6, 1e6, "")
+    }
+
+    pub(super) fn at(&self) -> [f64; 3] {
+        self.at.unwrap_or([0.0, 0.0, self.length])
+    }
+
+    /// Turns x into the cable's direction.
+    pub(super) fn turn(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::rotation_between(&Vector3::x(), &Vector3::from(self.along))
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI))
+    }
+}

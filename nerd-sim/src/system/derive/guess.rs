@@ -1,0 +1,226 @@
+//! What the numbers of a URDF suggest where nobody says more: whether its base is free, what it is made of, how far and how fast it starts,
+//! and what drives it. `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could stand beside the file.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::path::Path;
+
+use nalgebra::Vector3;
+use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
+use nerd_core::robot::{Joint, JointKind, Robot};
+
+use super::limits::pose;
+use super::plain::{between, listed, plain, rounded};
+use super::spread::enough;
+use super::srdf::pose_of;
+use crate::range::Range;
+use crate::scene::{GRAVITY, Material};
+use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
+
+/// Share of the robot's extent by which its weight presses its contacts in, borne by four of them.
+const GIVE: f64 = 1e-3;
+/// Speed (m/s) at which a contact creeps that a fifth of the weight pushes aside.
+const CREEP: f64 = 1e-3;
+/// Friction coefficient of rubber and metal on floors.
+const FRICTION: f64 = 0.7;
+/// Acceleration (rad/s^2 or m/s^2) that random torques give a joint beyond holding it against gravity.
+const LIVELY: f64 = 20.0;
+/// Time (s) in which a motor's effort brings its own rotor to the joint's largest velocity.
+const START: f64 = 0.01;
+/// How much higher evaluations may start than a robot stands, of its extent.
+const HIGHER: f64 = 0.2;
+/// Contact points that are all kept: of more, those that are enough to stand and fall on.
+const MOST: usize = 24;
+/// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
+const FAST: f64 = 3.0;
+
+/// Whether a robot walks, rolls or flies, its base free: nothing of it moves on a fixed one, or at zero coordinates two limbs or more reach
+/// lower than its trunk. `robot` has a free base.
+pub(crate) fn floats(robot: &Robot) -> bool {
+    let mut data = Data::new(robot);
+    kinematics(robot, &robot.zero_state(), &mut data);
+    let limb = |mut link: usize| loop {
+        match robot.links[link].parent {
+            None => return None,
+            Some(0) => return Some(link),
+            Some(parent) => link = parent,
+        }
+    };
+    let mut lowest = vec![f64::INFINITY; robot.links.len()];
+    let places = robot.contact_points.iter().map(|p| (p.link, point_position(&data, p.link, &p.local).z - p.radius));
+    let origins = (1..robot.links.len()).map(|link| (link, (data.origin + data.position[link]).z));
+    for (link, z) in places.chain(origins) {
+        let of = limb(link).unwrap_or(0);
+        lowest[of] = lowest[of].min(z);
+    }
+    let trunk = if lowest[0].is_finite() { lowest[0] } else { (data.origin + data.position[0]).z };
+    robot.joint_count() == 0 || lowest[1..].iter().filter(|z| **z < trunk - 1e-6).count() >= 2
+}
+
+/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are positions that somebody says of joints.
+pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
+    let (mut state, pose) = pose_of(robot, path);
+    let coords = robot.root_coords();
+    for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
+        *q = defaults.get(&joint.name).copied().unwrap_or(*q);
+    }
+    let mut data = Data::new(robot);
+    kinematics(robot, &state, &mut data);
+    let touches = !robot.contact_points.is_empty();
+    if touches {
+        keep(robot, &state);
+    } else if robot.floating() {
+        robot
+            .notes
+            .push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
+    }
+    let points: Vec<Vector3<f64>> = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect();
+    let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
+    let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
+    let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
+    let across = |k: usize| all.iter().fold([f64::INFINITY, -f64::INFINITY], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
+    let extent = (0..3).map(across).map(|[low, high]| high - low + 2.0 * round).fold(0.0, f64::max);
+    let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
+    let floating = robot.floating();
+    robot.notes.push(format!(
+        "nothing but the URDF is known: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
+        if floating { "free" } else { "fixed" }
+    ));
+    let low = robot.contact_points.iter().zip(&points).map(|(p, at)| at.z - p.radius).fold(f64::INFINITY, f64::min);
+    let height = if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
+    let gain = stiffness(weight, extent, false);
+    let control = ControlSpec {
+        relative: false,
+        scale: 0.5,
+        clamp: true,
+        ahead: true,
+        data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
+    };
+    let driven = floating && robot.joint_count() > 0;
+    let torques = torques(robot);
+    let joints = robot.joints().zip(&torques).zip(&state[coords..]);
+    let joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
+    let contacts = listed(robot);
+    Spec {
+        floating,
+        substeps: 8,
+        material: if touches { material(weight, extent) } else { Material::default() },
+        random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
+        data_scene: (touches && floating).then(|| "plane".into()),
+        control: driven.then_some(control),
+        root: floating.then(|| root(height, extent, touches.then_some(round))),
+        joints,
+        contacts,
+        ..plain(robot)
+    }
+}
+
+/// Stiffness (N m/rad, N/m of what slides) that bears a robot's weight (N) at the end of a lever as long as itself at an error of a radian; on a
+/// slide at a twentieth of its extent (m).
+pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
+    if slides { 20.0 * weight / extent } else { weight * extent }
+}
+
+/// Keeps few of the robot's contact points, if they are many.
+fn keep(robot: &mut Robot, state: &[f64]) {
+    let all = robot.contact_points.len();
+    if all > MOST {
+        robot.contact_points = enough(robot, state).into_iter().map(|k| robot.contact_points[k]).collect();
+        robot
+            .notes
+            .push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", robot.contact_points.len()));
+    }
+}
+
+/// Contact that bears the weight on four points at a give of [`GIVE`], half critically damped, and holds against slip.
+fn material(weight: f64, extent: f64) -> Material {
+    let stiffness = weight / (4.0 * GIVE * extent);
+    Material {
+        stiffness: rounded(stiffness),
+        damping: rounded((stiffness * weight / GRAVITY / 4.0).sqrt()),
+        friction_damping: rounded(0.2 * weight / CREEP),
+        friction: FRICTION,
+    }
+}
+
+/// `round` is the largest radius of a contact point, from whose middle gaps are counted; none where nothing touches.
+fn root(height: f64, extent: f64, round: Option<f64>) -> RootSpec {
+    let still = [between(0.0, 0.0); 3];
+    let start = |position, tilt, spin: f64, speed: f64| RootStart {
+        position,
+        tilt,
+        angular: [between(-spin, spin); 3],
+        linear: [between(-speed, speed); 3],
+        clearance: round.map(|radius| radius + rounded(GIVE * extent)),
+    };
+    RootSpec {
+        position: [0.0, 0.0, height],
+        quaternion: [0.0, 0.0, 0.0, 1.0],
+        sample: start(
+            [between(0.0, 0.0), between(0.0, 0.0), Range { low: height, high: height + 0.5 * extent }],
+            between(0.0, PI / 6.0),
+            2.0,
+            1.0,
+        ),
+        reset: Some(RootStart {
+            // As high as joints that are a little off need it.
+            position: [still[0], still[0], Range { low: height, high: height + HIGHER * extent }],
+            ..start(still, still[0], 0.0, 0.0)
+        }),
+    }
+}
+
+fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 2], driven: bool) -> JointSpec {
+    let slides = joint.kind == JointKind::Prismatic;
+    let gain = stiffness(weight, extent, slides);
+    let (low, high) = match joint.limit {
+        Some(limit) => (limit.lower, limit.upper),
+        None if slides => (-extent, extent),
+        None => (-PI, PI),
+    };
+    let fast = if joint.velocity > 0.0 { FAST.min(0.5 * joint.velocity) } else { FAST };
+    // A robot that stands starts near its pose; an arm anywhere.
+    let (wide, near) = (if driven { 0.3 } else { 2.0 * PI }, 0.1);
+    let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
+    let about = |turn: f64| {
+        let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
+        Range { low: a.clamp(low, high), high: b.clamp(low, high) }
+    };
+    let said = |x: f64| x.is_finite() && x > 0.0;
+    let effort = if said(joint.effort) { joint.effort } else { gain };
+    // Motors need their time: no URDF tells what their rotors weigh.
+    let armature = if said(joint.effort) && said(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
+    JointSpec {
+        name: joint.name.clone(),
+        column: None,
+        default,
+        armature,
+        stiffness: 0.0,
+        rest: 0.0,
+        limit: None,
+        torque,
+        gain: Some(if driven { effort } else { torque }),
+        kp: rounded(0.6 * gain),
+        kd: rounded(0.006 * gain),
+        sample: StartSpec { q: about(wide), qd: between(-fast, fast), minus: None },
+        reset: StartSpec { q: about(near), qd: between(0.0, 0.0), minus: None },
+    }
+}
+
+/// Amplitudes of random torques: the most that gravity asks for over a few poses and what accelerates the joint by [`LIVELY`] beyond,
+/// within the joint's effort.
+fn torques(robot: &Robot) -> Vec<f64> {
+    let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
+    let mut most = vec![0.0f64; robot.joint_count()];
+    for k in 0..8 {
+        kinematics(robot, &pose(robot, k), &mut data);
+        crba(robot, &mut data);
+        bias(robot, &rest, &(-GRAVITY * Vector3::z()), &mut data);
+        for (i, most) in most.iter_mut().enumerate() {
+            let holds = if robot.floating() { 0.0 } else { data.tau[dofs + i].abs() };
+            *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
+        }
+    }
+    let within = |(joint, most): (&Joint, &f64)| if joint.effort > 0.0 { rounded(*most).min(joint.effort) } else { rounded(*most) };
+    robot.joints().zip(&most).map(within).collect()
+}

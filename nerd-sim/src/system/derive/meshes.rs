@@ -1,0 +1,100 @@
+//! Collision meshes of a URDF's links: read, made convex (parry), and touched at some points of the hull that lie far from each other.
+//!
+//! Files are STL, OBJ or COLLADA (crate mesh-loader). `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
+//! as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's `ROS_PACKAGE_PATH`. Every other path begins at
+//! the URDF. What cannot be read is passed over, and [`Robot::notes`] says why.
+
+use std::path::{Path, PathBuf};
+
+use mesh_loader::Loader;
+use nalgebra::Vector3;
+use nerd_core::contact::ContactPoint;
+use nerd_core::robot::{MeshFile, Robot};
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::spread::spread;
+
+/// Largest file that is read (bytes).
+const LARGEST: u64 = 1 << 28;
+/// Radius of a point (m).
+const SHARP: f64 = 1e-5;
+
+/// Gives a robot that was read from the URDF `path` at most `points` contact points for each of its collision meshes; none where no
+/// file is known.
+pub fn touch(robot: &mut Robot, path: Option<&Path>, points: usize) {
+    let Some(path) = path.filter(|_| points > 0) else { return };
+    // Where a link into the folder of packages was followed, the packages are where it leads.
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    for mesh in std::mem::take(&mut robot.meshes) {
+        match vertices(&mesh, &path) {
+            Ok(vertices) => {
+                let hull = hull(&vertices);
+                robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint {
+                    link: mesh.link,
+                    local: mesh.pose.transform_point(&hull[k].into()).coords,
+                    radius: SHARP,
+                    thickness: SHARP,
+                }));
+                if let Some(k) = robot.skipped_meshes.iter().position(|name| *name == mesh.of) {
+                    robot.skipped_meshes.remove(k);
+                }
+            }
+            Err(reason) => robot.notes.push(format!("link `{}`: mesh {}: {reason}; nothing touches it", mesh.of, mesh.file)),
+        }
+    }
+}
+
+/// The vertices of a mesh in its own frame (m).
+fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
+    let path = find(&mesh.file, urdf).ok_or("is not there")?;
+    let size = std::fs::metadata(&path).map_err(|e| e.to_string())?.len();
+    if size > LARGEST {
+        return Err(format!("has {size} bytes, more than {LARGEST}"));
+    }
+    // A file that nobody could foresee ends in a line, too.
+    let read = std::panic::catch_unwind(|| load(&path)).map_err(|_| "cannot be read".to_string())?;
+    let scene = read.map_err(|e| e.to_string().split_whitespace().collect::<Vec<_>>().join(" "))?;
+    let all = scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from)).component_mul(&mesh.scale));
+    let all: Vec<Vector3<f64>> = all.collect();
+    match all.iter().all(|v| v.iter().all(|x| x.abs() < 1e6)) {
+        true if all.is_empty() => Err("has no vertex".into()),
+        true => Ok(all),
+        false => Err("has a vertex that is not finite, or absurdly far".into()),
+    }
+}
+
+/// Binary STL may begin with the word that makes a text of it; its length tells which it is.
+fn load(path: &Path) -> std::io::Result<mesh_loader::Scene> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl")) {
+        let mut bytes = std::fs::read(path)?;
+        let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
+        if bytes.len() as u64 == 84 + 50 * u64::from(count) {
+            bytes[..80].fill(0);
+        }
+        return mesh_loader::stl::from_slice(&bytes);
+    }
+    Loader::default().load(path)
+}
+
+/// The file that a URDF's text means.
+fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
+    let there = |path: PathBuf| path.is_file().then_some(path);
+    let Some(package) = file.strip_prefix("package://") else {
+        return there(urdf.parent()?.join(file.strip_prefix("file://").unwrap_or(file)));
+    };
+    let (name, rest) = package.split_once('/')?;
+    let above = urdf.ancestors().skip(1).flat_map(|folder| {
+        let own = folder.file_name().is_some_and(|own| own == name).then(|| folder.join(rest));
+        [Some(folder.join(name).join(rest)), own, Some(folder.join(rest))].into_iter().flatten()
+    });
+    let told = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
+    let told: Vec<PathBuf> = std::env::split_paths(&told).collect();
+    above.chain(told.iter().map(|folder| folder.join(name).join(rest))).find_map(there)
+}
+
+/// The vertices of the convex hull; all of them where there is none, since they lie in a plane.
+fn hull(vertices: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let points: Vec<_> = vertices.iter().map(|v| parry3d_f64::math::Vector::new(v.x, v.y, v.z)).collect();
+    let made = std::panic::catch_unwind(|| try_convex_hull(&points).ok()).ok().flatten();
+    made.map_or_else(|| vertices.to_vec(), |(hull, _)| hull.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect())
+}

@@ -1,0 +1,16 @@
+//! What the numbers of a URDF suggest where nobody says more.
+
+mod guess;
+mod limits;
+#[cfg(feature = "meshes")]
+mod meshes;
+mod plain;
+mod spread;
+mod srdf;
+
+pub(crate) use guess::{derived, floats, stiffness};
+pub(crate) use limits::stiffen;
+#[cfg(feature = "meshes")]
+pub(crate) use meshes::touch;
+pub(crate) use plain::{between, listed, plain, rounded};
+pub use srdf::pose_of;

@@ -1,0 +1,72 @@
+//! The specification of a robot of which nothing is known but its links and joints.
+
+use nerd_core::contact::ContactPoint;
+use nerd_core::robot::{Joint, Robot};
+
+use crate::range::Range;
+use crate::system::spec::{ContactSpec, JointSpec, Spec, StartSpec, mesh_points};
+
+pub(crate) fn between(low: f64, high: f64) -> Range {
+    Range { low: rounded(low.min(high)), high: rounded(high.max(low)) }
+}
+
+/// To three digits: it is a guess.
+pub(crate) fn rounded(x: f64) -> f64 {
+    format!("{x:.2e}").parse().unwrap_or(x)
+}
+
+/// The specification of a robot of which nothing is asked but to move: no torque, starts about zero.
+pub(crate) fn plain(robot: &Robot) -> Spec {
+    let law = |x: f64| Range { low: -x, high: x };
+    let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
+    let joint = |joint: &Joint| JointSpec {
+        name: joint.name.clone(),
+        column: None,
+        default: 0.0,
+        armature: 0.0,
+        stiffness: 0.0,
+        rest: 0.0,
+        limit: None,
+        torque: 0.0,
+        gain: None,
+        kp: 0.0,
+        kd: 0.0,
+        sample: start(1.0, 1.0),
+        reset: start(0.1, 0.0),
+    };
+    Spec {
+        urdf: None,
+        floating: robot.floating(),
+        frame_time: "1/60".into(),
+        gravity: [0.0, 0.0, -9.81],
+        truth: Default::default(),
+        substeps: 16,
+        refresh: Default::default(),
+        state_columns: Vec::new(),
+        torque_columns: Vec::new(),
+        material: Default::default(),
+        random_plane: None,
+        data_scene: None,
+        random_pegs: None,
+        smooth: None,
+        vary: None,
+        control: None,
+        root: None,
+        mass_matrix_of: Default::default(),
+        mesh_points: mesh_points(),
+        joints: robot.joints().map(joint).collect(),
+        contacts: Vec::new(),
+        scenes: Vec::new(),
+    }
+}
+
+/// Its contact points, as a TOML lists them.
+pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
+    let spec = |p: &ContactPoint| ContactSpec {
+        link: robot.links[p.link].name.clone(),
+        point: p.local.into(),
+        radius: p.radius,
+        thickness: p.thickness,
+    };
+    robot.contact_points.iter().map(spec).collect()
+}

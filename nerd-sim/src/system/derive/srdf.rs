@@ -1,0 +1,52 @@
+//! Poses that a robot's makers gave it, from the SRDF beside its URDF.
+
+use std::path::{Path, PathBuf};
+
+use nerd_core::robot::Robot;
+
+/// Names that poses to stand in have, the best first.
+const STANDING: [&str; 2] = ["standing", "half_sitting"];
+
+/// A state at rest, and where it is from: an SRDF's pose to stand in, else zero, or the nearest to it within the limits.
+pub fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
+    let mut state = robot.zero_state();
+    let coords = robot.root_coords();
+    for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
+        *q = joint.limit.map_or(0.0, |l| 0.0f64.clamp(l.lower, l.upper));
+    }
+    // Of all poses that may be meant, the one that says most of this robot's joints.
+    let mut best: (usize, Vec<(usize, f64)>, String) = (0, Vec::new(), "zero, within the limits".into());
+    for file in urdf.map(beside).unwrap_or_default() {
+        let Ok(text) = std::fs::read_to_string(&file) else { continue };
+        let Ok(document) = roxmltree::Document::parse(&text) else { continue };
+        for group in document.descendants().filter(|n| n.has_tag_name("group_state")) {
+            let Some(name) = group.attribute("name").filter(|name| STANDING.contains(name)) else { continue };
+            let said: Vec<(usize, f64)> = group
+                .children()
+                .filter_map(|joint| {
+                    let place = robot.joints().position(|j| Some(j.name.as_str()) == joint.attribute("name"))?;
+                    Some((place, joint.attribute("value")?.trim().parse().ok()?))
+                })
+                .collect();
+            if said.len() > best.0 {
+                let file = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                best = (said.len(), said, format!("`{name}` of {file}"));
+            }
+        }
+    }
+    for (place, q) in best.1.into_iter().filter(|(_, q)| q.is_finite()) {
+        let limit = robot.joints().nth(place).and_then(|joint| joint.limit);
+        state[coords + place] = limit.map_or(q, |l| q.clamp(l.lower, l.upper));
+    }
+    (state, best.2)
+}
+
+/// The .srdf files of the folder that packages keep them in.
+fn beside(urdf: &Path) -> Vec<PathBuf> {
+    let folder = urdf.parent().and_then(Path::parent).map(|package| package.join("srdf"));
+    let mut files: Vec<PathBuf> =
+        folder.and_then(|f| std::fs::read_dir(f).ok()).into_iter().flatten().flatten().map(|e| e.path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == "srdf"));
+    files.sort();
+    files
+}

@@ -1,0 +1,159 @@
+//! Hashes by which data, models and runs know the system they belong to: of what it is, not of its name or its files.
+//!
+//! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
+//! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.
+
+use nerd_core::robot::{Base, Joint, Link, Shape, ShapeKind};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::model::System;
+
+/// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
+const ELSEWHERE: [&str; 13] = [
+    "urdf",
+    "truth",
+    "floating",
+    "frame_time",
+    "gravity",
+    "substeps",
+    "refresh",
+    "state_columns",
+    "torque_columns",
+    "material",
+    "mass_matrix_of",
+    "contact",
+    "mesh_points",
+];
+
+impl System {
+    /// Hash of all that its motion under given torques depends on: links, joints, inertias, what touches and its material,
+    /// base, frame, gravity, and its substeps. Lower-case hex.
+    pub fn robot_sha256(&self) -> String {
+        sha256(&self.motion())
+    }
+
+    /// Hash of [`System::robot_sha256`] and all else that data depends on: how the robot is started, driven and controlled,
+    /// and its scenes. Lower-case hex.
+    pub fn sha256(&self) -> String {
+        let mut spec = json!(self.spec);
+        if let Some(keys) = spec.as_object_mut() {
+            keys.retain(|key, _| !ELSEWHERE.contains(&key.as_str()));
+        }
+        for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
+            joint.retain(|key, _| !["column", "armature", "limit", "stiffness", "rest"].contains(&key.as_str()));
+        }
+        sha256(&json!([self.motion(), spec]))
+    }
+
+    fn motion(&self) -> Value {
+        let (robot, spec) = (&self.robot, &self.spec);
+        let touching = |i: usize| robot.contact_points.iter().any(|p| p.link == i);
+        let points = robot.contact_points.iter().map(|p| json!([p.link, p.local.as_slice(), p.radius, p.thickness]));
+        json!({
+            "base": match &robot.base {
+                Base::Fixed(at) => json!(pose(at)),
+                Base::Floating => Value::Null,
+            },
+            "links": robot.links.iter().enumerate().map(|(i, l)| link(l, touching(i))).collect::<Vec<_>>(),
+            "points": points.collect::<Vec<_>>(),
+            "mass_matrix_of": robot.mass_matrix_of,
+            "frame_time": self.frame_time,
+            "gravity": spec.gravity,
+            // Of what touches nothing no material is asked.
+            "material": (!robot.contact_points.is_empty()).then_some(spec.material),
+            "substeps": spec.substeps,
+            "refresh": spec.refresh,
+        })
+    }
+}
+
+/// A link without its name; its shapes only where something of it touches.
+fn link(link: &Link, touching: bool) -> Value {
+    let body = &link.inertia;
+    let shapes = link.shapes.iter().filter(|_| touching).map(shape);
+    json!({
+        "parent": link.parent,
+        "joint": link.joint.as_ref().map(joint),
+        "mass": body.mass,
+        "com": body.com.as_slice(),
+        "inertia": body.inertia.as_slice(),
+        "shapes": shapes.collect::<Vec<_>>(),
+    })
+}
+
+fn joint(joint: &Joint) -> Value {
+    let mut value = json!({
+        "kind": format!("{:?}", joint.kind),
+        "origin": pose(joint.origin()),
+        "axis": joint.axis().as_slice(),
+        "limit": joint.limit.map(|l| [l.lower, l.upper, l.stiffness, l.damping]),
+        "damping": joint.damping,
+        "friction": joint.friction,
+        "armature": joint.armature,
+    });
+    // Said only where there is something to say: what moves as it always did has the hash it always had.
+    if joint.stiffness > 0.0 {
+        value["spring"] = json!([joint.stiffness, joint.rest]);
+    }
+    if let Some(m) = joint.mimic() {
+        value["mimic"] = json!([m.coordinate, m.multiplier, m.offset]);
+    }
+    value
+}
+
+fn shape(shape: &Shape) -> Value {
+    let (kind, sizes) = match shape.kind {
+        ShapeKind::Sphere { radius } => ("sphere", vec![radius]),
+        ShapeKind::Box { half } => ("box", half.as_slice().to_vec()),
+        ShapeKind::Cylinder { radius, half_length } => ("cylinder", vec![radius, half_length]),
+        ShapeKind::Capsule { radius, half_length } => ("capsule", vec![radius, half_length]),
+    };
+    json!([kind, sizes, pose(&shape.pose)])
+}
+
+fn pose(pose: &nalgebra::Isometry3<f64>) -> [Vec<f64>; 2] {
+    [pose.translation.vector.as_slice().to_vec(), pose.rotation.coords.as_slice().to_vec()]
+}
+
+/// Hash of a value's canonical form, lower-case hex.
+fn sha256(value: &Value) -> String {
+    let mut hash = Sha256::new();
+    feed(value, &mut hash);
+    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+}
+
+fn feed(value: &Value, hash: &mut Sha256) {
+    let text = |hash: &mut Sha256, text: &str| {
+        hash.update((text.len() as u64).to_le_bytes());
+        hash.update(text);
+    };
+    match value {
+        Value::Null => hash.update([0]),
+        Value::Bool(is) => hash.update([1, u8::from(*is)]),
+        Value::Number(x) => {
+            hash.update([2]);
+            // -0 + 0 is 0.
+            hash.update((x.as_f64().unwrap_or(f64::NAN) + 0.0).to_le_bytes());
+        }
+        Value::String(x) => {
+            hash.update([3]);
+            text(hash, x);
+        }
+        Value::Array(items) => {
+            hash.update([4]);
+            hash.update((items.len() as u64).to_le_bytes());
+            items.iter().for_each(|item| feed(item, hash));
+        }
+        Value::Object(map) => {
+            hash.update([5]);
+            hash.update((map.len() as u64).to_le_bytes());
+            let mut keys: Vec<_> = map.iter().collect();
+            keys.sort_by_key(|(key, _)| *key);
+            for (key, item) in keys {
+                text(hash, key);
+                feed(item, hash);
+            }
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! Systems from names, files and texts.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_core::robot::{Robot, UrdfError};
+use toml::Table;
+
+use super::built_in::{BUILT_IN, CABLES, FOREIGN};
+use super::cable::CableSpec;
+use super::columns::name_columns;
+#[cfg(feature = "meshes")]
+use super::derive::touch;
+use super::derive::{derived, floats, plain};
+use super::model::{System, SystemError};
+use super::source::Source;
+use super::spec::{Spec, mesh_points};
+use super::validate::check;
+use crate::files::read_text;
+
+impl System {
+    /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
+    pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
+        if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {
+            return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
+        }
+        if let Some((_, text)) = CABLES.iter().find(|c| c.0 == name) {
+            return Self::from_toml(name, text).map(Arc::new);
+        }
+        let path = Path::new(name);
+        let ending = path.extension().map(|e| e.to_string_lossy().into_owned());
+        let read = |path: &Path| read_text(path).map_err(|source| SystemError::File { path: path.into(), source });
+        if ending.as_deref() == Some("toml") {
+            let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
+            return Self::from_toml(&stem, &read(path)?).map(Arc::new);
+        }
+        if ending.as_deref() != Some("urdf") {
+            return Err(SystemError::Unknown(name.into()));
+        }
+        let beside = path.with_extension("toml");
+        let spec = beside.exists().then(|| read(&beside)).transpose()?;
+        let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
+        let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path))?;
+        // A file that says it is of another one would be believed.
+        match &system.spec.urdf {
+            Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {
+                let text = format!("urdf = {urdf:?}, but {name} is what is read; write its name, or leave the line out");
+                Err(SystemError::Spec(stem.into(), text))
+            }
+            _ => Ok(Arc::new(system)),
+        }
+    }
+
+    /// From the text of a URDF and of a specification; without one, see [`System::bare`], with a fixed base. Here no file is
+    /// known, and `urdf` in the specification means nothing.
+    pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
+        Self::read(name, urdf, spec, None)
+    }
+
+    /// `path` is the URDF's, from which its meshes are found.
+    fn read(name: &str, urdf: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
+        let wrong = |e: String| SystemError::Spec(name.into(), e.trim().replace('\n', " "));
+        let text = match (spec, path) {
+            (Some(text), _) => text,
+            (None, Some(_)) => return Self::derived(name, urdf, path, Table::new()),
+            (None, None) => return Self::bare_at(name, urdf, false, path),
+        };
+        if let Some(own) = Spec::like_urdf(text).map_err(wrong)? {
+            return Self::derived(name, urdf, path, own);
+        }
+        let spec = Spec::read(text).map_err(wrong)?;
+        let mut robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        touch(&mut robot, path, spec.mesh_points);
+        Self::new(name, robot, spec, Source::Told)
+    }
+
+    /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
+    fn derived(name: &str, urdf: &str, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
+        let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
+        let read = |floating| {
+            let mut robot = Robot::from_urdf_alone(urdf, floating)?;
+            touch(&mut robot, path, points);
+            Ok(robot)
+        };
+        let urdf_error = |e| SystemError::Urdf(name.into(), e);
+        let (floating, cannot) = match (own.get("floating").and_then(toml::Value::as_bool), read(true)) {
+            (Some(said), _) => (said, None),
+            // Where a fixed base cannot be had, a free one is what the file asks for.
+            (None, Ok(robot)) => (floats(&robot) || read(false).is_err(), None),
+            (None, Err(e)) => (false, Some(e)),
+        };
+        // Where neither base can be had, what stands against the free one is what is wrong.
+        let mut robot = match (read(floating), cannot) {
+            (Err(UrdfError::Still), Some(e)) => return Err(urdf_error(e)),
+            (read, Some(e)) => {
+                let mut robot = read.map_err(urdf_error)?;
+                robot.notes.push(format!("its base is taken as fixed, since a free one cannot be: {e}"));
+                robot
+            }
+            (read, None) => read.map_err(urdf_error)?,
+        };
+        if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+            robot.contact_points.clear();
+        }
+        let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
+        let said = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
+        let defaults = joints.filter_map(said).collect();
+        let spec =
+            derived(&mut robot, path, &defaults).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        Self::new(name, robot, spec, Source::Derived)
+    }
+
+    /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known
+    /// to the specification by their names.
+    pub fn from_robot(robot: Robot, spec: Option<&str>) -> Result<Self, SystemError> {
+        let name = robot.name.clone();
+        let Some(text) = spec else {
+            let spec = plain(&robot);
+            return Self::new(&name, robot, spec, Source::Derived);
+        };
+        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.clone(), e.trim().replace('\n', " ")))?;
+        if spec.floating != robot.floating() {
+            let said = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
+            return Err(SystemError::Spec(name, said));
+        }
+        Self::new(&name, robot, spec, Source::Told)
+    }
+
+    /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
+    pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
+        Self::bare_at(name, urdf, floating, None)
+    }
+
+    /// The same, its meshes found from where the URDF is.
+    ///
+    /// # Errors
+    /// As [`Self::bare`].
+    pub fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
+        let mut robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let spec = plain(&robot);
+        touch(&mut robot, path, spec.mesh_points);
+        Self::new(name, robot, spec, Source::Derived)
+    }
+
+    /// A cable, from the text of its specification: `[cable]`, and whatever else it says of it.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn from_toml(name: &str, text: &str) -> Result<Self, SystemError> {
+        let wrong = |e: String| SystemError::Spec(name.into(), e.trim().replace('\n', " "));
+        let mut own: toml::Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        let Some(cable) = own.remove("cable") else {
+            return Err(wrong("there is no [cable] in it, and of other robots the .urdf is named, not the .toml beside it".into()));
+        };
+        let cable: CableSpec = cable.try_into().map_err(|e| wrong(format!("[cable]: {e}")))?;
+        cable.check().map_err(wrong)?;
+        if let Some((key, why)) = FOREIGN.into_iter().find(|(key, _)| own.contains_key(*key)) {
+            return Err(wrong(format!("{key}: {why}; leave the line out")));
+        }
+        let mut robot = cable.robot(name);
+        if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+            robot.contact_points.clear();
+        }
+        let spec = cable.spec(&robot);
+        bounded(&robot, &spec).map_err(wrong)?;
+        let spec = spec.over(own).map_err(wrong)?;
+        Self::new(name, robot, spec, Source::Cable)
+    }
+}
+
+/// Without the feature no mesh is read.
+#[cfg(not(feature = "meshes"))]
+fn touch(_: &mut Robot, _: Option<&Path>, _: usize) {}
+
+/// Refuses numbers of a cable of which each is in its range, and what they make together is not.
+fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {
+    let mut spec = spec.clone();
+    name_columns(robot, &mut spec);
+    let together = "[cable] length, diameter, mass, bending, twisting and links make together what is beyond any cable";
+    check(&spec, robot).map_err(|e| format!("{together}: {e}"))
+}

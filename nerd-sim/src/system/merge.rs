@@ -1,0 +1,104 @@
+//! Keys of one file over those of another: a specification need not say what is known already.
+//!
+//! `like = "ant"` takes all keys that a file leaves out from that of a built-in robot: `ant-paper`, the Ant as the reference
+//! simulator has it, is a few lines. `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`, and a cable's from what it is
+//! made of.
+
+use serde::Deserialize;
+use toml::Table;
+
+use super::model::System;
+use super::spec::Spec;
+use super::validate::no_joint;
+
+impl Spec {
+    /// From the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read(text: &str) -> Result<Self, String> {
+        let Some(table) = merged(text)? else { return toml::from_str(text).map_err(|e| e.to_string()) };
+        Self::deserialize(table).map_err(|e| e.to_string())
+    }
+
+    /// The keys of a file that is like its URDF, which says the rest; none if it is like no URDF.
+    pub(crate) fn like_urdf(text: &str) -> Result<Option<Table>, String> {
+        let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
+        let like = own.get("like").and_then(toml::Value::as_str) == Some("urdf");
+        own.remove("like");
+        Ok(like.then_some(own))
+    }
+
+    /// This one, and over it the keys of another: joints key by key, by their names, all else as a whole.
+    pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
+        if own.is_empty() {
+            return Ok(self);
+        }
+        let mut all = Table::try_from(&self).map_err(|e| e.to_string())?;
+        displace(&mut all, &own)?;
+        let name = |joint: &toml::Value| joint.get("name").and_then(toml::Value::as_str).map(str::to_string);
+        if own.get("joint").is_some_and(|joints| !joints.is_array()) {
+            return Err("joint: a list is needed, write [[joint]] before each".into());
+        }
+        if let (Some(joints), Some(toml::Value::Array(said))) =
+            (all.get_mut("joint").and_then(toml::Value::as_array_mut), own.remove("joint"))
+        {
+            let names: Vec<_> = said.iter().map(name).collect();
+            if let Some((_, twice)) = names.iter().enumerate().find(|(k, n)| names[..*k].contains(n)) {
+                return Err(format!("[[joint]] name = {:?} stands twice", twice.clone().unwrap_or_default()));
+            }
+            for joint in said {
+                match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
+                    (Some(toml::Value::Table(known)), toml::Value::Table(said)) => {
+                        // A gain that is the torque follows it.
+                        if said.contains_key("torque") && known.get("gain") == known.get("torque") {
+                            known.remove("gain");
+                        }
+                        known.extend(said);
+                    }
+                    (_, joint) => {
+                        let known: Vec<String> = joints.iter().filter_map(name).collect();
+                        return Err(no_joint(&name(&joint).unwrap_or_default(), &known));
+                    }
+                }
+            }
+        }
+        all.extend(own);
+        Self::deserialize(all).map_err(|e| e.to_string())
+    }
+}
+
+/// A file that is like a built-in robot's, with the keys that it leaves out; none if it is like no other.
+fn merged(text: &str) -> Result<Option<Table>, String> {
+    let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
+    let Some(like) = own.remove("like") else { return Ok(None) };
+    let known = like.as_str().and_then(System::texts);
+    let Some((other, _)) = known else {
+        return Err(format!("like = {like}: known are {}, or \"urdf\" for what the URDF suggests", System::built_in().join(", ")));
+    };
+    let mut all = match merged(other)? {
+        Some(all) => all,
+        None => toml::from_str(other).map_err(|e| e.to_string())?,
+    };
+    // The other's URDF is its own.
+    all.remove("urdf");
+    displace(&mut all, &own)?;
+    all.extend(own);
+    Ok(Some(all))
+}
+
+/// Where data is recorded is one thing: who says a scene of it wants no random plane, and the other way round. Without a scene, nothing is
+/// left that starts could be clear of.
+fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
+    match [own.contains_key("data_scene"), own.contains_key("random_plane")] {
+        [true, true] => return Err("random_plane and data_scene are two grounds for the training data; leave one of the two out".into()),
+        [true, false] => _ = all.remove("random_plane"),
+        [false, true] if all.remove("data_scene").is_some() => {
+            let starts = all.get_mut("root").and_then(toml::Value::as_table_mut);
+            let starts = starts.into_iter().flat_map(|root| root.iter_mut()).filter_map(|(_, start)| start.as_table_mut());
+            starts.for_each(|start| _ = start.remove("clearance"));
+        }
+        _ => {}
+    }
+    Ok(())
+}

@@ -1,0 +1,25 @@
+//! A system: a robot and what its URDF cannot say, from names, files or texts.
+
+mod build;
+mod built_in;
+pub mod cable;
+mod columns;
+mod derive;
+mod identity;
+mod load;
+mod merge;
+mod model;
+mod source;
+mod spec;
+pub(crate) mod start;
+pub(crate) mod truth;
+mod validate;
+pub(crate) mod vary;
+
+pub use derive::pose_of;
+pub(crate) use derive::stiffness;
+pub use model::{System, SystemError};
+pub use source::Source;
+pub use spec::*;
+pub use start::Start;
+pub(crate) use validate::MOST_SUBSTEPS;

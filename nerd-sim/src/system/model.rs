@@ -1,0 +1,171 @@
+//! A system: a robot model together with its specification, built in or from files.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::robot::{Link, Robot, UrdfError};
+use toml::Table;
+
+use super::built_in::{BUILT_IN, CABLES, FOREIGN};
+use super::source::Source;
+use super::spec::{JointSpec, Spec};
+use crate::scene::{Scene, WORLDS, described, world};
+
+/// Why a system could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SystemError {
+    /// No such built-in robot, and no such file.
+    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
+    Unknown(String),
+    /// No such scene.
+    #[error("robot `{robot}` has no scene `{scene}`: known are {known}")]
+    Scene {
+        /// The robot.
+        robot: String,
+        /// The scene asked for.
+        scene: String,
+        /// What there is.
+        known: String,
+    },
+    /// A file that could not be read.
+    #[error("{path}: {source}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The URDF cannot be honoured.
+    #[error("robot `{0}`: {1}")]
+    Urdf(String, UrdfError),
+    /// The specification is wrong.
+    #[error("specification of robot `{0}`: {1}")]
+    Spec(String, String),
+}
+
+/// A robot, how it is driven, sampled and watched.
+#[derive(Clone, Debug)]
+pub struct System {
+    /// Name, as on the command line.
+    pub name: String,
+    /// The model, with armature, limits and contact points of the specification.
+    pub robot: Robot,
+    /// The specification.
+    pub spec: Spec,
+    /// One control frame (s).
+    pub frame_time: f64,
+    /// Who says so.
+    pub source: Source,
+}
+
+impl System {
+    /// Names of the robots that come with the crate; of cables, see [`System::cables`].
+    pub fn built_in() -> Vec<&'static str> {
+        BUILT_IN.iter().map(|b| b.0).collect()
+    }
+
+    /// Names of the cables that come with the crate. Beside [`System::built_in`], they can be named wherever a robot is.
+    pub fn cables() -> Vec<&'static str> {
+        CABLES.iter().map(|c| c.0).collect()
+    }
+
+    /// Specification (TOML) and URDF of a built-in robot, for robots that are made of it.
+    pub fn texts(name: &str) -> Option<(&'static str, &'static str)> {
+        BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
+    }
+
+    /// Its specification as TOML: with `urdf = ...` it may stand beside the file, and be changed.
+    pub fn spec_text(&self) -> String {
+        if self.source != Source::Cable {
+            return toml::to_string(&self.spec).unwrap_or_default();
+        }
+        // Beside `[cable]` stand only the keys that mean something of one.
+        let mut keys = Table::try_from(&self.spec).unwrap_or_default();
+        keys.retain(|key, _| FOREIGN.iter().all(|(foreign, _)| *foreign != key));
+        toml::to_string(&keys).unwrap_or_default()
+    }
+
+    /// Refuses a system that differs from this one in more than numbers: a batch may hold both.
+    ///
+    /// # Errors
+    /// In what.
+    pub fn alike(&self, other: &Self) -> Result<(), String> {
+        let (mine, its) = (&self.robot, &other.robot);
+        let built = |robot: &Robot| -> Vec<_> {
+            let link = |l: &Link| (l.parent, l.joint.as_ref().map(|j| (j.kind, j.mimic().map(|m| m.coordinate))));
+            robot.links.iter().map(link).collect()
+        };
+        if built(mine) != built(its) || mine.floating() != its.floating() {
+            return Err("its links or joints are others".into());
+        }
+        if !mine.contact_points.iter().map(|p| p.link).eq(its.contact_points.iter().map(|p| p.link)) {
+            return Err("its contact points are on other links".into());
+        }
+        if self.frame_time != other.frame_time {
+            return Err(format!("its frame takes {} s, not {} s", other.frame_time, self.frame_time));
+        }
+        Ok(())
+    }
+
+    /// The default state `[q, qd]`, at rest; a root of which nothing is said stands upright at the origin.
+    pub fn default_state(&self) -> Vec<f64> {
+        let mut state = self.robot.zero_state();
+        if let Some(root) = &self.spec.root {
+            state[..3].copy_from_slice(&root.position);
+            state[3..7].copy_from_slice(&root.quaternion);
+        }
+        for (q, joint) in state[self.robot.root_coords()..].iter_mut().zip(self.joint_specs()) {
+            *q = joint.default;
+        }
+        state
+    }
+
+    /// What the specification says of each joint, in the order of the coordinates.
+    pub fn joint_specs(&self) -> impl Iterator<Item = &JointSpec> {
+        self.spec.joints.iter()
+    }
+
+    /// Amplitude of random torques by joint (N m or N).
+    pub fn torque_amplitudes(&self) -> Vec<f64> {
+        self.joint_specs().map(|j| j.torque).collect()
+    }
+
+    /// Gravity (m/s^2).
+    pub fn gravity(&self) -> Vector3<f64> {
+        Vector3::from(self.spec.gravity)
+    }
+
+    /// Names of the robot's own scenes; beside them it has [`WORLDS`], if it has contact points.
+    pub fn scene_names(&self) -> Vec<&str> {
+        std::iter::once("free").chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
+    }
+
+    /// Scenes that motion is judged in: that of the training data if it is one, else all of the robot's.
+    pub fn usual_scenes(&self) -> Vec<&str> {
+        self.spec.data_scene.as_deref().map_or_else(|| self.scene_names(), |scene| vec![scene])
+    }
+
+    /// A scene by name: `free` is empty space, then the robot's own, then [`WORLDS`] of the robot's material.
+    pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
+        let mut scene = Scene::free(self.gravity());
+        if name != "free" {
+            let Some(spec) = self.spec.scenes.iter().find(|s| s.name == name) else {
+                let touches = !self.robot.contact_points.is_empty();
+                let world = world(name, &scene.gravity, self.spec.material).filter(|_| touches);
+                let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches));
+                let mut known = known.collect::<Vec<_>>().join(", ");
+                if !touches {
+                    known += ", since it has nothing to touch with; give it [[contact]] points";
+                }
+                let world = world.ok_or_else(|| SystemError::Scene { robot: self.name.clone(), scene: name.into(), known })?;
+                world.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
+                return Ok(Arc::new(world));
+            };
+            scene = described(spec, &scene.gravity, self.spec.material);
+        }
+        scene.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
+        Ok(Arc::new(scene))
+    }
+}

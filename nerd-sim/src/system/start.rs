@@ -1,0 +1,98 @@
+//! Starts, drawn from the boxes of a specification.
+
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nerd_core::dynamics::Data;
+use nerd_core::state::{quaternion, wrap_state, write_quaternion};
+use rand::Rng;
+
+use super::model::System;
+use super::spec::{RootSpec, RootStart};
+use crate::random::direction;
+use crate::range::Range;
+use crate::scene::contacts;
+
+/// Which of a system's two boxes a start is drawn from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Training data.
+    Sample,
+    /// Evaluation (and tasks).
+    Reset,
+}
+
+impl Start {
+    /// Its name in a specification.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sample => "sample",
+            Self::Reset => "reset",
+        }
+    }
+}
+
+/// Draws after which a specification is said to ask for too much.
+pub(crate) const DRAWS: usize = 10_000;
+
+/// The first of so many starts that stands as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
+/// inside of it.
+pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, draws: usize) -> Option<Vec<f64>> {
+    let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
+    let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
+    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    (0..draws).map(|_| draw(system, which, rng)).find(|state| {
+        contacts(&system.robot, &scene, state, &mut data, &mut events);
+        events.iter().all(|e| e.distance >= least)
+    })
+}
+
+/// How far (m) from the data's scene a start stands at least, where that is asked for.
+pub(crate) fn least_clearance(system: &System, which: Start) -> Option<f64> {
+    let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
+    match &system.spec.root {
+        Some(root) => of(root, which).clearance,
+        None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
+    }
+}
+
+fn of(root: &RootSpec, which: Start) -> &RootStart {
+    match which {
+        Start::Reset => root.reset.as_ref().unwrap_or(&root.sample),
+        Start::Sample => &root.sample,
+    }
+}
+
+pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
+    let robot = &system.robot;
+    let mut state = robot.zero_state();
+    let (coords, nq, rates) = (robot.root_coords(), robot.nq(), robot.nq() + robot.root_dofs());
+    if let Some(root) = &system.spec.root {
+        let laws = of(root, which);
+        let mut vector = |laws: &[Range; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
+        let (p, w, v) = (vector(&laws.position), vector(&laws.angular), vector(&laws.linear));
+        let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(direction(rng)), laws.tilt.draw(rng));
+        let pose = quaternion(&root.quaternion) * turn;
+        state[..3].copy_from_slice(p.as_slice());
+        write_quaternion(&mut state[3..7], &pose);
+        write_twist(&mut state[nq..rates], (&p, &pose), (&w, &v));
+    }
+    let specs = &system.spec.joints;
+    let laws = |i: usize| if which == Start::Sample { &specs[i].sample } else { &specs[i].reset };
+    for i in 0..specs.len() {
+        state[coords + i] = laws(i).q.draw(rng);
+        if let Some(other) = laws(i).minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name)) {
+            state[coords + i] -= state[coords + other];
+        }
+    }
+    for i in 0..specs.len() {
+        state[rates + i] = laws(i).qd.draw(rng);
+    }
+    wrap_state(robot, &mut state);
+    state
+}
+
+/// A root's twist about the world's origin, of its place and its velocities (angular, linear) in body axes.
+pub(crate) fn write_twist(out: &mut [f64], (p, pose): (&Vector3<f64>, &UnitQuaternion<f64>), (w, v): (&Vector3<f64>, &Vector3<f64>)) {
+    let w = pose * w;
+    out[..3].copy_from_slice(w.as_slice());
+    out[3..].copy_from_slice((pose * v + p.cross(&w)).as_slice());
+}

@@ -1,0 +1,235 @@
+//! What a specification may say: ranges with their units, names, and what must fit the robot. One place for all of it, so
+//! that what is accepted can be simulated and sampled.
+//!
+//! Ends of ranges lie far beyond any robot, and near enough that products of a few such numbers are finite.
+
+use std::collections::HashSet;
+
+use nerd_core::robot::{JointKind, Robot};
+
+use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
+use crate::range::{law, within};
+use crate::scene::WORLDS;
+
+/// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.
+pub(crate) const MOST_SUBSTEPS: usize = 100_000;
+/// Farthest place (m).
+const FAR: f64 = 1e7;
+/// Largest angle, length of a joint, radius (rad or m).
+const WIDE: f64 = 1e6;
+/// Largest speed (rad/s or m/s).
+const FAST: f64 = 1e6;
+/// Largest force, stiffness or damping in its unit.
+const STRONG: f64 = 1e9;
+/// Columns of the tables of trajectories that no coordinate may be called.
+pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];
+
+/// Says what is wrong with a specification of `robot`, with the key, what it is and what is needed.
+pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
+    within(format!("frame_time = {:?}", spec.frame_time), spec.seconds(), 1e-6..=1.0, "s")?;
+    within("substeps", spec.substeps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+    vector("gravity", &spec.gravity, 1e3, "m/s^2")?;
+    let gravity = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    if spec.gravity != [0.0; 3] && gravity < 1e-6 {
+        return Err(format!("gravity is {gravity} m/s^2; say 0, or at least 1e-6, which has a direction"));
+    }
+    spec.material.check().map_err(|e| format!("material: {e}"))?;
+    if let Some(vary) = &spec.vary {
+        vary.check(gravity > 0.0)?;
+    }
+    joints(spec, robot)?;
+    if let Some(control) = &spec.control {
+        self::control(control)?;
+    }
+    match &spec.root {
+        Some(_) if !robot.floating() => return Err("[root] is for a floating robot; set floating = true".into()),
+        Some(root) => self::root(root, spec.data_scene.is_some())?,
+        None => {}
+    }
+    let link = |name: &str| robot.links.iter().any(|l| l.name == name);
+    if let Some(unknown) = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| !link(n)) {
+        return Err(format!("mass_matrix_of names unknown link `{unknown}`"));
+    }
+    for (i, contact) in spec.contacts.iter().enumerate() {
+        let at = |key: &str| format!("[[contact]] {} on link `{}`: {key}", i + 1, contact.link);
+        if !link(&contact.link) {
+            return Err(at("no such link moves"));
+        }
+        vector(&at("point"), &contact.point, WIDE, "m")?;
+        within(at("radius"), contact.radius, 0.0..=WIDE, "m")?;
+        within(at("thickness"), contact.thickness, 0.0..=WIDE, "m")?;
+    }
+    if let Some(plane) = &spec.random_plane {
+        within("random_plane.reach", plane.reach, 0.0..=FAR, "m")?;
+        within("random_plane.clearance", plane.clearance, 0.0..=FAR, "m")?;
+    }
+    if let Some(pegs) = &spec.random_pegs {
+        within("random_pegs.count", pegs.count as f64, 1.0..=100.0, "")?;
+        law("random_pegs.radius", &pegs.radius, 1e-6..=WIDE, "m")?;
+        within("random_pegs.height", pegs.height, 1e-6..=WIDE, "m")?;
+        pegs.at.iter().enumerate().try_for_each(|(i, range)| law(&format!("random_pegs.at[{i}]"), range, -FAR..=FAR, "m"))?;
+    }
+    if let Some(pace) = &spec.smooth {
+        law("smooth", pace, 0.0..=1e6, "s")?;
+        if spec.control.is_some_and(|control| control.data.is_some()) {
+            return Err("smooth: torques come from random gains (control.data); leave one of the two out".into());
+        }
+    }
+    scenes(spec)?;
+    columns(spec, robot)
+}
+
+fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String> {
+    values.iter().enumerate().try_for_each(|(i, x)| within(format!("{key}[{i}]"), *x, -most..=most, unit))
+}
+
+/// No joint is called so. Of a long chain the first ones and the last are told.
+pub(crate) fn no_joint<S: AsRef<str>>(name: &str, known: &[S]) -> String {
+    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+    let told = match &known[..] {
+        [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),
+        all => all.join(", "),
+    };
+    format!("[[joint]] name = {name:?}: the robot has no such moving joint; it has {told}")
+}
+
+/// Every joint of the robot has one entry, in whatever order.
+fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
+    let names = || robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>();
+    let mut seen = HashSet::new();
+    for joint in &spec.joints {
+        let Some(at) = robot.joints().position(|j| j.name == joint.name) else {
+            return Err(no_joint(&joint.name, &names()));
+        };
+        if !seen.insert(joint.name.as_str()) {
+            return Err(format!("[[joint]] name = {:?} stands twice", joint.name));
+        }
+        let modelled = robot.joints().nth(at);
+        self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
+        if joint.limit.is_some() && modelled.is_some_and(|j| j.limit.is_none()) {
+            return Err(format!("[[joint]] name = {:?}: limit, but the URDF has none to give stiffness to", joint.name));
+        }
+    }
+    match names().iter().find(|name| !seen.contains(**name)) {
+        Some(missing) => Err(format!("no [[joint]] has name = {missing:?}")),
+        None => Ok(()),
+    }
+}
+
+/// One joint's entry; `earlier` are the joints before it.
+fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String> {
+    let at = |key: &str| format!("[[joint]] name = {:?}: {key}", joint.name);
+    let unit = |turning, sliding| if slides { sliding } else { turning };
+    let (place, speed, force) = (unit("rad", "m"), unit("rad/s", "m/s"), unit("N m", "N"));
+    let (stiffness, damping) = (unit("N m/rad", "N/m"), unit("N m s/rad", "N s/m"));
+    within(at("default"), joint.default, -WIDE..=WIDE, place)?;
+    within(at("rest"), joint.rest, -WIDE..=WIDE, place)?;
+    for (key, x, most, unit) in [
+        ("armature", Some(joint.armature), 1e6, unit("kg m^2", "kg")),
+        ("stiffness", Some(joint.stiffness), STRONG, stiffness),
+        ("limit.stiffness", joint.limit.map(|l| l.stiffness), STRONG, stiffness),
+        ("limit.damping", joint.limit.map(|l| l.damping), STRONG, damping),
+        ("torque", Some(joint.torque), STRONG, force),
+        ("gain", joint.gain, STRONG, force),
+        ("kp", Some(joint.kp), STRONG, stiffness),
+        ("kd", Some(joint.kd), STRONG, damping),
+    ] {
+        x.map_or(Ok(()), |x| within(at(key), x, 0.0..=most, unit))?;
+    }
+    for (box_, start) in [("sample", &joint.sample), ("reset", &joint.reset)] {
+        law(&at(&format!("{box_}.q")), &start.q, -WIDE..=WIDE, place)?;
+        law(&at(&format!("{box_}.qd")), &start.qd, -FAST..=FAST, speed)?;
+        if let Some(other) = start.minus.as_ref().filter(|name| !earlier.contains(&name.as_str())) {
+            let known = if earlier.is_empty() { "none".into() } else { earlier.join(", ") };
+            return Err(at(&format!("{box_}.minus is {other:?}, which is no earlier joint (earlier is {known})")));
+        }
+    }
+    Ok(())
+}
+
+fn control(control: &ControlSpec) -> Result<(), String> {
+    within("[control] scale", control.scale, -WIDE..=WIDE, "rad or m")?;
+    let Some(gains) = &control.data else { return Ok(()) };
+    law("[control] data.kp", &gains.kp, 0.0..=STRONG, "N m/rad or N/m")?;
+    law("[control] data.kd", &gains.kd, 0.0..=STRONG, "N m s/rad or N s/m")
+}
+
+fn root(root: &RootSpec, has_scene: bool) -> Result<(), String> {
+    vector("[root] position", &root.position, FAR, "m")?;
+    let size = root.quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    within("[root] quaternion's size", size, 1e-3..=1e3, "")?;
+    start("[root.sample]", &root.sample, has_scene)?;
+    root.reset.as_ref().map_or(Ok(()), |reset| start("[root.reset]", reset, has_scene))
+}
+
+fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> {
+    let at = |key: &str| format!("{table} {key}");
+    for (key, laws, most, unit) in
+        [("position", &start.position, FAR, "m"), ("angular", &start.angular, FAST, "rad/s"), ("linear", &start.linear, FAST, "m/s")]
+    {
+        laws.iter().enumerate().try_for_each(|(i, l)| law(&at(&format!("{key}[{i}]")), l, -most..=most, unit))?;
+    }
+    law(&at("tilt"), &start.tilt, -WIDE..=WIDE, "rad")?;
+    let Some(clearance) = start.clearance else { return Ok(()) };
+    within(at("clearance"), clearance, 0.0..=FAR, "m")?;
+    if has_scene { Ok(()) } else { Err(at("asks for clearance, but no data_scene says from what")) }
+}
+
+/// Whether a name may be part of a file's name and of a list between commas.
+fn plain(name: &str) -> bool {
+    name.starts_with(char::is_alphanumeric) && name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
+}
+
+fn scenes(spec: &Spec) -> Result<(), String> {
+    let mut seen: HashSet<&str> = WORLDS.into_iter().chain(["free"]).collect();
+    for scene in &spec.scenes {
+        let at = |key: &str| format!("[[scene]] name = {:?}: {key}", scene.name);
+        if scene.name.trim().is_empty() || !seen.insert(&scene.name) {
+            return Err(at(&format!("a name of its own is needed (taken are free, {} and those of other scenes)", WORLDS.join(", "))));
+        }
+        if !plain(&scene.name) {
+            return Err(at("files are called by it; letters, digits, `-`, `_` and `.` are allowed, a letter or digit first"));
+        }
+        within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
+        vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
+        for b in &scene.boxes {
+            b.size.iter().enumerate().try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
+            vector(&at("box.at"), &b.at, FAR, "m")?;
+            within(at("box.turn"), b.turn, -WIDE..=WIDE, "rad")?;
+        }
+        for peg in &scene.pegs {
+            within(at("peg.radius"), peg.radius, 1e-6..=WIDE, "m")?;
+            within(at("peg.height"), peg.height, 1e-6..=WIDE, "m")?;
+            vector(&at("peg.at"), &peg.at, FAR, "m")?;
+        }
+        if let Some(m) = &scene.material {
+            m.check().map_err(|e| at(&format!("material: {e}")))?;
+        }
+    }
+    Ok(())
+}
+
+/// Columns are told apart by their names, and torques by names that begin with `tau` where a file has other ones.
+fn columns(spec: &Spec, robot: &Robot) -> Result<(), String> {
+    let mut seen = HashSet::new();
+    for (key, names, wanted) in
+        [("state_columns", &spec.state_columns, robot.state_dim()), ("torque_columns", &spec.torque_columns, robot.joint_count())]
+    {
+        if names.len() != wanted {
+            return Err(format!("{key}: {} entries, the robot needs {wanted}", names.len()));
+        }
+        for name in names {
+            let wrong = |why: &str| Err(format!("{key}: {name:?} {why}; say `column` in [[joint]] or give other {key}"));
+            if name.is_empty() || name.trim() != name {
+                return wrong("is empty or has blanks at an end");
+            }
+            if RESERVED.contains(&name.as_str()) || key == "state_columns" && name.starts_with("tau") {
+                return wrong("is the name of another column of tables");
+            }
+            if !seen.insert(name) {
+                return wrong("stands twice");
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,12 @@
+//! The articulated solver and the scenes that it meets, against closed forms and textbook values.
+
+mod convergence;
+mod drives;
+#[cfg(feature = "rapier")]
+mod forces;
+mod friction;
+mod joints;
+mod limits;
+mod standing;
+mod touching;
+mod worlds;

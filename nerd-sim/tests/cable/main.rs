@@ -1,0 +1,5 @@
+//! Cables: against theory, and what their files may say.
+
+mod beam;
+mod file;
+mod twist;

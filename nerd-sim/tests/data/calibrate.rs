@@ -1,0 +1,120 @@
+//! Calibration finds what made the measurements, and says what they do not determine.
+
+use std::sync::Arc;
+
+use crate::tossed::{cube, header, text, tosses, write};
+use nerd_sim::calibrate::*;
+use nerd_sim::log::Log;
+use nerd_sim::prelude::*;
+
+/// A cube as described, on its table.
+fn subject(system: &Arc<System>) -> Subject {
+    // As the tosses were made: another number of substeps is another friction by some percent.
+    let implicit = ArticulatedConfig::implicit(16, Friction::Coulomb);
+    Subject::new(system, "ground", Engine::Articulated(implicit)).expect("a table")
+}
+
+fn parameters(system: &System, names: &[&str]) -> Vec<Parameter> {
+    names.iter().map(|name| Parameter::named(system, name).expect("a parameter")).collect()
+}
+
+/// Tosses of a cube with these values, read as a log of the cube as described.
+fn log(names: &[&str], values: &[f64]) -> Log {
+    let described = subject(&cube());
+    let truth = described.with(&parameters(&cube(), names), values).expect("values");
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), &text(&tosses(&truth.system, 12, 60)), header());
+    Log::read(&folder.path().join("cube.log.toml"), None).expect("a log")
+}
+
+#[test]
+fn a_shifted_mass_and_a_smooth_table_are_found() {
+    let (names, truth) = (["com.z", "friction"], [0.008, 0.3]);
+    let log = log(&names, &truth);
+    let subject = self::subject(&log.system);
+    let trials = log.trials(40, 20);
+    let chosen = parameters(&log.system, &names);
+    let config = FitConfig { evaluations: 400, trials: 24, seed: 1 };
+    let mut told = 0;
+    let fit = subject.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
+    println!("{:?}, objective {}", fit.values, fit.objective);
+    let off = [(fit.values[0] - truth[0]).abs(), (fit.values[1] - truth[1]).abs()];
+    assert!(off[0] < 5e-4 && off[1] < 0.01, "{off:?} from what made the measurements (m, 1)");
+    assert!(fit.after.position < 0.2 * fit.before.position, "{:?} of {:?}", fit.after, fit.before);
+    assert!(told >= 300, "progress ended at {told}");
+    // Along a parameter the objective is least where the fit stands.
+    let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
+    for (profile, value) in profiles.iter().zip(&fit.values) {
+        let least = profile.iter().min_by(|a, b| a[1].total_cmp(&b[1])).expect("places");
+        assert!(profile.len() == 6 && (least[0] - value).abs() < 1e-9, "{profile:?} is least at {}, not {value}", least[0]);
+    }
+}
+
+#[test]
+fn twice_the_size_under_twice_the_gravity_moves_alike() {
+    let mut system = (*System::named("pendulum").expect("a robot")).clone();
+    system.robot.joints_mut().for_each(|j| (j.damping, j.armature) = (0.0, 0.0));
+    let system = Arc::new(system);
+    let own = Subject::new(&system, "free", Engine::Articulated(ArticulatedConfig::converged(Friction::Coulomb))).expect("a scene");
+    let g = system.gravity().norm();
+    let large = own.with(&parameters(&system, &["size", "gravity"]), &[2.0, 2.0 * g]).expect("values");
+    let start = vec![0.3, -0.7, 0.5, 1.0];
+    let torques = vec![vec![0.0; 2]; 60];
+    let trial = Trial { id: 0, measured: vec![start[..2].to_vec(); 61], start, torques };
+    let last = |s: &Subject| s.roll(std::slice::from_ref(&trial)).expect("a rollout")[0][60].clone();
+    let (a, b) = (last(&own), last(&large));
+    let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-9 && (a[0] - 0.3).abs() > 0.1, "{off:e} rad apart after a second: {a:?}, {b:?}");
+}
+
+/// Rounded corners touch the planes that sharp ones touched; nominal values change nothing.
+#[test]
+fn values_mean_what_they_say() {
+    let system = cube();
+    let subject = self::subject(&system);
+    let all = Parameter::usual(&system, "ground", false).expect("parameters");
+    let nominal: Vec<f64> = all.iter().map(|p| p.nominal).collect();
+    let same = subject.with(&all, &nominal).expect("values");
+    assert_eq!(format!("{:?}", same.system.robot), format!("{:?}", system.robot), "nominal values change the robot");
+    for p in &all {
+        assert!(p.low <= p.nominal && p.nominal <= p.high, "{p:?}");
+        for x in [0.0, 0.3, 1.0] {
+            assert!((p.place(p.at(x)) - x).abs() < 1e-12, "{}: {x} becomes {}", p.name, p.place(p.at(x)));
+        }
+    }
+    let rounded = subject.with(&parameters(&system, &["rounding"]), &[0.004]).expect("values");
+    for (sharp, round) in system.robot.contact_points.iter().zip(&rounded.system.robot.contact_points) {
+        for axis in 0..3 {
+            let [sharp, round] = [sharp, round].map(|p| p.local[axis].abs() + p.radius);
+            assert!((round - sharp).abs() < 1e-12, "a corner reaches {round} m, a sharp one {sharp} m");
+        }
+    }
+    for (name, what) in [("colour", "known are friction"), ("com.x:wheel", "LINK of cube"), ("joint-damping:knee", "no parameter")] {
+        let said = Parameter::named(&system, name).expect_err("an error").to_string();
+        assert!(said.contains(what) && !said.contains('\n'), "{said}");
+    }
+    // A raised table is shifted from where it stands.
+    let raised = subject.with(&parameters(&system, &["height", "tilt.x"]), &[0.01, 0.02]).expect("values");
+    let spec = &raised.system.spec.scenes[0].plane;
+    assert_eq!((spec.height, spec.angles[0]), (0.01, 0.02));
+    let twice = raised.with(&parameters(&system, &["height"]), &[0.01]).expect("values");
+    assert_eq!(twice.system.spec.scenes[0].plane.height, 0.02);
+    assert!(subject.with(&parameters(&system, &["friction"]), &[0.3]).is_ok_and(|s| s.system.spec.material.friction == 0.3));
+    assert!(Parameter::named(&system, "friction:moon").is_err());
+    let restitution = parameters(&system, &["restitution"]);
+    assert!(subject.with(&restitution, &[0.1]).is_err_and(|e| e.to_string().contains("restitution")));
+    assert!(subject.fit(&all, &[], FitConfig::default(), &mut |_, _| ()).is_err_and(|e| e.to_string().contains("no trials")));
+}
+
+/// An arm that rapier refuses, since its joint has dry friction, is no arm that stands still.
+#[test]
+fn what_a_solver_refuses_is_an_error() {
+    let urdf = include_str!("../../assets/logs/elbow.urdf").replace("friction=\"0\"", "friction=\"0.001\"");
+    let system = Arc::new(System::from_text("elbow", &urdf, Some(include_str!("../../assets/logs/elbow.toml"))).expect("an elbow"));
+    let state = system.default_state();
+    let trial = Trial { id: 0, measured: vec![state[..8].to_vec(); 3], torques: vec![vec![0.0]; 2], start: state };
+    let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
+    let said = subject.distances(&[trial]).expect_err("an error").to_string();
+    assert!(said.contains("friction"), "{said}");
+    assert!(Parameter::usual(&system, "ground", true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
+}

@@ -1,0 +1,121 @@
+//! Outputs are whole, go where they are sent, and leave nothing behind.
+
+use std::io::{Error, ErrorKind, Write};
+use std::path::Path;
+
+use nerd_sim::files::{claim, read_text, share, write, write_with};
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder).expect("folder").map(|e| e.expect("entry").file_name().into_string().expect("utf-8")).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn what_killed_writers_left_is_removed_and_what_living_ones_write_is_not() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path().join("out.txt");
+    // As a kill within a write leaves it.
+    std::fs::write(folder.path().join(".nerd-dead.tmp"), b"half").expect("written");
+    std::fs::write(folder.path().join(".other.tmp"), b"not ours").expect("written");
+    write_with(&path, |file| {
+        file.write_all(b"outer")?;
+        assert_eq!(names(folder.path()).len(), 2, "the dead writer's file should be gone, ours and the other's be there");
+        // Another writer comes and goes while this one is at work.
+        write(&folder.path().join("inner.txt"), b"inner")
+    })
+    .expect("written");
+    assert_eq!(names(folder.path()), [".other.tmp", "inner.txt", "out.txt"]);
+    assert_eq!(std::fs::read(&path).expect("read"), b"outer");
+}
+
+#[test]
+fn many_writers_of_one_folder_do_not_disturb_each_other() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    std::thread::scope(|scope| {
+        for writer in 0..8u8 {
+            let path = folder.path().join(format!("{}.bin", writer % 4));
+            scope.spawn(move || (0..50).for_each(|_| write(&path, &[writer; 5000]).expect("written")));
+        }
+    });
+    assert_eq!(names(folder.path()), ["0.bin", "1.bin", "2.bin", "3.bin"]);
+    for (k, name) in names(folder.path()).iter().enumerate() {
+        let bytes = std::fs::read(folder.path().join(name)).expect("read");
+        assert!(bytes.len() == 5000 && bytes.iter().all(|b| *b == bytes[0] && usize::from(*b) % 4 == k), "{name} is mixed");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn symbolic_links_stay_and_lead_to_what_is_written() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir(at("far")).expect("made");
+    symlink("far/there.txt", at("one")).expect("linked");
+    symlink(at("one"), at("two")).expect("linked");
+    for text in [b"first", b"again"] {
+        write(&at("two"), text).expect("written");
+        assert_eq!(std::fs::read(at("far/there.txt")).expect("read"), text);
+    }
+    assert!(["one", "two"].iter().all(|link| std::fs::symlink_metadata(at(link)).expect("there").is_symlink()));
+    symlink("loop", at("loop")).expect("linked");
+    assert!(write(&at("loop"), b"").is_err());
+}
+
+#[test]
+fn a_folder_is_claimed_once_and_an_empty_one_goes_again() {
+    let above = tempfile::tempdir().expect("temporary folder");
+    let folder = above.path().join("out");
+    let first = claim(&folder).expect("free");
+    let error = claim(&folder).expect_err("in use");
+    assert!(error.kind() == ErrorKind::WouldBlock && error.to_string().contains("out is in use"), "{error}");
+    drop(first);
+    assert!(!folder.exists(), "an empty folder is left");
+    let second = claim(&folder).expect("free again");
+    write(&folder.join("result.txt"), b"result").expect("written");
+    drop(second);
+    assert_eq!(names(&folder), ["result.txt"]);
+    // One that was there stays, empty or not.
+    std::fs::create_dir(above.path().join("there")).expect("made");
+    drop(claim(&above.path().join("there")).expect("free"));
+    assert!(above.path().join("there").exists());
+    // Some may have it together, but nobody else then.
+    let both = [share(&folder).expect("free"), share(&folder).expect("shared")];
+    assert!(claim(&folder).is_err(), "one of its own beside those who share");
+    drop(both);
+    let alone = claim(&folder).expect("free");
+    assert!(share(&folder).is_err(), "shared with one of its own");
+    drop(alone);
+    // Folders above one, made with it, go with it.
+    drop(claim(&above.path().join("a/b/c")).expect("free"));
+    assert!(!above.path().join("a").exists(), "empty folders stay");
+    // Of many at once one at a time has it.
+    let (inside, most) = (std::sync::atomic::AtomicI32::new(0), std::sync::atomic::AtomicI32::new(0));
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| {
+                for _ in 0..200 {
+                    if let Ok(_claim) = claim(&above.path().join("race")) {
+                        most.fetch_max(1 + inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst), std::sync::atomic::Ordering::SeqCst);
+                        inside.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
+                    }
+                }
+            });
+        }
+    });
+    assert_eq!(most.into_inner(), 1, "claims at once");
+}
+
+#[test]
+fn a_text_that_is_none_is_told_with_its_place() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path().join("text");
+    std::fs::write(&path, b"one\ntwo \xff").expect("written");
+    let error = read_text(&path).expect_err("no text");
+    assert!(error.to_string().contains("byte 8, line 2"), "{error}");
+    let full = |file: &mut dyn Write| file.write_all(b"ha").and(Err(Error::other("disk full")));
+    assert!(write_with(&path, full).expect_err("full").to_string().contains("disk full"));
+    assert_eq!(names(folder.path()), ["text"]);
+}

@@ -1,0 +1,180 @@
+//! Measurements as people keep them: what is read, what is tidied up and said, and what is refused with a line that says where.
+//! The measurements are made by a solver, so that every number is known.
+
+use std::path::Path;
+
+use crate::tossed::{Toss, cube, header, stamp, text, tosses, write};
+use nerd_sim::log::Log;
+use nerd_sim::prelude::*;
+
+fn read(folder: &Path) -> Log {
+    Log::read(&folder.join("cube.log.toml"), None).expect("a log")
+}
+
+/// A TOML that names no velocities.
+fn bare() -> String {
+    header().replace("velocity = [\"vx\", \"vy\", \"vz\"]\n", "").replace("angular = [\"wx\", \"wy\", \"wz\"]\n", "")
+}
+
+fn refusal(folder: &Path) -> String {
+    let error = Log::read(&folder.join("cube.log.toml"), None).map(|_| ()).expect_err("an error").to_string();
+    assert!(!error.contains('\n'), "one line: {error}");
+    error
+}
+
+/// The table of these tosses with every line changed, read.
+fn folder(rows: &str, toml: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), rows, toml);
+    folder
+}
+
+#[test]
+fn states_come_back_as_a_solver_had_them() {
+    let all = tosses(&cube(), 3, 60);
+    let log = read(folder(&text(&all), header()).path());
+    assert_eq!(log.trajectories.len(), 3);
+    assert!(log.notes.is_empty(), "{:?}", log.notes);
+    for (toss, found) in all.iter().zip(&log.trajectories) {
+        let apart = toss.states.iter().flatten().zip(found.states.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(found.states.len() == 60 && apart < 1e-5, "toss {}: {apart} from what was written", toss.id);
+    }
+}
+
+#[test]
+fn what_is_missing_is_made_and_said() {
+    let all = tosses(&cube(), 2, 60);
+    let log = read(folder(&text(&all), &bare()).path());
+    assert!(log.notes.iter().any(|n| n.contains("central differences")), "{:?}", log.notes);
+    let speed = |s: &[f64]| (s[7].powi(2) + s[8].powi(2) + s[9].powi(2)).sqrt();
+    let (told, made) = (speed(&all[0].states[4]), speed(&log.trajectories[0].states[4]));
+    assert!((told - made).abs() < 0.02 * told, "spin {made} rad/s from differences, {told} in truth");
+
+    let gap: Vec<Toss> = all.iter().map(|t| Toss { skip: 30..34, ..t.clone() }).collect();
+    let log = read(folder(&text(&gap), header()).path());
+    assert_eq!(log.trajectories.len(), 4, "each cut in two: {:?}", log.notes);
+    assert!(log.notes.iter().any(|n| n.contains("2 gaps") && n.contains("line 32")), "{:?}", log.notes);
+
+    let slow: Vec<Toss> = all.iter().map(|t| Toss { stride: 2, ..t.clone() }).collect();
+    let log = read(folder(&text(&slow), header()).path());
+    assert!(log.notes.iter().any(|n| n.contains("resampled")), "{:?}", log.notes);
+    let (a, b) = (&all[0].states[5], &log.trajectories[0].states[5]);
+    assert!((a[2] - b[2]).abs() < 1e-3 && log.trajectories[0].states.len() == 59, "{} m for {} m between two rows", b[2], a[2]);
+}
+
+#[test]
+fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
+    let mut all = tosses(&cube(), 2, 60);
+    all.push(Toss { id: 9, turned: 1.1, ..all[0].clone() });
+    let log = read(folder(&text(&all), header()).path());
+    assert_eq!(log.trajectories.iter().map(|t| t.id).collect::<Vec<_>>(), [0, 1], "{:?}", log.notes);
+    assert!(log.notes[0].starts_with("1 of 3"), "{:?}", log.notes);
+
+    let held: Vec<Toss> = all[..2].iter().map(|t| Toss { held: 20, ..t.clone() }).collect();
+    let log = read(folder(&text(&held), header()).path());
+    assert!(log.notes.iter().any(|n| n.starts_with("2 trajectories do not fall freely")), "{:?}", log.notes);
+    let left = log.trajectories[0].states.len();
+    // Where falling begins is known to half of the 12 frames that tell a fall.
+    assert!((54..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
+}
+
+/// Lines that say what and where, and what would be right.
+#[test]
+fn what_cannot_be_right_is_refused() {
+    let all = tosses(&cube(), 3, 60);
+    let good = text(&all);
+    let changed = |f: &dyn Fn(&mut Vec<f64>)| {
+        let mut lines = good.lines();
+        let mut out = format!("{}\n", lines.next().unwrap_or_default());
+        for line in lines {
+            let mut x: Vec<f64> = line.split(',').map(|c| c.parse().expect("a number")).collect();
+            f(&mut x);
+            out += &format!("{}\n", x.iter().map(f64::to_string).collect::<Vec<_>>().join(","));
+        }
+        out
+    };
+    let rates = |k: f64| changed(&|x| x[12..15].iter_mut().for_each(|w| *w *= k));
+    let cases: [(&str, String, String, &[&str]); 15] = [
+        ("a column", good.replace("vz", "up"), header().into(), &["cube.csv", "column `vz`"]),
+        ("the order", good.clone(), header().replace("wxyz", "xyzw"), &["qw, qx, qy, qz", "order = \"wxyz\""]),
+        ("the axes", good.clone(), header().replace("\"body\"", "\"world\""), &["wx, wy, wz", "axes = \"body\""]),
+        ("degrees", rates(180.0 / std::f64::consts::PI), header().into(), &["wx, wy, wz", "degrees taken for radians"]),
+        ("radians", good.clone(), header().replace("[root]", "units = { angle = \"deg\" }\n[root]"), &["radians taken for degrees"]),
+        ("speeds in mm/s", changed(&|x| x[9..12].iter_mut().for_each(|v| *v *= 1e3)), header().into(), &["vx, vy, vz", "1000"]),
+        ("mm", changed(&|x| (2..5).chain(9..12).for_each(|k| x[k] *= 1e3)), header().into(), &["a factor of 1000"]),
+        ("time", good.replacen(&stamp(0, 7), &stamp(0, 1), 1), header().into(), &["line 9", "time must go on"]),
+        ("a cut file", good[..good.len() - 40].into(), header().into(), &["cube.csv"]),
+        ("no number", good.replacen(&stamp(0, 3), "0,nan", 1), header().into(), &["line 5", "column `t`"]),
+        ("s told as ns", good.clone(), header().replace("[root]", "units = { time = \"ns\" }\n[root]"), &["columns vx, vy, vz"]),
+        ("us told as s", changed(&|x| x[1] *= 1e6), bare(), &["line 2", "units.time"]),
+        ("a column twice", good.clone(), header().replace("\"py\"", "\"px\""), &["`px`", "two things"]),
+        ("a huge number", changed(&|x| x[2] = 1e300), header().into(), &["line 2", "at most"]),
+        ("a key", good.clone(), header().replace("time =", "clock ="), &["cube.log.toml", "clock"]),
+    ];
+    for (what, rows, toml, words) in cases {
+        let said = refusal(folder(&rows, &toml).path());
+        assert!(words.iter().all(|word| said.contains(word)), "{what}: `{said}` does not say {words:?}");
+    }
+}
+
+/// A slider in millimetres, and a hinge that passes pi: written with all its turns and without rates.
+#[test]
+fn joints_have_units_of_their_own_and_no_seams() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let toml = "file = \"c.csv\"\nrobot = \"cartpole\"\nscene = \"free\"\ntime = \"t\"\nunits = { length = \"mm\", angle = \"deg\" }\n\
+                [[joint]]\nname = \"NAME0\"\nposition = \"x\"\n[[joint]]\nname = \"NAME1\"\nposition = \"a\"\n";
+    let system = System::named("cartpole").expect("a robot");
+    let names: Vec<&str> = system.robot.joints().map(|j| j.name.as_str()).collect();
+    let toml = toml.replace("NAME0", names[0]).replace("NAME1", names[1]);
+    let mut rows = String::from("t,x,a\n");
+    let (dt, speed, spin) = (system.frame_time, 0.5, 9.0);
+    for k in 0..80 {
+        let t = f64::from(k) * dt;
+        // Kept in [-180, 180), as some encoders do.
+        let angle = ((spin * t).to_degrees() + 180.0).rem_euclid(360.0) - 180.0;
+        rows += &format!("{t:.9},{:.9},{angle:.9}\n", 1000.0 * speed * t);
+    }
+    std::fs::write(folder.path().join("c.csv"), rows).expect("written");
+    std::fs::write(folder.path().join("c.log.toml"), toml).expect("written");
+    let log = Log::read(&folder.path().join("c.log.toml"), None).expect("a log");
+    for state in &log.trajectories[0].states {
+        let off = [(state[2] - speed).abs(), (state[3] - spin).abs()];
+        assert!(off[0] < 1e-6 && off[1] < 1e-6, "rates {} m/s and {} rad/s, {speed} and {spin} in truth", state[2], state[3]);
+    }
+}
+
+/// Long rests, whose rates are noise, say nothing of those of the motion.
+#[test]
+fn rest_refuses_nothing() {
+    let mut all = tosses(&cube(), 3, 60);
+    for toss in &mut all {
+        let mut last = toss.states[59].clone();
+        last[7..].fill(0.0);
+        for k in 0..150 {
+            let mut state = last.clone();
+            state[0] += if k % 2 == 0 { 1e-4 } else { -1e-4 };
+            toss.states.push(state);
+        }
+    }
+    let log = read(folder(&text(&all), header()).path());
+    assert_eq!(log.trajectories[0].states.len(), 210);
+}
+
+/// A scale of length that is 2 % short is worth a line, no more.
+#[test]
+fn free_fall_tells_the_scale() {
+    let log = read(folder(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf")).path());
+    assert!(log.notes.iter().any(|n| n.contains("free fall is 9.81") && n.contains("gravity is 10.000")), "{:?}", log.notes);
+}
+
+/// The sample that comes with the crate.
+#[test]
+fn the_sample_is_read() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/logs/cube.log.toml");
+    let log = Log::read(&path, None).expect("the sample");
+    assert_eq!((log.trajectories.len(), log.system.robot.contact_points.len()), (10, 8));
+    assert!(log.notes.iter().any(|n| n.contains("free fall is 9.6")), "{:?}", log.notes);
+    assert!(log.trajectories.iter().all(|t| t.states.iter().flatten().all(|x| x.is_finite())));
+    let system: &System = &log.system;
+    assert!((system.frame_time - 1.0 / 148.0).abs() < 1e-12);
+}

@@ -1,0 +1,13 @@
+//! What is written and read: data sets, tables, measured trajectories, and fits to them.
+
+#[cfg(all(feature = "calibrate", feature = "rapier"))]
+mod calibrate;
+mod dataset;
+mod files;
+#[cfg(feature = "csv")]
+mod log;
+mod motions;
+#[cfg(feature = "csv")]
+mod rollout;
+#[cfg(feature = "csv")]
+mod tossed;

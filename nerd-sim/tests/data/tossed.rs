@@ -1,0 +1,115 @@
+//! Tosses of the sample's cube made by a solver, and written as people write measurements.
+#![allow(dead_code)]
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use nerd_core::dynamics::to_local;
+use nerd_core::state::{quaternion, vector};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{normal, stream};
+use nerd_sim::suite::bodies::Body;
+
+/// One toss, and what is done to it as it is written.
+#[derive(Clone, Debug)]
+pub struct Toss {
+    pub id: u64,
+    pub states: Vec<Vec<f64>>,
+    /// Turned by so much about the vertical.
+    pub turned: f64,
+    /// Every so many states.
+    pub stride: usize,
+    /// But not these.
+    pub skip: Range<usize>,
+    /// After being held where it begins for so many frames.
+    pub held: usize,
+}
+
+/// The sample's cube.
+pub fn cube() -> Arc<System> {
+    System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/cube.urdf")).expect("the sample's cube")
+}
+
+/// Tosses of so many frames.
+pub fn tosses(system: &Arc<System>, count: u64, frames: usize) -> Vec<Toss> {
+    let scene = system.scene("ground").expect("a table");
+    let mut solver = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
+    let toss = |id: u64| {
+        let mut rng = stream(7, id);
+        let mut draw = |scale: f64| [0; 3].map(|_| scale * normal(&mut rng));
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::from(draw(1.0)));
+        let [w, v] = [draw(4.0), draw(0.5)];
+        let start = Body::state([0.1, -0.2, 0.25], [turn.i, turn.j, turn.k, turn.w], w, [v[0], v[1], 0.3]);
+        let mut batch = Batch::new(system, &scene, 1);
+        batch.reset(0, &start);
+        let mut states = vec![batch.state(0).to_vec()];
+        while states.len() < frames {
+            solver.step(&mut batch, &[]).expect("a frame");
+            states.push(batch.state(0).to_vec());
+        }
+        Toss { id, states, turned: 0.0, stride: 1, skip: 0..0, held: 0 }
+    };
+    (0..count).map(toss).collect()
+}
+
+/// How the row of a frame begins.
+pub fn stamp(id: u64, frame: usize) -> String {
+    format!("{id},{:.9}", frame as f64 / 148.0)
+}
+
+/// As a table.
+pub fn text(tosses: &[Toss]) -> String {
+    let system = cube();
+    let mut out = String::from("toss,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n");
+    for toss in tosses {
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), toss.turned);
+        let first = toss.states.iter().take(1).cycle().take(toss.held).enumerate().map(|(k, s)| (k, s, true));
+        let rest = toss.states.iter().enumerate().step_by(toss.stride).filter(|(k, _)| !toss.skip.contains(k));
+        for (frame, state, still) in first.chain(rest.map(|(k, s)| (k + toss.held, s, false))) {
+            let (q, mut qd) = (&state[..7], state[7..].to_vec());
+            to_local(&system.robot, q, &mut qd);
+            if still {
+                qd.fill(0.0);
+            }
+            let (p, turn) = (yaw * vector(q), yaw * quaternion(&q[3..]));
+            let (w, v) = (quaternion(&q[3..]).inverse() * vector(&qd), yaw * vector(&qd[3..]));
+            let mut row = vec![stamp(toss.id, frame)];
+            let x = [p.as_slice(), &[turn.w, turn.i, turn.j, turn.k], v.as_slice(), w.as_slice()].concat();
+            row.extend(x.iter().map(|x| format!("{x:.9}")));
+            out += &format!("{}\n", row.join(","));
+        }
+    }
+    out
+}
+
+/// The TOML that describes it.
+pub fn header() -> &'static str {
+    r#"file = "cube.csv"
+robot = "cube.urdf"
+trajectory = "toss"
+time = "t"
+[root]
+position = ["px", "py", "pz"]
+quaternion = ["qw", "qx", "qy", "qz"]
+order = "wxyz"
+velocity = ["vx", "vy", "vz"]
+angular = ["wx", "wy", "wz"]
+axes = "body"
+"#
+}
+
+/// Writes a table with its TOML and robots into a folder.
+pub fn write(folder: &Path, rows: &str, toml: &str) {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/logs");
+    let robot = |file: &str| std::fs::read_to_string(assets.join(file)).expect("an asset");
+    let put = |file: &str, text: &str| std::fs::write(folder.join(file), text).expect("written");
+    put("cube.csv", rows);
+    put("cube.log.toml", toml);
+    for name in ["cube", "heavy"] {
+        put(&format!("{name}.urdf"), &robot("cube.urdf"));
+        let gravity = if name == "heavy" { "-10.0" } else { "-9.81" };
+        put(&format!("{name}.toml"), &robot("cube.toml").replace("-9.81", gravity));
+    }
+}

@@ -1,0 +1,117 @@
+//! Instruments around a solver change what they say and nothing else.
+
+use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Shaken, Timed};
+use nerd_sim::prelude::*;
+use nerd_sim::suite::bodies::Body;
+
+fn batch(n: usize) -> Batch {
+    let system = System::named("pendulum").expect("built in");
+    let mut batch = Batch::new(&system, &system.scene("ground1").expect("ground"), n);
+    (0..n).for_each(|env| batch.reset(env, &[0.1 * env as f64, 0.2, 0.0, 0.0]));
+    batch
+}
+
+fn paper(system: &System) -> Articulated {
+    Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))
+}
+
+#[test]
+fn timed_and_recorded_motion_is_the_same_and_replays() {
+    let (mut bare, mut watched, mut again) = (batch(3), batch(3), batch(3));
+    let (mut solver, mut instrument) = (paper(&bare.system), Timed::new(Recorder::new(paper(&bare.system))));
+    for _ in 0..20 {
+        solver.step(&mut bare, &[0.0; 6]).expect("a frame");
+        instrument.step(&mut watched, &[0.0; 6]).expect("a frame");
+    }
+    assert_eq!(bare.states, watched.states);
+    assert!(!instrument.spent.is_zero());
+    let frames = instrument.solver.frames;
+    let mut replay = Replay::new(&frames);
+    (0..20).for_each(|_| replay.step(&mut again, &[0.0; 6]).expect("a recorded frame"));
+    assert_eq!((&again.states, &again.frames), (&bare.states, &bare.frames));
+    let refused = replay.step(&mut again, &[0.0; 6]).expect_err("no frame is left").to_string();
+    assert!(refused.contains("frame 20") && refused.contains("only 20"), "{refused}");
+    let refused = Replay::new(&frames).step(&mut batch(2), &[0.0; 4]).expect_err("another batch").to_string();
+    assert!(refused.contains("12 numbers") && refused.contains("has 8"), "{refused}");
+}
+
+/// A frame in which one environment is set aside is a frame of the others.
+#[test]
+fn a_recorder_misses_no_frame() {
+    let mut batch = batch(2);
+    batch.state_mut(1)[0] = f64::NAN;
+    let mut recorder = Recorder::new(paper(&batch.system));
+    for _ in 0..5 {
+        recorder.step(&mut batch, &[0.0; 4]).expect_err("environment 1 is no number");
+    }
+    assert_eq!(recorder.frames.len(), 5);
+    assert!(recorder.frames[4][1] != recorder.frames[3][1], "environment 0 moves");
+}
+
+#[test]
+fn shaking_is_normal_and_repeats() {
+    let run = |seed: u64| {
+        let mut batch = batch(500);
+        Shaken::new(Hold, 0.1, seed).step(&mut batch, &[0.0; 1000]).expect("a frame");
+        batch.states
+    };
+    let states = run(3);
+    assert!(states == run(3) && states != run(4));
+    let noise: Vec<f64> = states.chunks_exact(4).flat_map(|s| &s[2..]).copied().collect();
+    let spread = (noise.iter().map(|x| x * x).sum::<f64>() / noise.len() as f64).sqrt();
+    // 1000 numbers: the standard deviation's own is 2.2 %.
+    assert!((spread / 0.1 - 1.0).abs() < 0.1, "standard deviation {spread}, 0.1 asked for");
+}
+
+/// A ball that flies and spins without gravity keeps both velocities: gliding is exact there.
+#[test]
+fn gliding_is_exact_where_nothing_pulls() {
+    let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), gravity: 0.0, ..Default::default() }.system().expect("a ball");
+    let mut glided = Batch::new(&ball, &ball.scene("free").expect("free"), 1);
+    glided.reset(0, &Body::state([1.0, 2.0, 3.0], [0.0, 0.6, 0.0, 0.8], [0.3, -0.4, 0.5], [1.0, 0.5, -2.0]));
+    let mut stepped = glided.clone();
+    let mut exact = Articulated::new(ArticulatedConfig::converged(Friction::Coulomb));
+    for _ in 0..60 {
+        Glide.step(&mut glided, &[]).expect("a frame");
+        exact.step(&mut stepped, &[]).expect("a frame");
+    }
+    let gap = glided.states.iter().zip(&stepped.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(gap < 1e-9, "{gap} apart after a second");
+}
+
+/// A step of 2 N m: nothing until the delay is over, then `u (1 - e^(-t / lag))`, of which each frame has the mean.
+#[test]
+fn motors_follow_late_and_little_by_little() {
+    let (u, h) = (2.0, 1.0 / 60.0);
+    for (delay, lag) in [(0.0, 0.03), (0.025, 0.03), (0.025, 0.0), (2.0 * h, 0.004), (0.0, 0.0)] {
+        let mut batch = batch(2);
+        let mut motors = Motors::new(Hold, Motor { delay, lag }).expect("it is a motor");
+        // The integral of the response up to a time after it was heard.
+        let impulse = |t: f64| {
+            if t <= 0.0 {
+                0.0
+            } else if lag == 0.0 {
+                u * t
+            } else {
+                u * (t + lag * (-t / lag).exp_m1())
+            }
+        };
+        for frame in 0..12 {
+            motors.step(&mut batch, &[u, 0.0, 0.0, -u]).expect("a frame");
+            let t = f64::from(frame) * h - delay;
+            let expected = (impulse(t + h) - impulse(t)) / h;
+            let found = motors.torques();
+            assert!((found[0] - expected).abs() < 1e-12, "delay {delay}, lag {lag}, frame {frame}: {} N m, textbook {expected}", found[0]);
+            assert_eq!((found[1], found[2], found[3]), (0.0, 0.0, -found[0]));
+        }
+        // One environment forgets, the other goes on.
+        motors.reset(1);
+        motors.step(&mut batch, &[0.0; 4]).expect("a frame");
+        let found = motors.torques();
+        assert!(found[3] == 0.0 && (found[0] > 0.0 || delay == 0.0 && lag == 0.0), "{found:?}");
+    }
+    for (motor, said) in [(Motor { delay: -0.1, lag: 0.0 }, "delay is -0.1"), (Motor { delay: 0.0, lag: f64::NAN }, "lag is NaN")] {
+        let error = Motors::new(Hold, motor).expect_err("no motor");
+        assert!(error.contains(said), "{error}");
+    }
+}

@@ -1,0 +1,8 @@
+//! What every solver promises, what rapier must do behind the trait, instruments around solvers, and the suite.
+
+#[cfg(feature = "rapier")]
+mod batches;
+mod instruments;
+#[cfg(feature = "rapier")]
+mod rapier;
+mod suite;

@@ -1,0 +1,84 @@
+//! Robots that are like a built-in one: keys left out are the other's, own keys win, and what is no robot is refused in one line.
+//! The robots `NAME-paper` are made so, and hold the reference simulator's materials and substeps.
+
+use nerd_sim::prelude::*;
+use nerd_sim::system::Spec;
+use nerd_sim::truth::Truth;
+use serde_json::Value;
+
+fn keys(spec: &Spec) -> serde_json::Map<String, Value> {
+    serde_json::to_value(spec).expect("JSON").as_object().expect("a table").clone()
+}
+
+fn read(text: &str) -> Spec {
+    Spec::read(text).unwrap_or_else(|error| panic!("{text}: {error}"))
+}
+
+#[test]
+fn keys_left_out_are_the_others_and_own_keys_win() {
+    for name in System::built_in() {
+        let theirs = keys(&read(System::texts(name).expect("built in").0));
+        let bare = keys(&read(&format!("like = \"{name}\"")));
+        // Its URDF is the other's alone.
+        let differ = |a: &serde_json::Map<String, Value>| -> Vec<String> {
+            a.keys().filter(|k| *k != "urdf" && a.get(*k) != theirs.get(*k)).cloned().collect()
+        };
+        assert_eq!(differ(&bare), [""; 0], "like {name}, and nothing said");
+        assert_eq!(bare["urdf"], Value::Null, "like {name}");
+        let own = keys(&read(&format!("like = \"{name}\"\nsubsteps = 77\ngravity = [0.0, 0.0, -1.5]\ntruth = \"rapier\"")));
+        assert_eq!(differ(&own), ["gravity", "substeps", "truth"], "like {name}, three keys said");
+        assert_eq!((&own["substeps"], &own["truth"]), (&77.into(), &"rapier".into()), "like {name}");
+    }
+}
+
+/// `like` knows built-in robots alone, so a file cannot be like itself, and no circle can be said.
+#[test]
+fn what_is_no_built_in_robot_is_refused_in_one_line() {
+    let urdf = System::texts("cartpole").expect("built in").1;
+    for (text, word) in [
+        ("like = \"unicorn\"", "unicorn"),
+        ("like = \"mine\"", "mine"),
+        ("like = 7", "7"),
+        ("like = [\"ant\"]", "known are"),
+        ("like = \"cartpole\"\nlegs = 4", "legs"),
+        ("like = \"cartpole\"\nsubsteps = 0", "substeps"),
+        ("like = \"cartpole\"\nsubsteps = \"many\"", "substeps"),
+        ("like = \"cartpole\"\ntruth = \"guess\"", "guess"),
+        ("like = \"ant\"", "hip1"),
+    ] {
+        let error = System::from_text("mine", urdf, Some(text)).expect_err(text).to_string();
+        assert!(error.contains(word) && error.contains("`mine`") && !error.contains('\n'), "{text}: `{error}`");
+    }
+    let error = Spec::read("like = \"unicorn\"").expect_err("no robot");
+    assert!(System::built_in().iter().all(|name| error.contains(name)), "the known ones are not named: {error}");
+}
+
+#[test]
+fn robots_of_the_paper_have_its_materials_and_substeps() {
+    let material = |stiffness, damping, friction_damping, friction| Material { stiffness, damping, friction_damping, friction };
+    // Robot's and ground's; substeps (the reference simulator's settings of these robots).
+    let cases = [
+        ("cartpole", None, 5),
+        ("pendulum", Some([material(1e4, 1e3, 1e4, 0.5); 2]), 5),
+        ("cube", Some([material(1e4, 1e3, 50.0, 0.15); 2]), 20),
+        ("franka", None, 9),
+        ("ant", Some([material(4e4, 100.0, 3e3, 0.75), material(1e5, 1e3, 1e3, 0.5)]), 16),
+        ("anymal", Some([material(2e3, 500.0, 100.0, 0.75), material(1e5, 1e3, 1e3, 0.5)]), 10),
+    ];
+    for (name, materials, substeps) in cases {
+        let (ours, paper) = (System::named(name).expect("built in"), System::named(&format!("{name}-paper")).expect("built in"));
+        assert_eq!((ours.spec.truth, paper.spec.truth), (Truth::Articulated, Truth::Paper), "{name}");
+        assert_eq!(paper.spec.substeps, substeps, "{name}-paper");
+        assert_ne!(ours.robot_sha256(), paper.robot_sha256(), "{name} and {name}-paper are one robot to a model");
+        assert_eq!(ours.spec.scenes.len(), paper.spec.scenes.len(), "{name}: scenes");
+        let Some(materials) = materials else { continue };
+        let ground = paper.scene(paper.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
+        assert_eq!([paper.spec.material, ground.colliders[0].material], materials, "{name}-paper");
+        // What is ours holds more, and is the reference's otherwise.
+        let scene = ours.scene(&ground.name).expect("scene");
+        for (ours, theirs) in [(ours.spec.material, materials[0]), (scene.colliders[0].material, materials[1])] {
+            assert!(ours.friction_damping > theirs.friction_damping, "{name}: {ours:?}");
+            assert_eq!(Material { friction_damping: theirs.friction_damping, ..ours }, theirs, "{name}");
+        }
+    }
+}

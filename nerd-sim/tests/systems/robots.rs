@@ -1,0 +1,212 @@
+//! The built-in robots: figures of the reference system, controllers and sampling boxes.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::state::{quaternion, vector};
+use nerd_sim::control::Controller;
+use nerd_sim::dataset::{GenerateConfig, record};
+use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
+use nerd_sim::sampling::{Start, start, stream};
+
+/// Mass (kg), joints, contact points.
+#[test]
+fn masses_joints_and_contact_points_are_the_references() {
+    for (name, mass, joints, points) in [
+        ("cartpole", 52.5, 2, 0),
+        ("pendulum", 51.31268, 2, 4),
+        ("cube", 1.1510227, 0, 8),
+        ("franka", 18.7827, 7, 0),
+        ("ant", 117.05, 8, 25),
+        ("anymal", 53.16426, 12, 14),
+        ("anymal-paper", 53.35426, 12, 14),
+    ] {
+        let robot = &System::named(name).expect("built in").robot;
+        assert!((robot.mass() / mass - 1.0).abs() < 1e-4, "{name}: {} kg, reference {mass}", robot.mass());
+        assert_eq!((robot.joint_count(), robot.contact_points.len()), (joints, points), "{name}");
+    }
+}
+
+/// Default pose: knees 0.432 m high at x = +-0.471, feet 0.107 m high at x = +-0.429, z = +-0.2835.
+#[test]
+fn anymal_stands_as_the_reference_does() {
+    let system = System::named("anymal").expect("built in");
+    let mut data = Data::new(&system.robot);
+    kinematics(&system.robot, &system.default_state(), &mut data);
+    let mut feet = 0;
+    for (i, link) in system.robot.links.iter().enumerate().filter(|(_, l)| l.name.ends_with("SHANK")) {
+        let knee = data.origin + data.position[i];
+        assert!((knee.y - 0.432).abs() < 1e-3 && (knee.x.abs() - 0.471).abs() < 1e-3, "knee of {} at {knee:?}", link.name);
+        for point in system.robot.contact_points.iter().filter(|p| p.link == i) {
+            let foot = point_position(&data, i, &point.local);
+            let there = (foot.y - 0.107).abs() < 1e-3 && (foot.x.abs() - 0.429).abs() < 1e-3 && (foot.z.abs() - 0.2835).abs() < 1e-3;
+            assert!(there, "foot of {} at {foot:?}", link.name);
+            feet += 1;
+        }
+    }
+    assert_eq!(feet, 4);
+}
+
+/// The reference's files hold actions (`a_*`) beside the torques its controllers made of them.
+#[test]
+fn controllers_are_the_references() {
+    for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal-paper", "anymal_random_action_warp1.8.1.csv")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file);
+        if !path.exists() {
+            use std::io::Write;
+            let _ = writeln!(std::io::stderr(), "skipped: no reference data ({file})");
+            continue;
+        }
+        let system = System::named(robot).expect("built in");
+        let mut controller = Controller::new(&system);
+        let mut reader = csv::Reader::from_path(&path).expect("reference file opens");
+        let header = reader.headers().expect("header").clone();
+        let column = |name: &String| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("{file}: no column {name}"));
+        let states: Vec<usize> = system.spec.state_columns.iter().map(column).collect();
+        let torques: Vec<usize> = system.spec.torque_columns.iter().map(column).collect();
+        let actions: Vec<usize> = system.spec.torque_columns.iter().map(|c| column(&c.replace("tau_", "a_"))).collect();
+        let (mut worst, mut rows, mut out) = (0.0f64, 0, vec![0.0; torques.len()]);
+        for record in reader.records() {
+            let record = record.expect("row");
+            let numbers = |columns: &[usize]| columns.iter().map(|&i| record[i].parse::<f64>()).collect::<Result<Vec<_>, _>>();
+            // The last row of a trajectory has no action.
+            let (Ok(state), Ok(action), Ok(expected)) = (numbers(&states), numbers(&actions), numbers(&torques)) else { continue };
+            controller.torques(&state, &action, &mut out);
+            worst = out.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
+            rows += 1;
+        }
+        assert!(rows > 100 && worst < 1e-3, "{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
+    }
+}
+
+/// A spring on a turning body, I = 1.0001 kg m^2, far stiffer than a frame of 1/60 s can hold (4 I / h^2 = 14 400 N m/rad).
+#[test]
+fn the_law_that_looks_ahead_is_stable_at_any_gain() {
+    let urdf = r#"<robot name="arm"><link name="base"/><link name="l"><inertial><origin xyz="1 0 0"/><mass value="1"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link><joint name="j" type="continuous"><parent link="base"/><child link="l"/><axis xyz="0 0 1"/></joint></robot>"#;
+    let law = |kp: f64, ahead: bool| {
+        let toml = format!(
+            "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\n[control]\nscale = 1.0\nahead = {ahead}\n[[joint]]\nname = \"j\"\nkp = {kp:?}\nkd = 0.5\nsample = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\nreset = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\n"
+        );
+        let system = std::sync::Arc::new(System::from_text("arm", urdf, Some(&toml)).expect("an arm"));
+        let mut controller = Controller::new(&system);
+        let batch = Batch::new(&system, &system.scene("free").expect("empty"), 1);
+        let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)));
+        let mut torque = [0.0];
+        for _ in 0..120 {
+            controller.torques(simulation.batch.state(0), &[0.5], &mut torque);
+            simulation.step(&torque).expect("a step");
+        }
+        (simulation.batch.state(0)[0] - 0.5).abs()
+    };
+    for kp in [20_000.0, 1e7] {
+        let (with, without) = (law(kp, true), law(kp, false));
+        assert!(with < 1e-6, "kp {kp}: {with:.1e} rad off after 2 s");
+        assert!(without > 1.0, "kp {kp}: held for a frame it should be unstable, but is {without:.1e} rad off");
+    }
+    // A soft spring is the same spring, up to the damping of looking ahead.
+    let (with, without) = (law(1.0, true), law(1.0, false));
+    assert!((with - without).abs() < 0.02, "kp 1: {with} against {without} rad off");
+}
+
+#[test]
+fn starts_keep_to_their_boxes() {
+    for env in 0..200 {
+        for name in ["ant", "ant-paper", "anymal"] {
+            let system = System::named(name).expect("built in");
+            let (state, nq) = (start(&system, Start::Sample, &mut stream(0, env)), system.robot.nq());
+            let (p, q, w, v) = (vector(&state[..3]), quaternion(&state[3..7]), vector(&state[nq..]), vector(&state[nq + 3..]));
+            let said = &system.spec.root.as_ref().expect("a free root").sample;
+            let within = |x: &Vector3<f64>, ranges: &[Range; 3]| {
+                x.iter().zip(ranges).all(|(x, range)| (range.low - 1e-12..range.high + 1e-12).contains(x))
+            };
+            assert!(within(&p, &said.position), "{name} at {p:?}");
+            let (turning, moving) = (q.inverse() * w, q.inverse() * (v + w.cross(&p)));
+            assert!(within(&turning, &said.angular), "{name} turns in the body with {turning:?}");
+            assert!(within(&moving, &said.linear), "{name} moves in the body with {moving:?}");
+            let tilt = quaternion(&system.default_state()[3..7]).angle_to(&q);
+            assert!(tilt <= said.tilt.high.max(-said.tilt.low) + 1e-12, "{name} tilted by {tilt}");
+        }
+
+        let system = System::named("cube").expect("built in");
+        let cube = start(&system, Start::Reset, &mut stream(0, env));
+        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+        nerd_sim::scene::contacts(&system.robot, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
+        let lowest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
+        assert!(lowest >= 1e-3, "a corner of the cube starts {lowest} m above the ground");
+    }
+}
+
+/// Every robot's data: finite, on its ground, moved by its torques.
+#[test]
+fn every_robot_is_recorded() {
+    for name in System::built_in() {
+        let system = System::named(name).expect("built in");
+        let config = GenerateConfig { transitions: 160, frames: 20, ..Default::default() };
+        let recording = record(&system, &mut *system.spec.truth.solver(&system), &config, 0, 8).expect("recorded");
+        assert!(recording.states.iter().all(|x| x.is_finite()), "{name}");
+        let driven = recording.torques.iter().any(|t| *t != 0.0);
+        assert_eq!(driven, system.robot.joint_count() > 0, "{name}: torques");
+        let nearest = recording.depths.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        assert!(system.spec.data_scene.is_none() || nearest < 0.1, "{name}: nothing comes nearer to the ground than {nearest} m");
+    }
+}
+
+/// A start under the ground is drawn again; one that always is, is refused when the robot is made.
+#[test]
+fn a_clearance_that_no_start_has_is_refused() {
+    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial><collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
+    let toml = |low: f64| {
+        let zero = r#"["U(0, 0)", "U(0, 0)", "U(0, 0)"]"#;
+        format!(
+            "urdf = \"\"\nfloating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\ndata_scene = \"ground\"\n[root]\nposition = [0.0, 0.0, 1.0]\nquaternion = [0.0, 0.0, 0.0, 1.0]\n[root.sample]\nposition = [\"U(0, 0)\", \"U(0, 0)\", \"U({low}, 0.5)\"]\ntilt = \"U(0, 0)\"\nangular = {zero}\nlinear = {zero}\nclearance = 0.3\n[[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n"
+        )
+    };
+    let system = System::from_text("ball", urdf, Some(&toml(-1.0))).expect("some starts are clear");
+    let lowest = (0..200).map(|env| start(&system, Start::Sample, &mut stream(0, env))[2]).fold(f64::INFINITY, f64::min);
+    assert!((0.3..0.35).contains(&lowest), "lowest of 200 starts {lowest} m, the contact law's distance is to the centre");
+    let toml = toml(-1.0).replace("clearance = 0.3", "clearance = 0.6");
+    let error = System::from_text("ball", urdf, Some(&toml)).expect_err("no start is clear").to_string();
+    assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
+}
+
+#[test]
+fn a_robot_built_in_code_moves_as_its_file_does() {
+    let (spec, urdf) = System::texts("pendulum").expect("it is built in");
+    let file = Arc::new(System::from_text("pendulum", urdf, Some(spec)).expect("a pendulum"));
+    let robot = || nerd_sim::nerd_core::robot::Robot::from_urdf(urdf, false).expect("a robot");
+    let built = Arc::new(System::from_robot(robot(), Some(spec)).expect("the same"));
+    assert_eq!(built.robot_sha256(), file.robot_sha256());
+    let end = |system: &Arc<System>| {
+        let mut batch = Batch::new(system, &system.scene("free").expect("space"), 1);
+        let mut solver = Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb));
+        let mut state = system.default_state();
+        state[0] += 0.5;
+        batch.reset(0, &state);
+        (0..30).try_for_each(|_| solver.step(&mut batch, &[0.1, -0.2])).expect("steps");
+        batch.state(0).to_vec()
+    };
+    assert_eq!(end(&built), end(&file));
+    // Without a word about it, as a bare file.
+    assert_eq!(System::from_robot(robot(), None).expect("bare").frame_time, 1.0 / 60.0);
+    let mut free = robot();
+    free.base = nerd_sim::nerd_core::robot::Base::Floating;
+    let said = System::from_robot(free, Some(spec)).expect_err("a contradiction").to_string();
+    assert!(said.contains("floating = false, but the robot's base is free"), "{said}");
+}
+
+/// No point of a built-in robot creeps by more than 1 mm/s where 30 N push it (the cube's: all that friction can bear).
+#[test]
+fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
+    for (name, force) in [("pendulum", 30.0), ("ant", 30.0), ("anymal", 30.0), ("cube", 1.7)] {
+        let creep = force / drag(&System::named(name).expect("built in"));
+        assert!(creep < 1.001e-3, "{name}: {creep:.2e} m/s under {force} N");
+    }
+}
+
+fn drag(system: &System) -> f64 {
+    let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
+    ground.colliders[0].material.mean(&system.spec.material).friction_damping
+}

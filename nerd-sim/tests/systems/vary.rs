@@ -1,0 +1,167 @@
+//! Robots that differ within a batch: each moves as it does alone, textbook motion by its own friction, what is refused, what is recorded.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_sim::dataset::{GenerateConfig, Manifest, generate, record};
+use nerd_sim::prelude::*;
+use nerd_sim::range::Range;
+use nerd_sim::vary::{self, VarySpec};
+
+fn between(low: f64, high: f64) -> Option<Range> {
+    Some(Range { low, high })
+}
+
+fn varied(robot: &str, spec: VarySpec) -> Arc<System> {
+    let mut system = (*System::named(robot).expect("built in")).clone();
+    system.spec.vary = Some(spec);
+    Arc::new(system)
+}
+
+fn everything() -> VarySpec {
+    VarySpec {
+        mass: between(0.5, 2.0),
+        inertia: between(0.8, 1.2),
+        com: between(-0.01, 0.01),
+        friction: between(0.2, 1.0),
+        gravity: between(5.0, 12.0),
+        joint_damping: between(0.5, 2.0),
+        armature: between(0.0, 0.02),
+        ..Default::default()
+    }
+}
+
+#[test]
+fn each_moves_as_it_does_alone() {
+    let system = varied("ant", everything());
+    type Make = fn(&System) -> Box<dyn Solver>;
+    let solvers: [Make; 3] = [
+        |s| Box::new(Articulated::new(ArticulatedConfig::accurate(s))),
+        |s| Box::new(Articulated::new(ArticulatedConfig::paper(s, Friction::Coulomb))),
+        |_| Box::new(Rapier::new(RapierConfig::default())),
+    ];
+    for (k, solver) in solvers.iter().enumerate() {
+        let mut all = vary::batch(&system, "plane", 70, 3).expect("a plane is always there");
+        (0..70).for_each(|env| all.reset(env, &system.default_state()));
+        let tau: Vec<f64> = (0..70 * 8).map(|i| 5.0 * (i as f64).sin()).collect();
+        let (begun, mut together) = (all.clone(), solver(&system));
+        (0..20).for_each(|_| together.step(&mut all, &tau).expect("it can be stepped"));
+        for env in [0, 1, 33, 69] {
+            let mut alone = Batch::new(begun.of(env), &begun.scenes[env], 1);
+            alone.reset(0, begun.state(env));
+            let mut own = solver(&system);
+            (0..20).for_each(|_| own.step(&mut alone, &tau[env * 8..][..8]).expect("it can be stepped"));
+            assert_eq!(alone.states, all.state(env), "solver {k}, environment {env}");
+        }
+        assert!(all.state(0) != all.state(1) && begun.of(0).robot.mass() != begun.of(1).robot.mass());
+        // And as before, when all are one again.
+        all.systems.clear();
+        let mut fresh = all.clone();
+        together.step(&mut all, &tau).expect("it can be stepped");
+        solver(&system).step(&mut fresh, &tau).expect("it can be stepped");
+        assert_eq!(all.states, fresh.states, "solver {k}: something of the varied robots is left");
+    }
+}
+
+/// A cube on the slope of 10 degrees from rest: `v = g (sin a - mu cos a) t` where that is positive.
+#[test]
+fn each_slides_by_its_own_friction() {
+    let system = varied("cube", VarySpec { friction: between(0.0, 0.3), mass: between(0.5, 2.0), ..Default::default() });
+    let mut batch = vary::batch(&system, "slope", 12, 0).expect("a slope is always there");
+    let (slope, g, mut slid) = (f64::to_radians(10.0), system.gravity().norm(), 0);
+    let half = system.robot.contact_points.iter().map(|p| p.local.x.abs()).fold(0.0, f64::max);
+    let up = -system.gravity() / g;
+    for env in 0..12 {
+        let mut state = system.default_state();
+        // Flat on the slope, a little inside, where its weight is borne.
+        let normal = match &batch.scenes[env].colliders[0].shape.as_halfspace() {
+            Some(plane) => {
+                batch.scenes[env].colliders[0].pose.rotation * nalgebra::Vector3::new(plane.normal.x, plane.normal.y, plane.normal.z)
+            }
+            None => panic!("the slope is a plane"),
+        };
+        let turn = nalgebra::UnitQuaternion::rotation_between(&up, &normal).expect("not upside down");
+        let weight = batch.of(env).robot.mass() * g * slope.cos();
+        let sunk = weight / 4.0 / batch.of(env).spec.material.stiffness;
+        state[..3].copy_from_slice((normal * (half - sunk)).as_slice());
+        state[3..7].copy_from_slice(turn.coords.as_slice());
+        batch.reset(env, &state);
+    }
+    let mut solver = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
+    let frames = 30;
+    (0..frames).for_each(|_| solver.step(&mut batch, &[]).expect("it can be stepped"));
+    for env in 0..12 {
+        let mu = batch.of(env).spec.material.friction;
+        let expected = (g * (slope.sin() - mu * slope.cos()) * frames as f64 * system.frame_time).max(0.0);
+        let s = batch.state(env);
+        let (p, w, v) = (
+            nalgebra::Vector3::new(s[0], s[1], s[2]),
+            nalgebra::Vector3::new(s[7], s[8], s[9]),
+            nalgebra::Vector3::new(s[10], s[11], s[12]),
+        );
+        let speed = (v + w.cross(&p)).norm();
+        assert!((speed - expected).abs() < 0.01 * g * slope.sin() * 0.5 + 2e-3, "mu {mu:.3}: {speed} m/s, textbook {expected}");
+        slid += usize::from(expected > 0.0);
+    }
+    assert!((1..12).contains(&slid), "{slid} of 12 should slide: the draw is no test");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let ant = System::named("ant").expect("built in");
+    let mut batch = Batch::new(&ant, &ant.scene("plane").expect("plane"), 2);
+    let said = |batch: &mut Batch, solver: &mut dyn Solver| solver.step(batch, &[0.0; 16]).expect_err("it does not fit").to_string();
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(&ant));
+    batch.systems = vec![ant.clone()];
+    assert!(said(&mut batch, &mut solver).contains("needs 2 `systems`"));
+    batch.systems = vec![ant.clone(), System::named("cube").expect("built in")];
+    assert!(said(&mut batch, &mut solver).contains("environment 1 is built otherwise"), "{}", said(&mut batch, &mut solver));
+    // A solver of one's own that knows one robot.
+    struct Still;
+    impl Solver for Still {
+        fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+            nerd_sim::solver::check(batch, torques, &mut Vec::new())
+        }
+    }
+    batch.systems = vec![ant.clone(), ant.clone()];
+    assert!(said(&mut batch, &mut Still).contains("one robot for all environments"));
+    let (toml, urdf) = System::texts("cube").expect("built in");
+    for (line, key) in [
+        ("gain = \"U(1, 2)\"", "vary.gain: the robot has no joint"),
+        ("mass = \"U(0, 1)\"", "vary.mass's low end"),
+        ("friction = \"U(-1, 1)\"", "vary.friction's low end"),
+        ("gravity = \"U(-9.81, -9)\"", "vary.gravity's low end"),
+        ("masses = \"U(1, 2)\"", "unknown field `masses`"),
+    ] {
+        let text = format!("{toml}\n[vary]\n{line}\n");
+        let said = System::from_text("cube", urdf, Some(&text)).expect_err("it is out of range").to_string();
+        assert!(said.contains(key), "{line}: {said}");
+    }
+}
+
+#[test]
+fn data_keep_what_was_drawn() {
+    let (toml, urdf) = System::texts("cube").expect("built in");
+    let text = format!("{toml}\n[vary]\nmass = \"U(0.5, 2)\"\nfriction = \"U(0.2, 1)\"\n");
+    let system = Arc::new(System::from_text("cube", urdf, Some(&text)).expect("it is right"));
+    assert_eq!(vary::columns(&system), [format!("mass:{}", system.robot.links[0].name), "friction".into()]);
+    let config = GenerateConfig { transitions: 400, frames: 100, shard_trajectories: 4, ..Default::default() };
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+    let recording = record(&system, &mut solver, &config, 0, 4).expect("it can be recorded");
+    assert_eq!(recording.drawn.len(), 8);
+    assert!(recording.drawn.chunks(2).all(|d| (0.5..2.0).contains(&d[0]) && (0.2..1.0).contains(&d[1])), "{:?}", recording.drawn);
+    let plain = System::named("cube").expect("built in");
+    let old = record(&plain, &mut solver, &config, 0, 4).expect("it can be recorded");
+    let d = system.robot.state_dim();
+    assert!(old.drawn.is_empty() && old.arrays().len() == 6);
+    assert_eq!(old.states[..d], recording.states[..d], "the first start is another one");
+    assert!(old.states != recording.states);
+    // In shards, and out again.
+    let folder = std::env::temp_dir().join(format!("nerd-vary-{}", std::process::id()));
+    let manifest = generate(&system, &mut solver, "accurate", &config, &folder, &mut |_, _| {}).expect("it can be written");
+    let read = Manifest::read(&folder).and_then(|m| m.shard(&folder, &manifest.shards[0], &system)).expect("it can be read");
+    assert_eq!(read, recording);
+    let refused = manifest.shard(Path::new(&folder), &manifest.shards[0], &plain).expect_err("the robot varies in it").to_string();
+    assert!(refused.contains("system"), "{refused}");
+    std::fs::remove_dir_all(folder).expect("it is there");
+}
