@@ -6,15 +6,18 @@ pub mod frames;
 pub mod robot;
 pub mod spatial;
 pub mod state;
+pub mod velocity;
 
 pub use nalgebra;
 
 /// What most programs need.
 pub mod prelude {
     pub use crate::contact::{ContactEvent, ContactPoint};
-    pub use crate::dynamics::{Data, aba, bias, crba, kinematics, rnea};
+    pub use crate::dynamics::{Axes, Data, Derivatives, NoInertia, Totals, totals};
     pub use crate::frames::RootFrame;
-    pub use crate::robot::{Base, Joint, JointKind, Limit, Link, Robot, Shape, UrdfError};
+    pub use crate::robot::{Base, FixedFrame, Joint, JointIndex, JointKind, Limit, Link, Robot, Shape, UnknownName, UrdfError, UrdfRobot};
     pub use crate::spatial::{BodyInertia, Motion, SpatialInertia, Wrench};
     pub use crate::state::wrap;
+    pub use crate::velocity::{LocalVelocity, SpatialTwist};
+    pub use nalgebra::{Isometry3, Vector3};
 }

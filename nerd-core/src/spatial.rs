@@ -8,7 +8,7 @@
 
 use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
+use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 /// A twist or its derivative: angular part (rad/s), linear part at the origin (m/s).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,10 +29,12 @@ pub struct Wrench {
 }
 
 impl Motion {
-    /// From angular and linear part.
+    /// The k-th unit motion.
     #[inline]
-    pub fn new(ang: Vector3<f64>, lin: Vector3<f64>) -> Self {
-        Self { ang, lin }
+    pub(crate) fn unit(k: usize) -> Self {
+        let mut m = Self::default();
+        if k < 3 { m.ang = Vector3::ith(k, 1.0) } else { m.lin = Vector3::ith(k - 3, 1.0) }
+        m
     }
 
     /// `self x m`: rate of change of the motion `m` carried along by `self`.
@@ -61,12 +63,6 @@ impl Motion {
 }
 
 impl Wrench {
-    /// From moment and force.
-    #[inline]
-    pub fn new(ang: Vector3<f64>, lin: Vector3<f64>) -> Self {
-        Self { ang, lin }
-    }
-
     /// The wrench of the force `f` acting at `x`.
     #[inline]
     pub fn force_at(f: Vector3<f64>, x: &Vector3<f64>) -> Self {
@@ -76,6 +72,25 @@ impl Wrench {
 
 macro_rules! linear {
     ($t:ty) => {
+        impl $t {
+            /// From the angular and the linear part.
+            #[inline]
+            pub fn new(ang: Vector3<f64>, lin: Vector3<f64>) -> Self {
+                Self { ang, lin }
+            }
+
+            /// Both parts in one vector.
+            #[inline]
+            pub fn vector(&self) -> Vector6<f64> {
+                Vector6::new(self.ang.x, self.ang.y, self.ang.z, self.lin.x, self.lin.y, self.lin.z)
+            }
+
+            /// From the first six of `x`.
+            #[inline]
+            pub fn from_slice(x: &[f64]) -> Self {
+                Self::new(Vector3::new(x[0], x[1], x[2]), Vector3::new(x[3], x[4], x[5]))
+            }
+        }
         impl Add for $t {
             type Output = Self;
             #[inline]

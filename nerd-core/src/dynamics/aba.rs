@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use super::{Data, Factor, bias, crba, inertias, stack};
+use super::{Data, Factor, bias, crba, inertias};
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
@@ -22,7 +22,7 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
     for (i, link) in robot.links.iter().enumerate() {
         let (mut v, mut c) = (Motion::default(), Motion::default());
         if link.joint.is_none() {
-            v = Motion::new(Vector3::new(qd[0], qd[1], qd[2]), Vector3::new(qd[3], qd[4], qd[5]));
+            v = Motion::from_slice(qd);
         } else {
             let rate = data.axis[i] * qd[data.dof[i]];
             v += link.parent.map_or(Motion::default(), |p| data.velocity[p]) + rate;
@@ -34,7 +34,7 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
     }
     for i in (first..robot.links.len()).rev() {
         let Some(joint) = &robot.links[i].joint else { continue };
-        let s = stack(&data.axis[i].ang, &data.axis[i].lin);
+        let s = data.axis[i].vector();
         let gain = data.articulated[i] * s;
         let pivot = s.dot(&gain) + joint.armature;
         if pivot.is_nan() || pivot <= 0.0 {
@@ -44,20 +44,20 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
         (data.gain[i], data.pivot[i], data.residual[i]) = (gain, pivot, residual);
         if let Some(p) = robot.links[i].parent {
             let inertia = data.articulated[i] - gain * gain.transpose() / pivot;
-            let c = stack(&data.acceleration[i].ang, &data.acceleration[i].lin);
+            let c = data.acceleration[i].vector();
             let passed = inertia * c + gain * (residual / pivot);
             data.articulated[p] += inertia;
             let f = data.force[i];
-            data.force[p] += f + Wrench::new(passed.fixed_rows::<3>(0).into(), passed.fixed_rows::<3>(3).into());
+            data.force[p] += f + Wrench::from_slice(passed.as_slice());
         }
     }
     let base = Motion::new(Vector3::zeros(), -gravity);
     if robot.floating() {
-        let mut wrench = Vector6::from_column_slice(&tau[..6]) - stack(&data.force[0].ang, &data.force[0].lin);
+        let mut wrench = Vector6::from_column_slice(&tau[..6]) - data.force[0].vector();
         let Some(factor) = data.articulated[0].cholesky() else { return false };
         factor.solve_mut(&mut wrench);
         // The solution is measured against free fall; the root's own acceleration adds gravity back.
-        data.acceleration[0] = Motion::new(wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+        data.acceleration[0] = Motion::from_slice(wrench.as_slice());
         data.qdd.as_mut_slice()[..6].copy_from_slice(wrench.as_slice());
         for k in 0..3 {
             data.qdd[3 + k] += gravity[k];
@@ -65,7 +65,7 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
     }
     for i in first..robot.links.len() {
         let mut a = robot.links[i].parent.map_or(base, |p| data.acceleration[p]) + data.acceleration[i];
-        let qdd = (data.residual[i] - data.gain[i].dot(&stack(&a.ang, &a.lin))) / data.pivot[i];
+        let qdd = (data.residual[i] - data.gain[i].dot(&a.vector())) / data.pivot[i];
         a += data.axis[i] * qdd;
         data.acceleration[i] = a;
         data.qdd[data.dof[i]] = qdd;

@@ -1,8 +1,8 @@
 //! The mass matrix.
 
-use super::jacobian::unit;
 use super::{Data, inertias};
 use crate::robot::Robot;
+use crate::spatial::Motion;
 
 /// Mass matrix into `data.mass`, both triangles. Needs [`super::kinematics`]; fills `data.inertia`.
 ///
@@ -14,7 +14,7 @@ pub fn crba(robot: &Robot, data: &mut Data) {
     data.mass.fill(0.0);
     inertias(robot, data);
     data.composite.copy_from_slice(&data.inertia);
-    for (link, other) in robot.mass_matrix_of.iter().enumerate() {
+    for (link, other) in data.stand_ins.iter().enumerate() {
         data.composite[link] = data.inertia[*other];
     }
     for j in (first..robot.links.len()).rev() {
@@ -30,7 +30,7 @@ pub fn crba(robot: &Robot, data: &mut Data) {
                 add(data, row, data.dof[i], data.axis[i].dot(&momentum));
             } else {
                 for k in 0..6 {
-                    add(data, row, k, unit(k).dot(&momentum));
+                    add(data, row, k, Motion::unit(k).dot(&momentum));
                 }
             }
             ancestor = robot.links[i].parent;
@@ -41,9 +41,9 @@ pub fn crba(robot: &Robot, data: &mut Data) {
     }
     if robot.floating() {
         for k in 0..6 {
-            let momentum = data.composite[0].apply(&unit(k));
+            let momentum = data.composite[0].apply(&Motion::unit(k));
             for l in 0..6 {
-                data.mass[(l, k)] = unit(l).dot(&momentum);
+                data.mass[(l, k)] = Motion::unit(l).dot(&momentum);
             }
         }
     }

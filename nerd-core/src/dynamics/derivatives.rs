@@ -1,9 +1,8 @@
 //! Derivatives of inverse and forward dynamics, worked out (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
 //! Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3};
 
-use super::jacobian::unit;
 use super::{Data, Factor, crba, rnea};
 use crate::robot::Robot;
 use crate::spatial::{Motion, SpatialInertia, Wrench};
@@ -83,7 +82,7 @@ impl Derivatives {
             Column { dof: data.dof[i], link: i, axis, first, second: a.cross(&axis) + v.cross(&first) }
         };
         let root = |k: usize| {
-            let axis = unit(k);
+            let axis = Motion::unit(k);
             // Its acceleration is told as it is, so its axes do not turn with it: half of v x S.
             Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
         };
@@ -95,21 +94,21 @@ impl Derivatives {
         self.q.fill(0.0);
         self.qd.fill(0.0);
         for low in &columns {
-            let (i, own) = (low.link, stack(&low.axis));
+            let (i, own) = (low.link, low.axis.vector());
             let (down, turned) = (inertia[i] * own, b[i].transpose() * own * 2.0);
-            let below = b[i] * stack(&low.first) * 2.0 + inertia[i] * stack(&low.second) + wrench(&low.axis.cross_wrench(&force[i]));
-            let rate = (b[i] * own + inertia[i] * stack(&low.first)) * 2.0;
+            let below = b[i] * low.first.vector() * 2.0 + inertia[i] * low.second.vector() + low.axis.cross_wrench(&force[i]).vector();
+            let rate = (b[i] * own + inertia[i] * low.first.vector()) * 2.0;
             // Every column that carries this one, itself among them.
             let above = std::iter::successors(Some(i), |link| robot.links[*link].parent);
             for up in
                 above.flat_map(|link| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] })
             {
                 let (si, sj) = (low.dof, up.dof);
-                self.q[(si, sj)] += turned.dot(&stack(&up.first)) + down.dot(&stack(&up.second)) - up.axis.cross(&low.axis).dot(&pushed[i]);
-                self.qd[(si, sj)] += turned.dot(&stack(&up.axis)) + 2.0 * down.dot(&stack(&up.first));
+                self.q[(si, sj)] += turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) - up.axis.cross(&low.axis).dot(&pushed[i]);
+                self.qd[(si, sj)] += turned.dot(&up.axis.vector()) + 2.0 * down.dot(&up.first.vector());
                 if up.link != i {
-                    self.q[(sj, si)] += stack(&up.axis).dot(&below);
-                    self.qd[(sj, si)] += stack(&up.axis).dot(&rate);
+                    self.q[(sj, si)] += up.axis.vector().dot(&below);
+                    self.qd[(sj, si)] += up.axis.vector().dot(&rate);
                 }
             }
         }
@@ -155,7 +154,7 @@ impl Derivatives {
                 self.q[(3 + m, k)] += f[m];
             });
             for low in columns.iter().filter(|c| c.dof >= 6) {
-                self.q[(low.dof, k)] -= unit(k).cross(&low.axis).dot(&pushed[low.link]);
+                self.q[(low.dof, k)] -= Motion::unit(k).cross(&low.axis).dot(&pushed[low.link]);
             }
         }
     }
@@ -204,14 +203,4 @@ fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>
     m.fixed_view_mut::<3, 3>(3, 0).copy_from(c);
     m.fixed_view_mut::<3, 3>(3, 3).copy_from(d);
     m
-}
-
-#[inline]
-fn stack(m: &Motion) -> Vector6<f64> {
-    Vector6::new(m.ang.x, m.ang.y, m.ang.z, m.lin.x, m.lin.y, m.lin.z)
-}
-
-#[inline]
-fn wrench(f: &Wrench) -> Vector6<f64> {
-    Vector6::new(f.ang.x, f.ang.y, f.ang.z, f.lin.x, f.lin.y, f.lin.z)
 }

@@ -3,12 +3,12 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::Data;
-use crate::robot::{FixedFrame, Robot};
+use crate::robot::Robot;
 use crate::spatial::Motion;
 
 /// Jacobian of a frame that is fixed on link `link` at `local` (m, in the link's frame) into `out`, 6 by `nv`: the frame's angular
 /// velocity (rows 0 to 2, rad/s) and the velocity of its origin (rows 3 to 5, m/s), both in world axes, are `J qd`, with `qd` local (see
-/// [`super::to_local`]). Needs [`super::kinematics`].
+/// [`crate::velocity`]). Needs [`super::kinematics`].
 ///
 /// Column of DoF k: the axis of its joint as a motion, at the frame's place `x`: `(w, v + w x x)`; zero for joints that do not carry
 /// the link.
@@ -26,17 +26,39 @@ pub fn jacobian(robot: &Robot, data: &Data, link: usize, local: &Vector3<f64>, o
     while let Some(i) = on {
         match robot.links[i].joint {
             Some(_) => add(data.dof[i], &data.axis[i]),
-            None => (0..6).for_each(|k| add(k, &unit(k))),
+            None => (0..6).for_each(|k| add(k, &Motion::unit(k))),
         }
         on = robot.links[i].parent;
     }
 }
 
-/// Jacobian of a frame by [`Robot::frame`]: that of its origin, see [`jacobian`]; zero for one on a fixed base.
-pub fn frame_jacobian(robot: &Robot, data: &Data, frame: &FixedFrame, out: &mut DMatrix<f64>) {
-    match frame.link {
-        Some(link) => jacobian(robot, data, link, &frame.pose.translation.vector, out),
-        None => out.fill(0.0),
+/// Rate of that Jacobian while the robot moves, into `out`: the acceleration of the frame is `J qdd + J_dot qd`. Needs
+/// [`super::velocities`].
+///
+/// An axis moves with the link that carries it, `S_dot = V x S`, and the place with its own velocity: of a column `(w, v + w x x)` the
+/// rate is `(w_dot, v_dot + w_dot x x + w x x_dot)`. Those of a floating root turn about its origin, which moves.
+pub fn jacobian_rate(robot: &Robot, data: &Data, link: usize, local: &Vector3<f64>, out: &mut DMatrix<f64>) {
+    let x = data.position[link] + data.rotation[link] * local;
+    let speed = data.velocity[link].at(&x);
+    out.fill(0.0);
+    let mut on = Some(link);
+    while let Some(i) = on {
+        let above = robot.links[i].parent.map_or(Motion::default(), |p| data.velocity[p]);
+        match robot.links[i].joint {
+            Some(_) => {
+                let turned = above.cross(&data.axis[i]);
+                let rate = turned.at(&x) + data.axis[i].ang.cross(&speed);
+                for r in 0..3 {
+                    out[(r, data.dof[i])] += turned.ang[r];
+                    out[(3 + r, data.dof[i])] += rate[r];
+                }
+            }
+            None => (0..3).for_each(|k| {
+                let rate = Vector3::ith(k, 1.0).cross(&(speed - data.velocity[i].lin));
+                (0..3).for_each(|r| out[(3 + r, k)] += rate[r]);
+            }),
+        }
+        on = robot.links[i].parent;
     }
 }
 
@@ -65,20 +87,8 @@ pub fn com_jacobian(robot: &Robot, data: &Data, out: &mut DMatrix<f64>) -> Vecto
         };
         match link.joint {
             Some(_) => add(data.dof[i], &data.axis[i]),
-            None => (0..6).for_each(|k| add(k, &unit(k))),
+            None => (0..6).for_each(|k| add(k, &Motion::unit(k))),
         }
     }
     data.origin + moment / mass
-}
-
-/// The k-th unit motion.
-#[inline]
-pub(super) fn unit(k: usize) -> Motion {
-    let mut m = Motion::default();
-    if k < 3 {
-        m.ang = Vector3::ith(k, 1.0)
-    } else {
-        m.lin = Vector3::ith(k - 3, 1.0)
-    }
-    m
 }

@@ -5,7 +5,8 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 use super::Data;
 use crate::robot::{Base, FixedFrame, JointKind, Robot};
 use crate::spatial::{Motion, SpatialInertia};
-use crate::state::{quaternion, vector};
+use crate::state::quaternion;
+use crate::velocity::root_position;
 
 /// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`), from an origin at the root.
 #[inline]
@@ -97,40 +98,10 @@ pub fn point_position(data: &Data, link: usize, local: &Vector3<f64>) -> Vector3
     data.origin + data.position[link] + data.rotation[link] * local
 }
 
-/// Where the root stands in the world (m).
-#[inline]
-pub fn root_position(robot: &Robot, q: &[f64]) -> Vector3<f64> {
-    match robot.base {
-        Base::Fixed(pose) => pose.translation.vector,
-        Base::Floating => vector(&q[..3]),
-    }
-}
-
 #[inline]
 fn root_rotation(robot: &Robot, q: &[f64]) -> Matrix3<f64> {
     match robot.base {
         Base::Fixed(pose) => pose.rotation.to_rotation_matrix().into_inner(),
         Base::Floating => quaternion(&q[3..7]).to_rotation_matrix().into_inner(),
-    }
-}
-
-/// Turns a floating root's twist about the world origin into `(w, p_dot)`: `p_dot = v + w x p`.
-#[inline]
-pub fn to_local(robot: &Robot, q: &[f64], qd: &mut [f64]) {
-    move_twist(robot, &root_position(robot, q), qd);
-}
-
-/// The inverse of [`to_local`]: `v = p_dot - w x p`.
-#[inline]
-pub fn to_world(robot: &Robot, q: &[f64], qd: &mut [f64]) {
-    move_twist(robot, &-root_position(robot, q), qd);
-}
-
-/// A floating root's twist seen from an origin that stands `by` (m) from the present one: `v += w x by`.
-#[inline]
-pub fn move_twist(robot: &Robot, by: &Vector3<f64>, qd: &mut [f64]) {
-    if robot.floating() {
-        let moved = vector(&qd[3..6]) + vector(&qd[..3]).cross(by);
-        qd[3..6].copy_from_slice(moved.as_slice());
     }
 }

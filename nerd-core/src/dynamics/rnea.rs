@@ -26,18 +26,12 @@ pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data
     sweep::<true>(robot, qd, qdd, gravity, data);
 }
 
-/// Torques for accelerations `qdd` at coordinates `q` (length `nq`), into `data.tau`: [`super::kinematics`] and [`rnea`] in one.
-pub fn inverse_dynamics(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
-    super::kinematics(robot, q, data);
-    rnea(robot, qd, qdd, gravity, data);
-}
-
 /// Twists of all links into `data.velocity`. Needs [`super::kinematics`]; `qd` local.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
     for (i, link) in robot.links.iter().enumerate() {
         data.velocity[i] = match (link.joint.is_some(), link.parent) {
-            (false, _) => motion(qd),
+            (false, _) => Motion::from_slice(qd),
             (true, None) => data.axis[i] * qd[data.dof[i]],
             (true, Some(p)) => data.velocity[p] + data.axis[i] * qd[data.dof[i]],
         };
@@ -49,10 +43,10 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
     let base = Motion::new(Vector3::zeros(), -gravity);
     for (i, link) in robot.links.iter().enumerate() {
         if link.joint.is_none() {
-            data.velocity[i] = motion(qd);
+            data.velocity[i] = Motion::from_slice(qd);
             data.acceleration[i] = base;
             if ACCELERATED {
-                data.acceleration[i] += motion(qdd);
+                data.acceleration[i] += Motion::from_slice(qdd);
             }
         } else {
             let (mut v, mut a) = link.parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
@@ -90,10 +84,4 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             data.force[p] += f;
         }
     }
-}
-
-/// The first six entries as a motion.
-#[inline]
-fn motion(x: &[f64]) -> Motion {
-    Motion::new(Vector3::new(x[0], x[1], x[2]), Vector3::new(x[3], x[4], x[5]))
 }

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::{Data, inertias, kinematics, to_local, velocities};
+use super::{Data, inertias, kinematics, velocities};
 use crate::robot::Robot;
 use crate::spatial::Wrench;
+use crate::velocity::to_local;
 
 /// Sums over all links at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 
-use super::{Data, stack};
+use super::Data;
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
@@ -13,8 +13,8 @@ const ROUNDING: f64 = 1e-14;
 /// (words as in [`crate::spatial`], about `data.origin`) and e a number a DoF.
 ///
 /// The articulated-body algorithm's two sweeps (Featherstone 2008, section 7.3) without velocities: whatever resists the motion of a link
-/// as `K_i` does is inertia to all above it. Joints that follow others couple branches, which this cannot say; nor does it know
-/// [`Robot::mass_matrix_of`].
+/// as `K_i` does is inertia to all above it. Joints that follow others couple branches, which this cannot say; nor does it
+/// know [`Data::stand_ins`].
 #[derive(Clone, Debug)]
 pub struct TreeFactor {
     articulated: Vec<Matrix6<f64>>,
@@ -37,8 +37,7 @@ impl TreeFactor {
     /// Room for a robot; none if the tree does not say all of its mass matrix.
     pub fn new(robot: &Robot) -> Option<Self> {
         let n = robot.links.len();
-        let whole = !robot.mimics() && robot.mass_matrix_of.is_empty();
-        whole.then(|| Self {
+        (!robot.mimics()).then(|| Self {
             articulated: vec![Matrix6::zeros(); n],
             gain: vec![Vector6::zeros(); n],
             inverse: vec![0.0; n],
@@ -66,7 +65,7 @@ impl TreeFactor {
         }
         for i in (first..robot.links.len()).rev() {
             let Some(joint) = &robot.links[i].joint else { continue };
-            let s = stack(&data.axis[i].ang, &data.axis[i].lin);
+            let s = data.axis[i].vector();
             let gain = self.articulated[i] * s;
             let pivot = s.dot(&gain) + joint.armature + joints.get(data.dof[i] - dofs).copied().unwrap_or(0.0);
             if pivot.is_nan() || pivot <= ROUNDING * self.size[i] * s.norm_squared() {
@@ -97,10 +96,10 @@ impl TreeFactor {
     pub fn solve(&mut self, robot: &Robot, data: &Data, press: &[Wrench], x: &mut [f64]) {
         let first = usize::from(robot.floating());
         for (i, force) in self.force.iter_mut().enumerate() {
-            *force = press.get(i).map_or(Vector6::zeros(), |w| -stack(&w.ang, &w.lin));
+            *force = press.get(i).map_or(Vector6::zeros(), |w| -w.vector());
         }
         for i in (first..robot.links.len()).rev() {
-            let s = stack(&data.axis[i].ang, &data.axis[i].lin);
+            let s = data.axis[i].vector();
             self.residual[i] = x[data.dof[i]] - s.dot(&self.force[i]);
             if let Some(p) = robot.links[i].parent {
                 let passed = self.force[i] + self.gain[i] * (self.residual[i] * self.inverse[i]);
@@ -117,13 +116,13 @@ impl TreeFactor {
             let above = robot.links[i].parent.map_or(Vector6::zeros(), |p| self.acceleration[p]);
             let own = (self.residual[i] - self.gain[i].dot(&above)) * self.inverse[i];
             x[data.dof[i]] = own;
-            self.acceleration[i] = above + stack(&data.axis[i].ang, &data.axis[i].lin) * own;
+            self.acceleration[i] = above + data.axis[i].vector() * own;
         }
     }
 
     /// `J_i x` of the last solution: what it does to a link.
     pub fn acceleration(&self, link: usize) -> Motion {
-        motion(&self.acceleration[link])
+        Motion::from_slice(self.acceleration[link].as_slice())
     }
 
     /// Works out what wrenches and torques of one each do, for [`TreeFactor::eased`] and [`TreeFactor::ease`]: from the root outward,
@@ -134,7 +133,7 @@ impl TreeFactor {
             self.ease[0] = root.inverse();
         }
         for i in first..robot.links.len() {
-            let (s, inverse) = (stack(&data.axis[i].ang, &data.axis[i].lin), self.inverse[i]);
+            let (s, inverse) = (data.axis[i].vector(), self.inverse[i]);
             let above = robot.links[i].parent.map_or(Matrix6::zeros(), |p| self.ease[p]);
             // (1 - S U^T / D) E_p, then the same from the right.
             let half = above - s * ((self.gain[i].transpose() * above) * inverse);
@@ -144,7 +143,7 @@ impl TreeFactor {
 
     /// The twist that a wrench on a link gives it, after [`TreeFactor::spread`].
     pub fn eased(&self, link: usize, wrench: &Wrench) -> Motion {
-        motion(&(self.ease[link] * stack(&wrench.ang, &wrench.lin)))
+        Motion::from_slice((self.ease[link] * wrench.vector()).as_slice())
     }
 
     /// The diagonal entry of the inverse at the joint of a link, after [`TreeFactor::spread`].
@@ -158,8 +157,4 @@ impl TreeFactor {
     pub fn lost(&self) -> usize {
         self.lost
     }
-}
-
-fn motion(x: &Vector6<f64>) -> Motion {
-    Motion::new(x.fixed_rows::<3>(0).into(), x.fixed_rows::<3>(3).into())
 }

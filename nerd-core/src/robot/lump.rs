@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{Geometry, JointType};
 
-use super::{Joint, JointKind, Limit, Link, MeshFile, Robot, Shape, ShapeKind, UrdfError};
+use super::{Joint, JointKind, Limit, Link, MeshFile, Robot, Shape, ShapeKind, UrdfError, UrdfRobot};
 use crate::spatial::BodyInertia;
 
 /// Products of a few numbers below this are still finite; no robot comes near it.
@@ -13,7 +13,7 @@ const LARGEST: f64 = 1e60;
 const FAR: f64 = 1e9;
 
 /// Welds a link of the file, at `pose` in moving link `host`, to it.
-pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, robot: &mut Robot) -> Result<(), UrdfError> {
+pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, read: &mut UrdfRobot) -> Result<(), UrdfError> {
     let wrong = |reason: String| UrdfError::link(&source.name, reason);
     let origin = isometry(&source.inertial.origin).ok_or_else(|| wrong("inertial origin is not finite, or too far".into()))?;
     let i = &source.inertial.inertia;
@@ -24,11 +24,11 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     }
     if let Some(least) = indefinite(&inertia) {
         // Together with what it is fixed on it may be one all the same, which is looked at when all is there.
-        robot.notes.push(format!("link `{}`: inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)", source.name));
+        read.notes.push(format!("link `{}`: inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)", source.name));
     }
     let place = pose * origin;
     let body = BodyInertia { mass, com: Vector3::zeros(), inertia };
-    let target = &mut robot.links[host];
+    let target = &mut read.robot.links[host];
     target.inertia = target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
     let sum = &target.inertia;
     if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < LARGEST) {
@@ -40,10 +40,7 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
             // Engines assert on -0.
             Some(kind) if sizes(&kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => target.shapes.push(Shape { pose, kind }),
             Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite or absurd".into())),
-            None => {
-                robot.skipped_meshes.push(source.name.clone());
-                robot.meshes.extend(mesh(&collision.geometry, host, &source.name, pose));
-            }
+            None => read.meshes.extend(mesh(&collision.geometry, host, &source.name, pose)),
         }
     }
     Ok(())
@@ -130,12 +127,9 @@ fn shape(geometry: &Geometry) -> Option<ShapeKind> {
     }
 }
 
-/// A mesh that can be looked for: with a scale that is one.
 fn mesh(geometry: &Geometry, link: usize, of: &str, pose: Isometry3<f64>) -> Option<MeshFile> {
     let Geometry::Mesh { filename, scale } = geometry else { return None };
-    let scale = scale.map_or(Vector3::repeat(1.0), |s| Vector3::from(*s));
-    let usable = scale.iter().all(|x| (1e-9..FAR).contains(&x.abs()));
-    usable.then(|| MeshFile { link, of: of.into(), pose, file: filename.clone(), scale })
+    Some(MeshFile { link, of: of.into(), pose, file: filename.clone(), scale: scale.map_or(Vector3::repeat(1.0), |s| Vector3::from(*s)) })
 }
 
 fn sizes(kind: &ShapeKind) -> [f64; 3] {

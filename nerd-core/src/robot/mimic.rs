@@ -1,17 +1,18 @@
 //! Joints that follow others: `<mimic>` of a URDF, folded into the coordinates.
 
-use super::{Joint, Limit, Mimic, Robot, UrdfError};
+use super::{Joint, Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
 /// Farther than any turn of a joint.
 const ENDLESS: f64 = 1e9;
 
 /// Makes joints of links follow what the file says, through joints that follow in turn. One that is to follow what is not in the file at
 /// all moves by itself, which is noted.
-pub(super) fn follow(robot: &mut Robot, file: &urdf_rs::Robot, mut followers: Vec<(usize, &urdf_rs::Mimic)>) -> Result<(), UrdfError> {
+pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers: Vec<(usize, &urdf_rs::Mimic)>) -> Result<(), UrdfError> {
+    let UrdfRobot { robot, notes, .. } = read;
     followers.retain(|(link, mimic)| {
         let there = file.joints.iter().any(|j| j.name == mimic.joint);
         if let (false, Some(joint)) = (there, &robot.links[*link].joint) {
-            robot.notes.push(format!("joint `{}`: <mimic> of `{}`, which is not there; it moves by itself", joint.name, mimic.joint));
+            notes.push(format!("joint `{}`: <mimic> of `{}`, which is not there; it moves by itself", joint.name, mimic.joint));
         }
         there
     });

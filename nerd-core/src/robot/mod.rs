@@ -1,9 +1,12 @@
 //! The robot: a tree of links joined by one-DoF joints, on a fixed or a floating base.
 
+mod error;
 mod joint;
+mod loaded;
 mod lump;
 mod mimic;
 mod model;
+mod names;
 mod scale;
 mod several;
 mod shape;
@@ -11,7 +14,9 @@ mod urdf;
 mod words;
 mod xml;
 
+pub use error::UrdfError;
 pub use joint::{Joint, JointKind, Limit, Mimic};
-pub use model::{Base, FixedFrame, Link, MeshFile, Robot};
+pub use loaded::{MeshFile, UrdfRobot};
+pub use model::{Base, FixedFrame, Link, Robot};
+pub use names::{JointIndex, UnknownName};
 pub use shape::{Shape, ShapeKind};
-pub use urdf::UrdfError;

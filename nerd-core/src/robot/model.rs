@@ -2,9 +2,9 @@
 //!
 //! Dimensions: with `k` one-DoF joints that move by themselves a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
-//! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w`.
+//! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w` ([`crate::velocity`]).
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 
 use super::{Joint, Mimic, Shape, ShapeKind};
 use crate::contact::ContactPoint;
@@ -17,6 +17,13 @@ pub enum Base {
     Fixed(Isometry3<f64>),
     /// Free to move: link 0 is the root and has no joint.
     Floating,
+}
+
+impl Base {
+    /// Bolted to the world at its origin.
+    pub fn fixed() -> Self {
+        Self::Fixed(Isometry3::identity())
+    }
 }
 
 /// One rigid body.
@@ -32,21 +39,6 @@ pub struct Link {
     pub inertia: BodyInertia,
     /// Collision shapes, fixed children's included.
     pub shapes: Vec<Shape>,
-}
-
-/// A collision mesh that a URDF names.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MeshFile {
-    /// Index of the moving link that carries it.
-    pub link: usize,
-    /// Name of its link in the URDF.
-    pub of: String,
-    /// Where it is in the moving link's frame.
-    pub pose: Isometry3<f64>,
-    /// The file, as the URDF says it.
-    pub file: String,
-    /// By what its lengths are multiplied, along its own axes.
-    pub scale: Vector3<f64>,
 }
 
 /// A frame fixed on a moving link.
@@ -71,17 +63,8 @@ pub struct Robot {
     pub links: Vec<Link>,
     /// Points at which contact is looked for.
     pub contact_points: Vec<ContactPoint>,
-    /// For each link, the link whose inertia moves in its place in the mass matrix (not in the bias). Empty, as physics has
-    /// it, but for comparison with a simulator that pairs them wrongly.
-    pub mass_matrix_of: Vec<usize>,
-    /// Collision meshes that stand on moving links, as the URDF names them; whoever can read files may turn them into contact points.
-    pub meshes: Vec<MeshFile>,
-    /// Links of the URDF whose collision meshes were passed over.
-    pub skipped_meshes: Vec<String>,
     /// Links of the URDF that hang on fixed joints (sole, IMU, tool) and where they are.
     pub frames: Vec<FixedFrame>,
-    /// What was taken for granted where the URDF is silent, a line each.
-    pub notes: Vec<String>,
     /// Joints that follow others: counted once, since sizes are asked for in every step.
     followers: usize,
 }
@@ -94,11 +77,7 @@ impl Robot {
             base,
             links: Vec::new(),
             contact_points: Vec::new(),
-            mass_matrix_of: Vec::new(),
-            meshes: Vec::new(),
-            skipped_meshes: Vec::new(),
             frames: Vec::new(),
-            notes: Vec::new(),
             followers: 0,
         }
     }
@@ -209,13 +188,6 @@ impl Robot {
     #[inline]
     pub fn sprung(&self) -> bool {
         self.joints().any(|j| j.stiffness > 0.0)
-    }
-
-    /// The frame of this name: that of a moving link, or one fixed on it (sole, IMU, tool) or on the base.
-    pub fn frame(&self, name: &str) -> Option<FixedFrame> {
-        let link = self.links.iter().position(|l| l.name == name);
-        let own = link.map(|link| FixedFrame { name: name.into(), link: Some(link), pose: Isometry3::identity() });
-        own.or_else(|| self.frames.iter().find(|f| f.name == name).cloned())
     }
 
     /// Total mass (kg).

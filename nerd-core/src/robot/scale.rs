@@ -31,10 +31,6 @@ impl Robot {
                 }
             }
         }
-        for mesh in &mut self.meshes {
-            mesh.pose = scaled(&mesh.pose, factor);
-            mesh.scale *= factor;
-        }
         self.frames.iter_mut().for_each(|frame| frame.pose = scaled(&frame.pose, factor));
         if own {
             self.contact_points = self.default_contact_points();

@@ -2,7 +2,7 @@
 //!
 //! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
-//! pose. A fixed base drops the root link's own inertia and shapes (it is bolted to the world, at the world's origin)
+//! pose. A fixed base drops the root link's own inertia and shapes (it is bolted to the world)
 //! and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
 //! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`]. Planar and floating joints: `several.rs`.
 
@@ -11,85 +11,49 @@ use std::collections::{HashMap, HashSet};
 use nalgebra::Isometry3;
 use urdf_rs::JointType;
 
+use super::error::{UrdfError, one_line};
 use super::lump::{isometry, joint, lump, sound};
 use super::mimic::follow;
 use super::several::{TURN, freed, planar, unnamed};
 use super::xml::without_materials;
-use super::{Base, FixedFrame, Link, Robot};
+use super::{Base, FixedFrame, Link, Robot, UrdfRobot};
 use crate::spatial::BodyInertia;
 
-/// Why a URDF cannot be honoured.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum UrdfError {
-    /// Not a URDF.
-    #[error("not a URDF: {0}")]
-    Parse(String),
-    /// A link that cannot be honoured.
-    #[error("link `{link}`: {reason}")]
-    Link {
-        /// Its name.
-        link: String,
-        /// One line.
-        reason: String,
-    },
-    /// A joint that cannot be honoured.
-    #[error("joint `{joint}`: {reason}")]
-    Joint {
-        /// Its name.
-        joint: String,
-        /// One line.
-        reason: String,
-    },
-    /// The links and joints do not make one tree.
-    #[error("the joints do not make one tree: {0}")]
-    Tree(String),
-    /// A robot without a joint, bolted down.
-    #[error("nothing moves: no moving joint and no floating base")]
-    Still,
-}
-
-impl UrdfError {
-    pub(super) fn link(link: &str, reason: impl AsRef<str>) -> Self {
-        Self::Link { link: one_line(link), reason: one_line(reason.as_ref()) }
-    }
-
-    pub(super) fn joint(joint: &str, reason: impl AsRef<str>) -> Self {
-        Self::Joint { joint: one_line(joint), reason: one_line(reason.as_ref()) }
-    }
-}
-
 impl Robot {
-    /// Reads a robot from the text of a URDF; `floating` frees its root link.
+    /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link 0). What the text
+    /// leaves open is told by [`UrdfRobot::read`].
     ///
     /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are those of
     /// [`Robot::default_contact_points`].
-    pub fn from_urdf(xml: &str, floating: bool) -> Result<Self, UrdfError> {
-        Self::read(xml, floating, false)
+    ///
+    /// # Errors
+    /// If the text cannot be honoured: which link or joint, and why.
+    pub fn from_urdf(xml: &str, base: Base) -> Result<Self, UrdfError> {
+        UrdfRobot::read(xml, base).map(|read| read.robot)
     }
+}
 
-    /// The same from a URDF that nothing will be added to: a joint that carries no mass has no dynamics, and is fixed at zero. Its links
-    /// become frames, and [`Robot::notes`] names it.
+impl UrdfRobot {
+    /// Reads a robot as [`Robot::from_urdf`] does, and keeps what was taken for granted.
     ///
     /// # Errors
     /// As [`Robot::from_urdf`].
-    pub fn from_urdf_alone(xml: &str, floating: bool) -> Result<Self, UrdfError> {
-        Self::read(xml, floating, true)
+    pub fn read(xml: &str, base: Base) -> Result<Self, UrdfError> {
+        Self::of(&parsed(xml)?, base)
     }
 
-    fn read(xml: &str, floating: bool, alone: bool) -> Result<Self, UrdfError> {
-        // An editor's mark of its encoding is no text.
-        let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::Parse(one_line(&e)))?;
-        // urdf-rs may panic on text that is no URDF at all; user input never does here.
-        let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
-        let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
-        unnamed(&file)?;
-        let robot = Self::of(&file, floating)?;
-        let idle = if alone { robot.idle() } else { Vec::new() };
+    /// The same from a URDF that nothing will be added to: a joint that carries no mass has no dynamics, and is fixed at zero. Its links
+    /// become frames, and a note names it.
+    ///
+    /// # Errors
+    /// As [`Robot::from_urdf`].
+    pub fn read_alone(xml: &str, base: Base) -> Result<Self, UrdfError> {
+        let mut file = parsed(xml)?;
+        let read = Self::of(&file, base)?;
+        let idle = idle(&read.robot);
         if idle.is_empty() {
-            return Ok(robot);
+            return Ok(read);
         }
-        let mut file = file;
         // Of a planar joint the last of its three carries what it carries.
         let own = |j: &urdf_rs::Joint| if j.joint_type == JointType::Planar { format!("{}.{TURN}", j.name) } else { j.name.clone() };
         let mut notes = Vec::new();
@@ -97,50 +61,59 @@ impl Robot {
             joint.joint_type = JointType::Fixed;
             notes.push(format!("joint `{}`: it carries no mass, and is fixed at zero", joint.name));
         }
-        let mut robot = Self::of(&file, floating)?;
-        robot.notes.extend(notes);
-        Ok(robot)
+        let mut read = Self::of(&file, base)?;
+        read.notes.extend(notes);
+        Ok(read)
     }
 
-    /// Joints without mass on them, nor on those that follow them.
-    fn idle(&self) -> Vec<String> {
-        let dofs = self.dofs();
-        let mut carried: Vec<bool> = self.links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
-        for i in (0..carried.len()).rev() {
-            if let Some(p) = self.links[i].parent {
-                carried[p] |= carried[i];
-            }
-        }
-        let idle =
-            |dof: usize| dofs.iter().zip(&self.links).zip(&carried).all(|((d, l), carried)| *d != dof || l.joint.is_none() || !carried);
-        let joints = self.links.iter().zip(&dofs).filter(|(_, dof)| idle(**dof));
-        joints.filter_map(|(link, _)| link.joint.as_ref().map(|j| j.name.clone())).collect()
-    }
-
-    fn of(file: &urdf_rs::Robot, floating: bool) -> Result<Self, UrdfError> {
+    fn of(file: &urdf_rs::Robot, base: Base) -> Result<Self, UrdfError> {
+        let floating = base == Base::Floating;
         let tree = Tree::new(file, floating)?;
-        let base = if floating { Base::Floating } else { Base::Fixed(Isometry3::identity()) };
-        let mut robot = Self::new(file.name.clone(), base);
+        let mut read = Self { robot: Robot::new(file.name.clone(), base), notes: Vec::new(), meshes: Vec::new() };
         if floating {
-            robot.links.push(bare(&file.links[tree.root], None, None));
+            read.robot.links.push(bare(&file.links[tree.root], None, None));
         }
-        tree.add(floating.then_some(0), &mut robot)?;
+        tree.add(floating.then_some(0), &mut read)?;
         for joint in file.joints.iter().filter(|j| tree.world.is_some_and(|world| file.links[world].name == j.parent.link)) {
             let said = joint.origin.xyz.iter().chain(&*joint.origin.rpy).any(|x| *x != 0.0) || joint.dynamics.is_some();
             if said || joint.mimic.is_some() {
-                robot.notes.push(format!(
+                read.notes.push(format!(
                     "joint `{}`: its <origin>, <dynamics> and <mimic> are passed over, since it makes the base a free one",
                     joint.name
                 ));
             }
         }
-        if robot.nv() == 0 {
+        if read.robot.nv() == 0 {
             return Err(UrdfError::Still);
         }
-        sound(&robot)?;
-        robot.contact_points = robot.default_contact_points();
-        Ok(robot)
+        sound(&read.robot)?;
+        read.robot.contact_points = read.robot.default_contact_points();
+        Ok(read)
     }
+}
+
+fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
+    // An editor's mark of its encoding is no text.
+    let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::Parse(one_line(&e)))?;
+    // urdf-rs may panic on text that is no URDF at all; user input never does here.
+    let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
+    let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
+    unnamed(&file)?;
+    Ok(file)
+}
+
+/// Joints without mass on them, nor on those that follow them.
+fn idle(robot: &Robot) -> Vec<String> {
+    let (links, dofs) = (&robot.links, robot.dofs());
+    let mut carried: Vec<bool> = links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
+    for i in (0..carried.len()).rev() {
+        if let Some(p) = links[i].parent {
+            carried[p] |= carried[i];
+        }
+    }
+    let idle = |dof: usize| dofs.iter().zip(links).zip(&carried).all(|((d, l), carried)| *d != dof || l.joint.is_none() || !carried);
+    let joints = links.iter().zip(&dofs).filter(|(_, dof)| idle(**dof));
+    joints.filter_map(|(link, _)| link.joint.as_ref().map(|j| j.name.clone())).collect()
 }
 
 /// The file by index: children of each link, in the file's order.
@@ -193,7 +166,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Adds the root and all below it; `host` is the moving link the root belongs to, `None` for the world.
-    fn add(&self, host: Option<usize>, robot: &mut Robot) -> Result<(), UrdfError> {
+    fn add(&self, host: Option<usize>, read: &mut UrdfRobot) -> Result<(), UrdfError> {
         // An explicit stack, so that a deep file cannot overflow the program's. An entry: link, the moving link above
         // it, its pose there, and the joint it moves by, if it does.
         let mut stack = vec![(self.root, host, Isometry3::identity(), None)];
@@ -205,21 +178,21 @@ impl<'a> Tree<'a> {
             if let Some(j) = moving {
                 let of: &urdf_rs::Joint = &self.file.joints[j];
                 let joint = if of.joint_type == JointType::Planar {
-                    let (slides, turn) = planar(of, &source.name, pose, (host, robot.links.len()), &mut robot.notes)?;
-                    robot.links.extend(slides);
-                    host = Some(robot.links.len() - 1);
+                    let (slides, turn) = planar(of, &source.name, pose, (host, read.robot.links.len()), &mut read.notes)?;
+                    read.robot.links.extend(slides);
+                    host = Some(read.robot.links.len() - 1);
                     turn
                 } else {
-                    joint(of, pose, &mut robot.notes)?
+                    joint(of, pose, &mut read.notes)?
                 };
-                robot.links.push(bare(source, host, Some(joint)));
-                (host, pose) = (Some(robot.links.len() - 1), Isometry3::identity());
-                followers.extend(of.mimic.as_ref().map(|mimic| (robot.links.len() - 1, mimic)));
+                read.robot.links.push(bare(source, host, Some(joint)));
+                (host, pose) = (Some(read.robot.links.len() - 1), Isometry3::identity());
+                followers.extend(of.mimic.as_ref().map(|mimic| (read.robot.links.len() - 1, mimic)));
             } else if host.is_none() || link != self.root {
-                robot.frames.push(FixedFrame { name: source.name.clone(), link: host, pose });
+                read.robot.frames.push(FixedFrame { name: source.name.clone(), link: host, pose });
             }
             if let Some(host) = host {
-                lump(source, &pose, host, robot)?;
+                lump(source, &pose, host, read)?;
             }
             for &(j, child) in self.children[link].iter().rev() {
                 let joint = &self.file.joints[j];
@@ -231,7 +204,7 @@ impl<'a> Tree<'a> {
         }
         match seen.iter().position(|s| !s) {
             Some(lost) => Err(UrdfError::link(&self.file.links[lost].name, "hangs in a cycle of joints, apart from the root")),
-            None => follow(robot, self.file, followers),
+            None => follow(read, self.file, followers),
         }
     }
 }
@@ -239,8 +212,4 @@ impl<'a> Tree<'a> {
 /// A link of the file, nothing lumped in yet.
 fn bare(source: &urdf_rs::Link, parent: Option<usize>, joint: Option<super::Joint>) -> Link {
     Link { name: source.name.clone(), parent, joint, inertia: BodyInertia::default(), shapes: Vec::new() }
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -2,14 +2,14 @@
 //!
 //! Files are STL, OBJ or COLLADA (crate mesh-loader). `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
 //! as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's `ROS_PACKAGE_PATH`. Every other path begins at
-//! the URDF. What cannot be read is passed over, and [`Robot::notes`] says why.
+//! the URDF. What cannot be read is passed over, and a note says why.
 
 use std::path::{Path, PathBuf};
 
 use mesh_loader::Loader;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{MeshFile, Robot};
+use nerd_core::robot::{MeshFile, UrdfRobot};
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::spread::spread;
@@ -21,12 +21,13 @@ const SHARP: f64 = 1e-5;
 
 /// Gives a robot that was read from the URDF `path` at most `points` contact points for each of its collision meshes; none where no
 /// file is known.
-pub fn touch(robot: &mut Robot, path: Option<&Path>, points: usize) {
+pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     let Some(path) = path.filter(|_| points > 0) else { return };
     // Where a link into the folder of packages was followed, the packages are where it leads.
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
-    for mesh in std::mem::take(&mut robot.meshes) {
-        match vertices(&mesh, &path) {
+    let UrdfRobot { robot, notes, meshes } = read;
+    meshes.retain(|mesh| {
+        match vertices(mesh, &path) {
             Ok(vertices) => {
                 let hull = hull(&vertices);
                 robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint {
@@ -35,17 +36,21 @@ pub fn touch(robot: &mut Robot, path: Option<&Path>, points: usize) {
                     radius: SHARP,
                     thickness: SHARP,
                 }));
-                if let Some(k) = robot.skipped_meshes.iter().position(|name| *name == mesh.of) {
-                    robot.skipped_meshes.remove(k);
-                }
+                false
             }
-            Err(reason) => robot.notes.push(format!("link `{}`: mesh {}: {reason}; nothing touches it", mesh.of, mesh.file)),
+            Err(reason) => {
+                notes.push(format!("link `{}`: mesh {}: {reason}; nothing touches it", mesh.of, mesh.file));
+                true
+            }
         }
-    }
+    });
 }
 
 /// The vertices of a mesh in its own frame (m).
 fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
+    if !mesh.scale.iter().all(|x| (1e-9..1e9).contains(&x.abs())) {
+        return Err("has no usable scale".into());
+    }
     let path = find(&mesh.file, urdf).ok_or("is not there")?;
     let size = std::fs::metadata(&path).map_err(|e| e.to_string())?.len();
     if size > LARGEST {

@@ -3,23 +3,13 @@
 //! Bounds: closed forms of accelerations agree to rounding, 1e-13 of the largest; the period is limited by the
 //! fourth-order integrator of this test (h = 1 ms, error h^4 = 1e-12 times constants).
 
-mod common;
-
-use common::*;
-use nalgebra::{Vector3, vector};
-use nerd_core::dynamics::{Data, aba, crba, kinematics};
-use nerd_core::robot::Robot;
+use super::common::*;
+use nerd_core::prelude::*;
 
 const DOWN: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
 
-fn accelerations(robot: &Robot, q: &[f64], qd: &[f64], tau: &[f64], data: &mut Data) -> Vec<f64> {
-    kinematics(robot, q, data);
-    assert!(aba(robot, qd, tau, &DOWN, data));
-    data.qdd.as_slice().to_vec()
-}
-
 fn with_armature(urdf: &str) -> Robot {
-    let mut robot = Robot::from_urdf(urdf, false).expect("a valid asset");
+    let mut robot = Robot::from_urdf(urdf, Base::fixed()).expect("a valid asset");
     robot.joints_mut().for_each(|j| j.armature = 0.01);
     robot
 }
@@ -32,16 +22,16 @@ fn against(robot: &Robot, closed: impl Fn(&[f64], &[f64], &[f64]) -> ([[f64; 2];
         let ([[a, b], [c, d]], [x, y]) = closed(&q, &qd, &tau);
         let det = a * d - b * c;
         let expected = [(d * x - b * y) / det, (a * y - c * x) / det];
-        worst[0] = worst[0].max(gap(&accelerations(robot, &q, &qd, &tau, &mut data), &expected));
-        crba(robot, &mut data);
-        worst[1] = worst[1].max(gap(data.mass.as_slice(), &[a, c, b, d]));
+        let qdd = data.forward_dynamics(robot, &q, &LocalVelocity(qd), &tau, &DOWN).expect("inertia");
+        worst[0] = worst[0].max(gap(qdd.as_slice(), &expected));
+        worst[1] = worst[1].max(gap(data.mass_matrix(robot, &q).as_slice(), &[a, c, b, d]));
     }
     worst
 }
 
 #[test]
 fn cartpole_obeys_its_closed_form() {
-    let robot = with_armature(include_str!("../assets/cartpole.urdf"));
+    let robot = with_armature(include_str!("../../assets/cartpole.urdf"));
     let (mc, mp, l, iyy, g) = (3.0, 0.4, 0.5, 0.03, 9.81);
     let worst = against(&robot, |q, qd, tau| {
         let (sin, cos) = q[1].sin_cos();
@@ -54,7 +44,7 @@ fn cartpole_obeys_its_closed_form() {
 
 #[test]
 fn double_pendulum_obeys_its_closed_form() {
-    let robot = with_armature(include_str!("../assets/pendulum.urdf"));
+    let robot = with_armature(include_str!("../../assets/pendulum.urdf"));
     // Two equal links, angles from the horizontal: mass, length, half length, inertia about the axis at the centre.
     let (m, l, h, i, g) = (1.2, 1.0, 0.5, 0.1, 9.81);
     let worst = against(&robot, |q, qd, tau| {
@@ -81,7 +71,7 @@ fn a_wide_swing_takes_the_elliptic_integrals_time() {
     let urdf = r#"<robot name="bob"><link name="world"/><link name="bob"><inertial><origin xyz="0 -0.7 0"/><mass value="1"/>
         <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link><joint name="pivot" type="continuous">
         <parent link="world"/><child link="bob"/><axis xyz="0 0 1"/></joint></robot>"#;
-    let robot = Robot::from_urdf(urdf, false).expect("valid");
+    let robot = Robot::from_urdf(urdf, Base::fixed()).expect("valid");
     let mut data = Data::new(&robot);
     // T = 2 pi sqrt(l / g) / agm(1, cos(start / 2)).
     let (mut a, mut b) = (1.0, (start / 2.0).cos());
@@ -89,10 +79,10 @@ fn a_wide_swing_takes_the_elliptic_integrals_time() {
         (a, b) = (0.5 * (a + b), f64::sqrt(a * b));
     }
     let period = std::f64::consts::TAU * (length / 9.81f64).sqrt() / a;
-    let small = accelerations(&robot, &[1e-3], &[0.0], &[0.0], &mut data)[0];
+    let mut rate =
+        |x: [f64; 2]| [x[1], data.forward_dynamics(&robot, &x[..1], &LocalVelocity([x[1]]), &[0.0], &DOWN).expect("inertia")[0]];
+    let small = rate([1e-3, 0.0])[1];
     assert!((small + 9.81 / length * f64::sin(1e-3)).abs() < 1e-15, "acceleration {small}, expected -g/l sin q");
-
-    let mut rate = |x: [f64; 2]| [x[1], accelerations(&robot, &x[..1], &x[1..], &[0.0], &mut data)[0]];
     let (steps, mut x) = ((period / 1e-3).ceil(), [start, 0.0]);
     let h = period / steps;
     for _ in 0..steps as usize {
@@ -114,16 +104,17 @@ fn a_free_body_obeys_eulers_equations() {
         let mut rng = Rng::seed_from_u64(seed);
         let mut robot = robot(&mut rng, 0, true);
         robot.links[0].inertia.com = Vector3::zeros();
-        let (q, qd) = state(&mut rng, &robot);
-        let tau = values(&mut rng, 6, 1.0);
+        let ((q, qd), tau) = (state(&mut rng, &robot), values(&mut rng, 6, 1.0));
         let mut data = Data::new(&robot);
-        let qdd = accelerations(&robot, &q, &qd, &tau, &mut data);
-        let (body, r) = (robot.links[0].inertia, data.rotation[0]);
-        let inertia = r * body.inertia * r.transpose();
-        let (w, v) = (vector![qd[0], qd[1], qd[2]], vector![qd[3], qd[4], qd[5]]);
-        let turn = inertia.try_inverse().expect("a body has inertia") * (vector![tau[0], tau[1], tau[2]] - w.cross(&(inertia * w)));
-        let push = vector![tau[3], tau[4], tau[5]] / body.mass + DOWN - w.cross(&v);
-        worst = worst.max(gap(&qdd, &[turn.as_slice(), push.as_slice()].concat()));
+        let qdd = data.forward_dynamics(&robot, &q, &qd, &tau, &DOWN).expect("inertia").clone();
+        let root = robot.frame("root").expect("the body");
+        let (body, r) = (robot.links[0].inertia, data.pose(&robot, &q, &root).rotation.to_rotation_matrix());
+        let inertia = r.matrix() * body.inertia * r.matrix().transpose();
+        let (w, torque) = (Motion::from_slice(&qd.0).ang, Wrench::from_slice(&tau));
+        // I w_dot = n - w x I w, and m p_ddot = f + m g, where the twist's own rate would lack w x p_dot.
+        let turn = inertia.try_inverse().expect("a body has inertia") * (torque.ang - w.cross(&(inertia * w)));
+        let push = torque.lin / body.mass + DOWN;
+        worst = worst.max(gap(qdd.as_slice(), &[turn.as_slice(), push.as_slice()].concat()));
     }
     println!("Euler's equations: {worst:.1e}");
     assert!(worst < 1e-13, "Euler's equations are off by {worst:.1e}, allowed 1e-13");

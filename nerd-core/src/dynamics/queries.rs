@@ -1,0 +1,256 @@
+//! What a user asks of a robot at coordinates `q`: each in one call, right whatever was asked before.
+//!
+//! Accelerations are rates of a [`LocalVelocity`]'s numbers. The stages' own are spatial ones, whose linear part lacks `w x p_dot` of a
+//! floating root ([`super`]); they are turned into each other here.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
+
+use super::{
+    Data, Derivatives, Factor, aba, com_jacobian, crba, frame_pose, frame_velocity, jacobian, jacobian_rate, kinematics, rnea, velocities,
+};
+use crate::robot::{FixedFrame, Robot};
+use crate::spatial::Motion;
+use crate::state::vector;
+use crate::velocity::LocalVelocity;
+
+/// The axes in which a Jacobian gives velocities of a frame's origin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// Those of the world (Pinocchio's `LOCAL_WORLD_ALIGNED`).
+    World,
+    /// The frame's own (Pinocchio's `LOCAL`).
+    Local,
+}
+
+/// No accelerations: something has no inertia.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct NoInertia(String);
+
+impl Data {
+    /// Mass matrix, `nv` by `nv`: `M(q) qdd + c(q, qd) = tau`.
+    pub fn mass_matrix(&mut self, robot: &Robot, q: &[f64]) -> &DMatrix<f64> {
+        self.place(robot, q);
+        crba(robot, self);
+        &self.mass
+    }
+
+    /// Torques that hold the robot still against `gravity` (m/s^2, world axes).
+    pub fn gravity_torque(&mut self, robot: &Robot, q: &[f64], gravity: &Vector3<f64>) -> &DVector<f64> {
+        self.torques(robot, q, None, None, gravity)
+    }
+
+    /// Torques `c(q, qd)` without acceleration: gravity's, and those of Coriolis and centrifugal forces.
+    pub fn bias(&mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, gravity: &Vector3<f64>) -> &DVector<f64> {
+        self.torques(robot, q, Some(qd.0.as_ref()), None, gravity)
+    }
+
+    /// Torques for the accelerations `qdd`.
+    pub fn inverse_dynamics(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
+    ) -> &DVector<f64> {
+        self.torques(robot, q, Some(qd.0.as_ref()), Some(qdd), gravity)
+    }
+
+    /// Accelerations for the torques `tau`.
+    ///
+    /// # Errors
+    /// If a link has no inertia to accelerate: which.
+    pub fn forward_dynamics(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        tau: &[f64],
+        gravity: &Vector3<f64>,
+    ) -> Result<&DVector<f64>, NoInertia> {
+        let qd = qd.0.as_ref();
+        self.place(robot, q);
+        if !aba(robot, qd, tau, gravity, self) {
+            return Err(self.no_inertia(robot));
+        }
+        shift(robot, qd, self.qdd.as_mut_slice(), 1.0);
+        Ok(&self.qdd)
+    }
+
+    /// Derivatives of [`Data::inverse_dynamics`] by `q` and `qd`, at fixed `qdd`; that by `qdd` is the mass matrix.
+    pub fn inverse_derivatives(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
+    ) -> Derivatives {
+        let (qd, mut spatial, mut out) = (qd.0.as_ref(), qdd.to_vec(), Derivatives::new(robot));
+        shift(robot, qd, &mut spatial, -1.0);
+        self.place(robot, q);
+        out.inverse(robot, qd, &spatial, gravity, self);
+        if robot.floating() {
+            let [by_w, by_v] = shift_rates(qd);
+            let linear = self.mass.columns(3, 3).into_owned();
+            let (w, v) = (&linear * by_w, &linear * by_v);
+            out.qd.columns_mut(0, 3).zip_apply(&w, |x, y| *x -= y);
+            out.qd.columns_mut(3, 3).zip_apply(&v, |x, y| *x -= y);
+        }
+        out
+    }
+
+    /// Derivatives of [`Data::forward_dynamics`] by `q` and `qd`, at fixed `tau`; that by `tau` is the inverse of the mass matrix.
+    ///
+    /// # Errors
+    /// As [`Data::forward_dynamics`].
+    pub fn forward_derivatives(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        tau: &[f64],
+        gravity: &Vector3<f64>,
+    ) -> Result<Derivatives, NoInertia> {
+        let (qd, mut out) = (qd.0.as_ref(), Derivatives::new(robot));
+        self.place(robot, q);
+        if !aba(robot, qd, tau, gravity, self) {
+            return Err(self.no_inertia(robot));
+        }
+        let (spatial, mut factor) = (self.qdd.as_slice().to_vec(), Factor::new(robot));
+        if !out.forward(robot, qd, &spatial, gravity, self, &mut factor) {
+            return Err(NoInertia(factor.fault(robot)));
+        }
+        if robot.floating() {
+            let [by_w, by_v] = shift_rates(qd);
+            let mut w = out.qd.fixed_view_mut::<3, 3>(3, 0);
+            w += by_w;
+            let mut v = out.qd.fixed_view_mut::<3, 3>(3, 3);
+            v += by_v;
+        }
+        Ok(out)
+    }
+
+    /// Jacobian of a frame ([`Robot::frame`]), 6 by `nv`: its angular velocity (rad/s) and the velocity of its origin (m/s) are `J qd`.
+    /// Zero for a frame on a fixed base.
+    pub fn jacobian(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame, axes: Axes) -> &DMatrix<f64> {
+        self.place(robot, q);
+        let mut out = std::mem::replace(&mut self.jacobian, DMatrix::zeros(0, 0));
+        match frame.link {
+            Some(link) => jacobian(robot, self, link, &frame.pose.translation.vector, &mut out),
+            None => out.fill(0.0),
+        }
+        if axes == Axes::Local {
+            let back = self.turn(robot, frame).transpose();
+            for mut column in out.column_iter_mut() {
+                for at in [0, 3] {
+                    let turned = back * column.fixed_rows::<3>(at);
+                    column.fixed_rows_mut::<3>(at).copy_from(&turned);
+                }
+            }
+        }
+        self.jacobian = out;
+        &self.jacobian
+    }
+
+    /// Its rate while the robot moves at `qd`: the rates of those velocities are `J qdd + J_dot qd`.
+    pub fn jacobian_rate(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        frame: &FixedFrame,
+        axes: Axes,
+    ) -> &DMatrix<f64> {
+        self.jacobian(robot, q, frame, axes);
+        velocities(robot, qd.0.as_ref(), self);
+        let Some(link) = frame.link else { return &self.jacobian };
+        let mut rate = std::mem::replace(&mut self.rate, DMatrix::zeros(0, 0));
+        jacobian_rate(robot, self, link, &frame.pose.translation.vector, &mut rate);
+        if axes == Axes::Local {
+            // Of R^T J: R^T J_dot - (R^T w) x R^T J.
+            let back = self.turn(robot, frame).transpose();
+            let spin = back * self.velocity[link].ang;
+            for (mut column, own) in rate.column_iter_mut().zip(self.jacobian.column_iter()) {
+                for at in [0, 3] {
+                    let turned = back * column.fixed_rows::<3>(at) - spin.cross(&own.fixed_rows::<3>(at));
+                    column.fixed_rows_mut::<3>(at).copy_from(&turned);
+                }
+            }
+        }
+        self.rate = rate;
+        &self.rate
+    }
+
+    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: its velocity (m/s, world axes) is `J qd`.
+    pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
+        self.place(robot, q);
+        let mut out = DMatrix::zeros(3, robot.nv());
+        (com_jacobian(robot, self, &mut out), out)
+    }
+
+    /// Where a frame ([`Robot::frame`]) is in the world.
+    pub fn pose(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame) -> Isometry3<f64> {
+        self.place(robot, q);
+        frame_pose(robot, self, frame)
+    }
+
+    /// Angular velocity (rad/s) of a frame and velocity (m/s) of its origin, world axes.
+    pub fn velocity(&mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, frame: &FixedFrame) -> Motion {
+        self.place(robot, q);
+        velocities(robot, qd.0.as_ref(), self);
+        frame_velocity(self, frame)
+    }
+
+    /// Kinematics at `q`. Lengths are a program's own, so others than the robot's are a fault of it.
+    fn place(&mut self, robot: &Robot, q: &[f64]) {
+        assert!(q.len() >= robot.nq(), "q has {} numbers, robot `{}` has {} coordinates", q.len(), robot.name, robot.nq());
+        assert!(self.tau.len() == robot.nv(), "this Data was made for another robot than `{}`", robot.name);
+        kinematics(robot, q, self);
+    }
+
+    /// Without a velocity or an acceleration: at zero.
+    fn torques(&mut self, robot: &Robot, q: &[f64], qd: Option<&[f64]>, qdd: Option<&[f64]>, gravity: &Vector3<f64>) -> &DVector<f64> {
+        self.place(robot, q);
+        let mut spatial = std::mem::replace(&mut self.qdd, DVector::zeros(0));
+        match qdd {
+            Some(qdd) => spatial.copy_from_slice(qdd),
+            None => spatial.fill(0.0),
+        }
+        match qd {
+            Some(qd) => {
+                shift(robot, qd, spatial.as_mut_slice(), -1.0);
+                rnea(robot, qd, spatial.as_slice(), gravity, self);
+            }
+            None => rnea(robot, spatial.as_slice(), spatial.as_slice(), gravity, self),
+        }
+        self.qdd = spatial;
+        &self.tau
+    }
+
+    fn turn(&self, robot: &Robot, frame: &FixedFrame) -> Matrix3<f64> {
+        frame_pose(robot, self, frame).rotation.to_rotation_matrix().into_inner()
+    }
+
+    #[cold]
+    fn no_inertia(&mut self, robot: &Robot) -> NoInertia {
+        let mut factor = Factor::new(robot);
+        crba(robot, self);
+        let sound = factor.refill(&self.mass);
+        NoInertia(if sound { "the state or a torque is not finite".into() } else { factor.fault(robot) })
+    }
+}
+
+/// Adds `sign w x p_dot` of a floating root: from spatial acceleration to the rate of `p_dot`, or back.
+fn shift(robot: &Robot, qd: &[f64], qdd: &mut [f64], sign: f64) {
+    if robot.floating() {
+        let turning = vector(qd).cross(&vector(&qd[3..6]));
+        (0..3).for_each(|k| qdd[3 + k] += sign * turning[k]);
+    }
+}
+
+/// Derivatives of `w x p_dot` by w and by `p_dot`.
+fn shift_rates(qd: &[f64]) -> [Matrix3<f64>; 2] {
+    [-vector(&qd[3..6]).cross_matrix(), vector(qd).cross_matrix()]
+}

@@ -1,0 +1,31 @@
+//! A robot as a URDF gave it, with what the file left open.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::Robot;
+
+/// What a URDF's text holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UrdfRobot {
+    /// The robot.
+    pub robot: Robot,
+    /// What was taken for granted where the text is silent, a line each.
+    pub notes: Vec<String>,
+    /// Collision meshes on moving links, of which the robot has nothing: whoever can read files may turn them into contact points.
+    pub meshes: Vec<MeshFile>,
+}
+
+/// A collision mesh that a URDF names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// Index of the moving link that carries it.
+    pub link: usize,
+    /// Name of its link in the URDF.
+    pub of: String,
+    /// Where it is in the moving link's frame.
+    pub pose: Isometry3<f64>,
+    /// The file, as the URDF says it.
+    pub file: String,
+    /// By what its lengths are multiplied, along its own axes.
+    pub scale: Vector3<f64>,
+}
