@@ -12,7 +12,7 @@ use common::*;
 use nalgebra::{Unit, UnitQuaternion};
 use nerd_core::prelude::*;
 use nerd_core::state::{quaternion, vector, wrap_state, write_quaternion};
-use proptest::prelude::*;
+use proptest::prelude::{ProptestConfig, prop_assert, prop_assert_eq, proptest};
 
 /// What is at the world's origin moves with the twist, the root's own origin with the local velocity.
 #[test]

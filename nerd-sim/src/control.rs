@@ -31,7 +31,7 @@ impl Controller {
     pub fn with_ahead(system: &Arc<System>, ahead: bool) -> Self {
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
         let wraps = system.robot.joints().map(|j| j.wraps()).collect();
-        Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(&system.robot)), wraps, gaps: Vec::new() }
+        Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(system)), wraps, gaps: Vec::new() }
     }
 
     /// Torques for an action at a state `[q, qd]`, one a joint (N m or N).
@@ -93,8 +93,9 @@ struct Ahead {
 }
 
 impl Ahead {
-    fn new(robot: &Robot) -> Self {
-        Self { data: Data::new(robot), factor: Factor::new(robot), state: robot.zero_state() }
+    fn new(system: &System) -> Self {
+        let robot = &system.robot;
+        Self { data: system.data(), factor: Factor::new(robot), state: robot.zero_state() }
     }
 
     /// Joint accelerations under the law, without contact; none at a state that has none.

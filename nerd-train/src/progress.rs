@@ -30,7 +30,7 @@ pub fn last(text: std::fmt::Arguments) {
 /// What was taken for granted of a robot, a line each; built-in ones say it in their files.
 pub fn notes(system: &System) {
     if System::texts(&system.name).is_none() {
-        system.robot.notes.iter().for_each(|note| tell(format_args!("{}: {note}", system.name)));
+        system.notes.iter().for_each(|note| tell(format_args!("{}: {note}", system.name)));
     }
 }
 

@@ -60,7 +60,7 @@ fn known(robot: &str) -> Result<()> {
     let system = System::named(robot)?;
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
     println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
-    system.robot.notes.iter().for_each(|note| println!("# {note}"));
+    system.notes.iter().for_each(|note| println!("# {note}"));
     // Of a built-in robot the file is there already, and says all; of a cable it says what stands beside `[cable]`.
     if System::texts(&system.name).is_none() && system.source != Source::Cable {
         println!("like = \"urdf\"");

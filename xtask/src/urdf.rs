@@ -80,8 +80,7 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     crate::out::tables(&tables);
     if let [robot] = &robots[..] {
-        let notes = robot.robots.iter().flatten().next().map(|r| r.notes.as_slice()).unwrap_or_default();
-        notes.iter().for_each(|note| eprintln!("{note}"));
+        robot.notes.iter().for_each(|note| eprintln!("{note}"));
     }
     let Some(out) = args.out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), files.len() as f64);

@@ -15,6 +15,12 @@ pub struct UrdfRobot {
     pub meshes: Vec<MeshFile>,
 }
 
+impl From<Robot> for UrdfRobot {
+    fn from(robot: Robot) -> Self {
+        Self { robot, notes: Vec::new(), meshes: Vec::new() }
+    }
+}
+
 /// A collision mesh that a URDF names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshFile {

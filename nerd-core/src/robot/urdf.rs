@@ -69,7 +69,7 @@ impl UrdfRobot {
     fn of(file: &urdf_rs::Robot, base: Base) -> Result<Self, UrdfError> {
         let floating = base == Base::Floating;
         let tree = Tree::new(file, floating)?;
-        let mut read = Self { robot: Robot::new(file.name.clone(), base), notes: Vec::new(), meshes: Vec::new() };
+        let mut read = Self::from(Robot::new(file.name.clone(), base));
         if floating {
             read.robot.links.push(bare(&file.links[tree.root], None, None));
         }

@@ -46,6 +46,8 @@ pub struct Surveyed {
     pub floating: Result<usize, String>,
     /// The robots themselves, on a fixed and on a free base, where they can be read.
     pub robots: [Option<Robot>; 2],
+    /// What was taken for granted, on the first of them.
+    pub notes: Vec<String>,
 }
 
 /// Of a robot.
@@ -73,12 +75,13 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
         caught(read).map_err(Unread::Because)?.ok_or(Unread::Still)
     };
     let tries = [false, true].map(read);
-    let sizes = tries.iter().flatten().next().map(|System { robot, .. }| Sizes {
+    let sizes = tries.iter().flatten().next().map(|System { robot, meshes, .. }| Sizes {
         links: robot.links.len(),
         joints: robot.joint_count(),
         mass: robot.mass(),
-        meshes: robot.skipped_meshes.len(),
+        meshes: meshes.len(),
     });
+    let notes = tries.iter().flatten().next().map(|system| system.notes.clone()).unwrap_or_default();
     let roll = |system: Result<System, Unread>| match system {
         Ok(system) => caught(|| roll(system, name)),
         Err(Unread::Still) => Ok(0),
@@ -86,7 +89,7 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
     };
     let robots = [0, 1].map(|k: usize| tries[k].as_ref().ok().map(|system| system.robot.clone()));
     let [fixed, floating] = tries.map(roll);
-    Surveyed { name: name.clone(), sizes, fixed, floating, robots }
+    Surveyed { name: name.clone(), sizes, fixed, floating, robots, notes }
 }
 
 /// Why there is no robot to roll out.

@@ -9,6 +9,7 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 
 use super::touch::Contact;
+use crate::system::System;
 
 /// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
 /// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
@@ -38,9 +39,10 @@ pub(super) struct Tree {
 
 impl Tree {
     /// None for a robot that the matrix is faster for, or that has more in its matrix than its tree says.
-    pub(super) fn new(robot: &Robot) -> Option<Self> {
+    pub(super) fn new(system: &System) -> Option<Self> {
+        let robot = &system.robot;
         let (links, joints) = (robot.links.len(), robot.joint_count());
-        along(robot).then(|| TreeFactor::new(robot)).flatten().map(|factor| Self {
+        (along(robot) && system.stand_ins.is_empty()).then(|| TreeFactor::new(robot)).flatten().map(|factor| Self {
             factor,
             links: vec![Matrix6::zeros(); links],
             joints: vec![0.0; joints],

@@ -20,7 +20,7 @@ impl Frame for Workspace {
     const DRIVEN: bool = true;
 
     fn know(system: &System) -> Result<Arc<Bounds>, String> {
-        Ok(Arc::new(Bounds::new(&system.robot)))
+        Ok(Arc::new(Bounds::new(system)))
     }
 
     fn new(system: &System, known: Arc<Bounds>) -> Self {

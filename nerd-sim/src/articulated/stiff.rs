@@ -17,6 +17,7 @@ use nerd_core::robot::{Joint, JointKind, Limit, Robot};
 use nerd_core::spatial::{BodyInertia, parallel_axis};
 
 use super::config::Integrator;
+use crate::system::System;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
 pub(super) const MOST: f64 = 2.0;
@@ -38,8 +39,9 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    pub(super) fn new(robot: &Robot) -> Self {
-        let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(robot, i)).collect();
+    pub(super) fn new(system: &System) -> Self {
+        let robot = &system.robot;
+        let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(system, i)).collect();
         let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
         let damped = robot.joints().zip(&least).map(share).sum();
         let ease = robot.contact_points.iter().map(|p| ease(&robot.links[p.link].inertia, &p.local)).collect();
@@ -177,10 +179,11 @@ fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
 
 /// A bound from below on the inertia that the joint of link `i` feels, `1 / (M^-1)_ii`, in any pose: armature, and the two
 /// links next to it as if they turned freely about their centres of mass; on a fixed base the link about the joint. What follows it only adds.
-fn least_inertia(robot: &Robot, i: usize) -> Option<f64> {
+fn least_inertia(system: &System, i: usize) -> Option<f64> {
+    let robot = &system.robot;
     let link = &robot.links[i];
     let joint = link.joint.as_ref().filter(|j| j.mimic().is_none())?;
-    if !robot.mass_matrix_of.is_empty() {
+    if !system.stand_ins.is_empty() {
         return Some(joint.armature);
     }
     let (axis, own) = (joint.axis().into_inner(), &link.inertia);

@@ -6,6 +6,7 @@ use nerd_core::robot::Robot;
 use super::along::Tree;
 use super::touch::Touch;
 use crate::scene::Scene;
+use crate::system::System;
 
 /// Working memory.
 pub(super) struct Touches {
@@ -33,7 +34,8 @@ pub(super) struct Touches {
 }
 
 impl Touches {
-    pub(super) fn new(robot: &Robot) -> Self {
+    pub(super) fn new(system: &System) -> Self {
+        let robot = &system.robot;
         let (points, joints, nv) = (robot.contact_points.len(), robot.joint_count(), robot.nv());
         Self {
             touches: Vec::with_capacity(points + 3 * joints),
@@ -45,7 +47,7 @@ impl Touches {
             springs: vec![0.0; joints],
             pull: vec![0.0; joints],
             mass: DMatrix::zeros(nv, nv),
-            tree: Tree::new(robot),
+            tree: Tree::new(system),
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
             right: vec![0.0; nv],

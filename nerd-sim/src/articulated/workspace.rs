@@ -38,7 +38,7 @@ impl Workspace {
         let robot = &system.robot;
         let d = robot.state_dim();
         Self {
-            data: Data::new(robot),
+            data: system.data(),
             factor: Factor::new(robot),
             rates: std::array::from_fn(|_| vec![0.0; d]),
             trial: vec![0.0; d],
@@ -46,7 +46,7 @@ impl Workspace {
             materials: Vec::new(),
             events: Vec::new(),
             owners: Vec::new(),
-            touches: Touches::new(robot),
+            touches: Touches::new(system),
             stiff: Stiff::new(robot, bounds),
             drives: Vec::new(),
             forces: vec![Vector3::zeros(); robot.contact_points.len()],

@@ -100,11 +100,11 @@ impl Parameter {
             )
         };
         let link = || match of {
-            Some(of) => robot.links.iter().position(|l| l.name == of).ok_or_else(unknown),
+            Some(of) => robot.link(of).map_err(|_| unknown()),
             None if robot.links.len() == 1 => Ok(0),
             None => Err(unknown()),
         };
-        let joint = || of.and_then(|of| robot.joints().position(|j| j.name == of)).ok_or_else(unknown);
+        let joint = || of.and_then(|of| robot.joint(of).ok()).map(|at| at.joint).ok_or_else(unknown);
         let size = extent(system);
         let m = system.spec.material;
         let g = system.gravity().norm();

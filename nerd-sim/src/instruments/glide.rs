@@ -10,10 +10,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use nalgebra::UnitQuaternion;
-use nerd_core::dynamics::{to_local, to_world};
-use nerd_core::state::{quaternion, vector, write_quaternion};
-
 use crate::batch::Batch;
 use crate::solver::{Solver, StepError, commit};
 use crate::system::System;
@@ -34,16 +30,6 @@ impl Solver for Glide {
 /// Moves a state `[q, qd]` on by `time` (s) at constant joint velocities, angular velocity and velocity of the root. Endless
 /// angles are not wrapped.
 pub fn glide(system: &System, state: &mut [f64], time: f64) {
-    let robot = &system.robot;
-    let (coords, dofs, nq) = (robot.root_coords(), robot.root_dofs(), robot.nq());
-    let (q, qd) = state.split_at_mut(nq);
-    to_local(robot, q, qd);
-    q[coords..].iter_mut().zip(&qd[dofs..]).for_each(|(x, v)| *x += v * time);
-    if robot.floating() {
-        let p = vector(q) + vector(&qd[3..6]) * time;
-        let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
-        q[..3].copy_from_slice(p.as_slice());
-        write_quaternion(&mut q[3..7], &turned);
-    }
-    to_world(robot, q, qd);
+    let (q, qd) = system.robot.split(state);
+    qd.to_local(&system.robot, q).advance(&system.robot, state, time);
 }

@@ -34,7 +34,7 @@ impl Frame for Workspace {
 
     fn new(system: &System, template: Arc<Template>) -> Self {
         let robot = &system.robot;
-        let (data, factor) = (Data::new(robot), Factor::new(robot));
+        let (data, factor) = (system.data(), Factor::new(robot));
         Self { template, world: PhysicsWorld::new(), data, factor, displacement: vec![0.0; robot.nv()] }
     }
 

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Link, Robot};
+use nerd_core::robot::{Robot, UrdfRobot};
 
 use super::columns::name_columns;
 use super::derive::stiffen;
@@ -17,7 +17,8 @@ use crate::random::stream;
 
 impl System {
     /// From a robot, and a specification that nobody has looked at yet.
-    pub(crate) fn new(name: &str, mut robot: Robot, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
+    pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
+        let UrdfRobot { mut robot, notes, meshes } = read.into();
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
@@ -35,7 +36,9 @@ impl System {
         if let Some(vary) = &spec.vary {
             vary.fits(&robot).map_err(wrong)?;
         }
-        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec, source };
+        let stand_in = |name: &String| robot.link(spec.mass_matrix_of.get(name).unwrap_or(name)).unwrap_or_default();
+        let stand_ins = robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
+        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec, source, notes, meshes, stand_ins };
         system.spec.truth.check(&system.robot).map_err(|e| wrong(format!("truth: {e}")))?;
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
@@ -52,11 +55,6 @@ impl System {
 
 /// Gives the robot what a checked specification says of it.
 fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
-    let at = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.name == name);
-    if !spec.mass_matrix_of.is_empty() {
-        let other = |l: &Link| spec.mass_matrix_of.get(&l.name).map_or(&l.name, |o| o).clone();
-        robot.mass_matrix_of = robot.links.iter().filter_map(|l| at(robot, &other(l))).collect();
-    }
     for (joint, said) in robot.joints_mut().zip(&spec.joints) {
         (joint.armature, joint.stiffness, joint.rest) = (said.armature, said.stiffness, said.rest);
         if let (Some(limit), Some(law)) = (&mut joint.limit, said.limit) {
@@ -67,7 +65,7 @@ fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
     stiffen(robot, &unsaid, spec.seconds() / spec.substeps as f64);
     if !spec.contacts.is_empty() {
         let point = |c: &ContactSpec| {
-            Some(ContactPoint { link: at(robot, &c.link)?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
+            Some(ContactPoint { link: robot.link(&c.link).ok()?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
         };
         robot.contact_points = spec.contacts.iter().filter_map(point).collect();
     } else if told && spec.scenes.is_empty() && spec.random_plane.is_none() {

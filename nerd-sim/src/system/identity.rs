@@ -57,7 +57,7 @@ impl System {
             },
             "links": robot.links.iter().enumerate().map(|(i, l)| link(l, touching(i))).collect::<Vec<_>>(),
             "points": points.collect::<Vec<_>>(),
-            "mass_matrix_of": robot.mass_matrix_of,
+            "mass_matrix_of": self.stand_ins,
             "frame_time": self.frame_time,
             "gravity": spec.gravity,
             // Of what touches nothing no material is asked.

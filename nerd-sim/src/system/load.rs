@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nerd_core::robot::{Robot, UrdfError};
+use nerd_core::robot::{Base, Robot, UrdfError, UrdfRobot};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
@@ -69,45 +69,45 @@ impl System {
             return Self::derived(name, urdf, path, own);
         }
         let spec = Spec::read(text).map_err(wrong)?;
-        let mut robot = Robot::from_urdf(urdf, spec.floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        touch(&mut robot, path, spec.mesh_points);
-        Self::new(name, robot, spec, Source::Told)
+        let mut read = UrdfRobot::read(urdf, base(spec.floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        touch(&mut read, path, spec.mesh_points);
+        Self::new(name, read, spec, Source::Told)
     }
 
     /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
     fn derived(name: &str, urdf: &str, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
         let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
         let read = |floating| {
-            let mut robot = Robot::from_urdf_alone(urdf, floating)?;
-            touch(&mut robot, path, points);
-            Ok(robot)
+            let mut read = UrdfRobot::read_alone(urdf, base(floating))?;
+            touch(&mut read, path, points);
+            Ok(read)
         };
         let urdf_error = |e| SystemError::Urdf(name.into(), e);
         let (floating, cannot) = match (own.get("floating").and_then(toml::Value::as_bool), read(true)) {
             (Some(said), _) => (said, None),
             // Where a fixed base cannot be had, a free one is what the file asks for.
-            (None, Ok(robot)) => (floats(&robot) || read(false).is_err(), None),
+            (None, Ok(free)) => (floats(&free.robot) || read(false).is_err(), None),
             (None, Err(e)) => (false, Some(e)),
         };
         // Where neither base can be had, what stands against the free one is what is wrong.
-        let mut robot = match (read(floating), cannot) {
+        let mut read = match (read(floating), cannot) {
             (Err(UrdfError::Still), Some(e)) => return Err(urdf_error(e)),
             (read, Some(e)) => {
-                let mut robot = read.map_err(urdf_error)?;
-                robot.notes.push(format!("its base is taken as fixed, since a free one cannot be: {e}"));
-                robot
+                let mut read = read.map_err(urdf_error)?;
+                read.notes.push(format!("its base is taken as fixed, since a free one cannot be: {e}"));
+                read
             }
             (read, None) => read.map_err(urdf_error)?,
         };
         if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
-            robot.contact_points.clear();
+            read.robot.contact_points.clear();
         }
         let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
         let said = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
         let defaults = joints.filter_map(said).collect();
         let spec =
-            derived(&mut robot, path, &defaults).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
-        Self::new(name, robot, spec, Source::Derived)
+            derived(&mut read, path, &defaults).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        Self::new(name, read, spec, Source::Derived)
     }
 
     /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known
@@ -136,10 +136,10 @@ impl System {
     /// # Errors
     /// As [`Self::bare`].
     pub fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
-        let mut robot = Robot::from_urdf_alone(urdf, floating).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        let spec = plain(&robot);
-        touch(&mut robot, path, spec.mesh_points);
-        Self::new(name, robot, spec, Source::Derived)
+        let mut read = UrdfRobot::read_alone(urdf, base(floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let spec = plain(&read.robot);
+        touch(&mut read, path, spec.mesh_points);
+        Self::new(name, read, spec, Source::Derived)
     }
 
     /// A cable, from the text of its specification: `[cable]`, and whatever else it says of it.
@@ -168,9 +168,13 @@ impl System {
     }
 }
 
+fn base(floating: bool) -> Base {
+    if floating { Base::Floating } else { Base::fixed() }
+}
+
 /// Without the feature no mesh is read.
 #[cfg(not(feature = "meshes"))]
-fn touch(_: &mut Robot, _: Option<&Path>, _: usize) {}
+fn touch(_: &mut UrdfRobot, _: Option<&Path>, _: usize) {}
 
 /// Refuses numbers of a cable of which each is in its range, and what they make together is not.
 fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {

@@ -9,7 +9,6 @@ use toml::Table;
 
 use super::model::System;
 use super::spec::Spec;
-use super::validate::no_joint;
 
 impl Spec {
     /// From the text of a file.
@@ -101,4 +100,14 @@ fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
         _ => {}
     }
     Ok(())
+}
+
+/// No joint is called so. Of a long chain the first ones and the last are told.
+fn no_joint<S: AsRef<str>>(name: &str, known: &[S]) -> String {
+    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+    let told = match &known[..] {
+        [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),
+        all => all.join(", "),
+    };
+    format!("[[joint]] name = {name:?}: the robot has no such moving joint; it has {told}")
 }

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use nerd_core::robot::{Link, Robot, UrdfError};
+use nerd_core::dynamics::Data;
+use nerd_core::robot::{Link, MeshFile, Robot, UrdfError};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
@@ -58,6 +59,12 @@ pub struct System {
     pub frame_time: f64,
     /// Who says so.
     pub source: Source,
+    /// What was taken for granted of the robot, a line each.
+    pub notes: Vec<String>,
+    /// Collision meshes that nothing is touched with.
+    pub meshes: Vec<MeshFile>,
+    /// For each link, the link whose inertia moves in its place in the mass matrix; empty but for a simulator's slip imitated.
+    pub(crate) stand_ins: Vec<usize>,
 }
 
 impl System {
@@ -74,6 +81,13 @@ impl System {
     /// Specification (TOML) and URDF of a built-in robot, for robots that are made of it.
     pub fn texts(name: &str) -> Option<(&'static str, &'static str)> {
         BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
+    }
+
+    /// Working memory for its robot's dynamics.
+    pub fn data(&self) -> Data {
+        let mut data = Data::new(&self.robot);
+        data.stand_ins.clone_from(&self.stand_ins);
+        data
     }
 
     /// Its specification as TOML: with `urdf = ...` it may stand beside the file, and be changed.

@@ -46,7 +46,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         Some(root) => self::root(root, spec.data_scene.is_some())?,
         None => {}
     }
-    let link = |name: &str| robot.links.iter().any(|l| l.name == name);
+    let link = |name: &str| robot.link(name).is_ok();
     if let Some(unknown) = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| !link(n)) {
         return Err(format!("mass_matrix_of names unknown link `{unknown}`"));
     }
@@ -83,24 +83,12 @@ fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String
     values.iter().enumerate().try_for_each(|(i, x)| within(format!("{key}[{i}]"), *x, -most..=most, unit))
 }
 
-/// No joint is called so. Of a long chain the first ones and the last are told.
-pub(crate) fn no_joint<S: AsRef<str>>(name: &str, known: &[S]) -> String {
-    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
-    let told = match &known[..] {
-        [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),
-        all => all.join(", "),
-    };
-    format!("[[joint]] name = {name:?}: the robot has no such moving joint; it has {told}")
-}
-
 /// Every joint of the robot has one entry, in whatever order.
 fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let names = || robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>();
     let mut seen = HashSet::new();
     for joint in &spec.joints {
-        let Some(at) = robot.joints().position(|j| j.name == joint.name) else {
-            return Err(no_joint(&joint.name, &names()));
-        };
+        let at = robot.joint(&joint.name).map_err(|e| format!("[[joint]] name = {:?}: {e}", joint.name))?.joint;
         if !seen.insert(joint.name.as_str()) {
             return Err(format!("[[joint]] name = {:?} stands twice", joint.name));
         }

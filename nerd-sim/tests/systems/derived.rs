@@ -74,7 +74,7 @@ fn what_walks_is_free_and_what_is_an_arm_is_not() {
     for (name, urdf, free) in [("table", table(1.0), true), ("arm", arm(), false), ("brick", brick, true)] {
         let system = read(name, &urdf, None).expect("a robot");
         assert_eq!(system.robot.floating(), free, "{name}");
-        assert!(system.robot.notes.iter().any(|n| n.contains(if free { "free base" } else { "fixed base" })), "{:?}", system.robot.notes);
+        assert!(system.notes.iter().any(|n| n.contains(if free { "free base" } else { "fixed base" })), "{:?}", system.notes);
         let other = read(name, &urdf, Some(&format!("like = \"urdf\"\nfloating = {}", !free)));
         match other {
             Ok(other) => assert_eq!(other.robot.floating(), !free, "{name}: one line says otherwise"),

@@ -45,7 +45,7 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     // A header that looks like a text's.
     std::fs::write(folder.path().join("bricks/meshes/brick.stl"), stl([200.0, 100.0, 50.0], "solid brick")).expect("a file");
     let system = System::named(&path.display().to_string()).expect("a brick");
-    assert!(system.robot.skipped_meshes.is_empty() && system.robot.notes.is_empty(), "{:?}", system.robot.notes);
+    assert!(system.meshes.is_empty() && system.notes.is_empty(), "{:?}", system.notes);
     assert_eq!(system.robot.contact_points.len(), 8);
     for p in &system.robot.contact_points {
         let off = (p.local.abs() - nerd_sim::nerd_core::nalgebra::Vector3::new(0.2, 0.1, 0.05)).amax();
@@ -69,9 +69,9 @@ fn a_mesh_that_cannot_be_read_is_passed_over_and_said() {
     let path = brick(folder.path(), "package://bricks/meshes/brick.stl");
     let name = path.display().to_string();
     let said = || {
-        let robot = &System::named(&name).expect("a robot").robot;
-        assert_eq!((robot.skipped_meshes.len(), robot.contact_points.len()), (1, 0));
-        robot.notes.join(" ")
+        let system = System::named(&name).expect("a robot");
+        assert_eq!((system.meshes.len(), system.robot.contact_points.len()), (1, 0));
+        system.notes.join(" ")
     };
     assert!(said().contains("brick.stl: is not there"), "{}", said());
     let mesh = folder.path().join("bricks/meshes/brick.stl");

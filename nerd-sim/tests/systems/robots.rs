@@ -176,7 +176,7 @@ fn a_clearance_that_no_start_has_is_refused() {
 fn a_robot_built_in_code_moves_as_its_file_does() {
     let (spec, urdf) = System::texts("pendulum").expect("it is built in");
     let file = Arc::new(System::from_text("pendulum", urdf, Some(spec)).expect("a pendulum"));
-    let robot = || nerd_sim::nerd_core::robot::Robot::from_urdf(urdf, false).expect("a robot");
+    let robot = || nerd_sim::nerd_core::robot::Robot::from_urdf(urdf, nerd_sim::nerd_core::robot::Base::fixed()).expect("a robot");
     let built = Arc::new(System::from_robot(robot(), Some(spec)).expect("the same"));
     assert_eq!(built.robot_sha256(), file.robot_sha256());
     let end = |system: &Arc<System>| {

@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use nerd_core::dynamics::{Factor, TreeFactor};
+use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Base, JointKind, Robot};
 
 use super::super::implicit::{CALM, HALVINGS};
@@ -83,7 +83,7 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
     let robot = &system.robot;
     let mut text = String::new();
-    let bounds = Bounds::new(robot);
+    let bounds = Bounds::new(system);
     let mut define = |name: &str, value: String| {
         let _ = writeln!(text, "#define {name} {value}");
     };
@@ -101,7 +101,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("RENEW", flag(config.refresh == Refresh::Substep));
     define("HUBER", flag(config.friction == Friction::Huber));
     define("HELD", flag(robot.dry() || robot.sprung()));
-    define("ALONG", flag(along(robot) && TreeFactor::new(robot).is_some()));
+    define("ALONG", flag(along(robot) && system.stand_ins.is_empty() && !robot.mimics()));
     define("HALVINGS", count(HALVINGS));
     define("DRIVEN", flag(reach.driven));
     define("FACED", flag(reach.faced.is_some()));
@@ -115,7 +115,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("FRAME", format!("{:e}", system.frame_time));
     define("DAMPED", format!("((real){})", number(bounds.damped)));
     text.push_str(KERNELS[0]);
-    links(&mut text, robot);
+    links(&mut text, system);
     joints(&mut text, robot, &bounds);
     let faced = reach.faced.map_or([0.0; 4], |m| [m.stiffness, m.damping, m.friction_damping, m.friction]);
     real_table(&mut text, "FACES", faced.into());
@@ -132,7 +132,8 @@ fn walks(robot: &Robot) -> usize {
     depths.iter().map(|d| d * d).sum()
 }
 
-fn links(text: &mut String, robot: &Robot) {
+fn links(text: &mut String, system: &System) {
+    let robot = &system.robot;
     let (dofs, first) = (robot.dofs(), robot.root_dofs());
     let of = |f: &dyn Fn(usize) -> i64| -> Vec<i64> { (0..robot.links.len()).map(f).collect() };
     let joint = |i: usize| robot.links[i].joint.as_ref();
@@ -141,7 +142,7 @@ fn links(text: &mut String, robot: &Robot) {
     whole(text, "DOF", of(&|i| dofs[i] as i64));
     whole(text, "JOINT", of(&|i| dofs[i].saturating_sub(first) as i64));
     whole(text, "SLIDES", of(&|i| i64::from(joint(i).is_some_and(|j| j.kind == JointKind::Prismatic))));
-    whole(text, "MASS_OF", of(&|i| robot.mass_matrix_of.get(i).map_or(i as i64, |o| *o as i64)));
+    whole(text, "MASS_OF", of(&|i| system.stand_ins.get(i).map_or(i as i64, |o| *o as i64)));
     whole(text, "ABOVE", Factor::new(robot).above().map(|p| p.map_or(-1, |p| p as i64)).collect());
     let numbers = |f: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> { (0..robot.links.len()).flat_map(f).collect() };
     real_table(text, "RATIO", numbers(&|i| vec![joint(i).map_or(1.0, |j| j.ratio())]));

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
-use nerd_core::robot::{Joint, JointKind, Robot};
+use nerd_core::robot::{Joint, JointKind, Robot, UrdfRobot};
 
 use super::limits::pose;
 use super::plain::{between, listed, plain, rounded};
@@ -58,7 +58,8 @@ pub(crate) fn floats(robot: &Robot) -> bool {
 }
 
 /// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are positions that somebody says of joints.
-pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
+pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
+    let UrdfRobot { robot, notes, .. } = read;
     let (mut state, pose) = pose_of(robot, path);
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
@@ -68,11 +69,9 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>, defaults: &BTreeMa
     kinematics(robot, &state, &mut data);
     let touches = !robot.contact_points.is_empty();
     if touches {
-        keep(robot, &state);
+        keep(robot, &state, notes);
     } else if robot.floating() {
-        robot
-            .notes
-            .push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
+        notes.push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
     }
     let points: Vec<Vector3<f64>> = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect();
     let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
@@ -82,7 +81,7 @@ pub(crate) fn derived(robot: &mut Robot, path: Option<&Path>, defaults: &BTreeMa
     let extent = (0..3).map(across).map(|[low, high]| high - low + 2.0 * round).fold(0.0, f64::max);
     let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let floating = robot.floating();
-    robot.notes.push(format!(
+    notes.push(format!(
         "nothing but the URDF is known: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
         if floating { "free" } else { "fixed" }
     ));
@@ -122,13 +121,11 @@ pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
 }
 
 /// Keeps few of the robot's contact points, if they are many.
-fn keep(robot: &mut Robot, state: &[f64]) {
+fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     let all = robot.contact_points.len();
     if all > MOST {
         robot.contact_points = enough(robot, state).into_iter().map(|k| robot.contact_points[k]).collect();
-        robot
-            .notes
-            .push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", robot.contact_points.len()));
+        notes.push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", robot.contact_points.len()));
     }
 }
 

@@ -24,7 +24,7 @@ pub fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
             let said: Vec<(usize, f64)> = group
                 .children()
                 .filter_map(|joint| {
-                    let place = robot.joints().position(|j| Some(j.name.as_str()) == joint.attribute("name"))?;
+                    let place = robot.joint(joint.attribute("name")?).ok()?.joint;
                     Some((place, joint.attribute("value")?.trim().parse().ok()?))
                 })
                 .collect();
