@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Data;
-use crate::robot::{Base, FixedFrame, JointKind, Robot};
+use crate::robot::{Base, Joint, JointKind, Robot};
 use crate::spatial::{Motion, SpatialInertia};
 use crate::state::quaternion;
 use crate::velocity::root_position;
@@ -32,34 +32,39 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             Some(p) => (&data.rotation[p], data.position[p]),
             None => (&root, base),
         };
-        let turn = joint.turn();
         let value = match joint.mimic() {
             None => joints[data.dof[i] - dofs],
             Some(mimic) => mimic.multiplier * joints[mimic.coordinate] + mimic.offset,
         };
-        let mut position = start + parent * joint.origin().translation.vector;
-        let rotation = match joint.kind {
-            JointKind::Prismatic => parent * (turn[0] + turn[2]),
-            _ => {
-                let (sin, cos) = value.sin_cos();
-                parent * (turn[0] + turn[1] * sin + turn[2] * cos)
-            }
-        };
-        // The axis is the same before and after turning about itself.
-        let axis = rotation * joint.axis().into_inner();
-        data.axis[i] = match joint.kind {
-            JointKind::Prismatic => {
-                position += axis * value;
-                Motion::new(Vector3::zeros(), axis)
-            }
-            _ => Motion::new(axis, position.cross(&axis)),
-        };
-        if let Some(mimic) = joint.mimic() {
-            data.axis[i] = data.axis[i] * mimic.multiplier;
-        }
-        data.rotation[i] = rotation;
-        data.position[i] = position;
+        (data.rotation[i], data.position[i], data.axis[i]) = hung(joint, value, parent, &start);
     }
+}
+
+/// Rotation and place of a link, and the motion of its joint per unit of its coordinate's rate, from those of what it hangs on.
+#[inline]
+pub(super) fn hung(joint: &Joint, value: f64, parent: &Matrix3<f64>, start: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>, Motion) {
+    let turn = joint.turn();
+    let mut position = start + parent * joint.origin().translation.vector;
+    let rotation = match joint.kind {
+        JointKind::Prismatic => parent * (turn[0] + turn[2]),
+        _ => {
+            let (sin, cos) = value.sin_cos();
+            parent * (turn[0] + turn[1] * sin + turn[2] * cos)
+        }
+    };
+    // The axis is the same before and after turning about itself.
+    let axis = rotation * joint.axis().into_inner();
+    let mut motion = match joint.kind {
+        JointKind::Prismatic => {
+            position += axis * value;
+            Motion::new(Vector3::zeros(), axis)
+        }
+        _ => Motion::new(axis, position.cross(&axis)),
+    };
+    if let Some(mimic) = joint.mimic() {
+        motion = motion * mimic.multiplier;
+    }
+    (rotation, position, motion)
 }
 
 /// Fills `inertia` of every link, about the root; after [`kinematics`].
@@ -75,23 +80,6 @@ pub fn link_pose(data: &Data, link: usize) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(data.origin + data.position[link]), rotation)
 }
 
-/// World pose of a frame after [`kinematics`].
-pub fn frame_pose(robot: &Robot, data: &Data, frame: &FixedFrame) -> Isometry3<f64> {
-    match (frame.link, robot.base) {
-        (Some(link), _) => link_pose(data, link) * frame.pose,
-        (None, Base::Fixed(base)) => base * frame.pose,
-        (None, Base::Floating) => frame.pose,
-    }
-}
-
-/// Angular velocity (rad/s) of a frame and velocity (m/s) of its origin, world axes, after [`super::velocities`] (or what fills them).
-pub fn frame_velocity(data: &Data, frame: &FixedFrame) -> Motion {
-    frame.link.map_or(Motion::default(), |link| {
-        let twist = data.velocity[link];
-        Motion::new(twist.ang, twist.at(&(data.position[link] + data.rotation[link] * frame.pose.translation.vector)))
-    })
-}
-
 /// World position of a point fixed at `local` on a link, after [`kinematics`].
 #[inline]
 pub fn point_position(data: &Data, link: usize, local: &Vector3<f64>) -> Vector3<f64> {
@@ -99,7 +87,7 @@ pub fn point_position(data: &Data, link: usize, local: &Vector3<f64>) -> Vector3
 }
 
 #[inline]
-fn root_rotation(robot: &Robot, q: &[f64]) -> Matrix3<f64> {
+pub(super) fn root_rotation(robot: &Robot, q: &[f64]) -> Matrix3<f64> {
     match robot.base {
         Base::Fixed(pose) => pose.rotation.to_rotation_matrix().into_inner(),
         Base::Floating => quaternion(&q[3..7]).to_rotation_matrix().into_inner(),

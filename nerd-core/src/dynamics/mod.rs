@@ -13,6 +13,7 @@ mod aba;
 mod crba;
 mod data;
 mod derivatives;
+mod frame;
 mod jacobian;
 mod kinematics;
 mod ltl;
@@ -33,7 +34,7 @@ pub use crba::crba;
 #[doc(hidden)]
 pub use jacobian::{com_jacobian, jacobian, jacobian_rate};
 #[doc(hidden)]
-pub use kinematics::{frame_pose, frame_velocity, inertias, kinematics, kinematics_about, link_pose, point_position};
+pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, point_position};
 #[doc(hidden)]
 pub use ltl::Factor;
 #[doc(hidden)]

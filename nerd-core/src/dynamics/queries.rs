@@ -3,13 +3,10 @@
 //! Accelerations are rates of a [`LocalVelocity`]'s numbers. The stages' own are spatial ones, whose linear part lacks `w x p_dot` of a
 //! floating root ([`super`]); they are turned into each other here.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::{
-    Data, Derivatives, Factor, aba, com_jacobian, crba, frame_pose, frame_velocity, jacobian, jacobian_rate, kinematics, rnea, velocities,
-};
+use super::{Data, Derivatives, Factor, aba, com_jacobian, crba, jacobian, jacobian_rate, kinematics, rnea, velocities};
 use crate::robot::{FixedFrame, Robot};
-use crate::spatial::Motion;
 use crate::state::vector;
 use crate::velocity::LocalVelocity;
 
@@ -142,7 +139,7 @@ impl Data {
             None => out.fill(0.0),
         }
         if axes == Axes::Local {
-            let back = self.turn(robot, frame).transpose();
+            let back = self.back(frame);
             for mut column in out.column_iter_mut() {
                 for at in [0, 3] {
                     let turned = back * column.fixed_rows::<3>(at);
@@ -170,7 +167,7 @@ impl Data {
         jacobian_rate(robot, self, link, &frame.pose.translation.vector, &mut rate);
         if axes == Axes::Local {
             // Of R^T J: R^T J_dot - (R^T w) x R^T J.
-            let back = self.turn(robot, frame).transpose();
+            let back = self.back(frame);
             let spin = back * self.velocity[link].ang;
             for (mut column, own) in rate.column_iter_mut().zip(self.jacobian.column_iter()) {
                 for at in [0, 3] {
@@ -188,19 +185,6 @@ impl Data {
         self.place(robot, q);
         let mut out = DMatrix::zeros(3, robot.nv());
         (com_jacobian(robot, self, &mut out), out)
-    }
-
-    /// Where a frame ([`Robot::frame`]) is in the world.
-    pub fn pose(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame) -> Isometry3<f64> {
-        self.place(robot, q);
-        frame_pose(robot, self, frame)
-    }
-
-    /// Angular velocity (rad/s) of a frame and velocity (m/s) of its origin, world axes.
-    pub fn velocity(&mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, frame: &FixedFrame) -> Motion {
-        self.place(robot, q);
-        velocities(robot, qd.0.as_ref(), self);
-        frame_velocity(self, frame)
     }
 
     /// Kinematics at `q`. Lengths are a program's own, so others than the robot's are a fault of it.
@@ -229,8 +213,10 @@ impl Data {
         &self.tau
     }
 
-    fn turn(&self, robot: &Robot, frame: &FixedFrame) -> Matrix3<f64> {
-        frame_pose(robot, self, frame).rotation.to_rotation_matrix().into_inner()
+    /// From the world's axes into those of a frame, after kinematics.
+    fn back(&self, frame: &FixedFrame) -> Matrix3<f64> {
+        let link = frame.link.map_or(Matrix3::identity(), |link| self.rotation[link]);
+        (link * frame.pose.rotation.to_rotation_matrix().matrix()).transpose()
     }
 
     #[cold]

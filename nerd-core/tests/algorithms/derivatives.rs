@@ -74,9 +74,9 @@ fn jacobians_and_their_rates_in_both_axes() {
         let link = robot.links.len() - 1;
         robot.frames.push(FixedFrame { name: "tool".into(), link: Some(link), pose: pose(&mut rng, 0.3) });
         let (tool, mut data, rates) = (robot.frame("tool").expect("a frame"), Data::new(&robot), DVector::from_column_slice(&qd.0));
-        let [ahead, behind] = [STEP, -STEP].map(|h| data.pose(&robot, &moved(&robot, &q, &qd, h), &tool));
+        let [ahead, behind] = [STEP, -STEP].map(|h| robot.pose(&moved(&robot, &q, &qd, h), &tool));
         let seen = went(ahead, behind, 2.0 * STEP);
-        let own = data.pose(&robot, &q, &tool).rotation.to_rotation_matrix().transpose();
+        let own = robot.pose(&q, &tool).rotation.to_rotation_matrix().transpose();
         let turned = Motion::new(own * seen.fixed_rows::<3>(0), own * seen.fixed_rows::<3>(3)).vector();
         for (axes, seen) in [(Axes::World, seen), (Axes::Local, turned)] {
             let apart = (data.jacobian(&robot, &q, &tool, axes) * &rates - seen).amax();
@@ -86,7 +86,7 @@ fn jacobians_and_their_rates_in_both_axes() {
             let apart = (data.jacobian_rate(&robot, &q, &qd, &tool, axes) - &expected).amax() / expected.amax().max(1.0);
             assert!(apart < 1e-8, "{axes:?}: the rate of J is {apart:.1e} off");
         }
-        let apart = (data.velocity(&robot, &q, &qd, &tool).vector() - seen).amax();
+        let apart = (robot.velocity(&q, &qd, &tool).vector() - seen).amax();
         assert!(apart < 1e-7, "the tool's velocity is {apart:.1e} off");
     }
 }

@@ -49,7 +49,7 @@ fn answers_are_of_the_coordinates_given() {
         let all = |data: &mut Data, before: bool| {
             let mut out = Vec::new();
             let mut take = |x: &[f64]| out.extend_from_slice(x);
-            for ask in 0..8 {
+            for ask in 0..6 {
                 if before {
                     data.jacobian_rate(&robot, &other, &faster, &frame, Axes::Local);
                     data.forward_dynamics(&robot, &other, &faster, &tau, &GRAVITY).expect("inertia");
@@ -60,9 +60,7 @@ fn answers_are_of_the_coordinates_given() {
                     2 => take(data.bias(&robot, &q, &qd, &GRAVITY).as_slice()),
                     3 => take(data.forward_dynamics(&robot, &q, &qd, &tau, &GRAVITY).expect("inertia").as_slice()),
                     4 => take(data.jacobian(&robot, &q, &frame, Axes::World).as_slice()),
-                    5 => take(data.jacobian_rate(&robot, &q, &qd, &frame, Axes::World).as_slice()),
-                    6 => take(data.pose(&robot, &q, &frame).translation.vector.as_slice()),
-                    _ => take(data.velocity(&robot, &q, &qd, &frame).vector().as_slice()),
+                    _ => take(data.jacobian_rate(&robot, &q, &qd, &frame, Axes::World).as_slice()),
                 }
             }
             out

@@ -108,7 +108,7 @@ fn a_free_body_obeys_eulers_equations() {
         let mut data = Data::new(&robot);
         let qdd = data.forward_dynamics(&robot, &q, &qd, &tau, &DOWN).expect("inertia").clone();
         let root = robot.frame("root").expect("the body");
-        let (body, r) = (robot.links[0].inertia, data.pose(&robot, &q, &root).rotation.to_rotation_matrix());
+        let (body, r) = (robot.links[0].inertia, robot.pose(&q, &root).rotation.to_rotation_matrix());
         let inertia = r.matrix() * body.inertia * r.matrix().transpose();
         let (w, torque) = (Motion::from_slice(&qd.0).ang, Wrench::from_slice(&tau));
         // I w_dot = n - w x I w, and m p_ddot = f + m g, where the twist's own rate would lack w x p_dot.

@@ -22,7 +22,7 @@ fn a_joint_is_set_by_name() {
     assert_eq!(knee, JointIndex { joint: 1, q: 8, qd: 7, link: 2 });
     let mut q = robot.zero_state();
     q[knee.q] = std::f64::consts::PI;
-    let foot = Data::new(&robot).pose(&robot, &q, &robot.frame("foot").expect("a foot")).translation.vector;
+    let foot = robot.pose(&q, &robot.frame("foot").expect("a foot")).translation.vector;
     // Half a turn about the x axis, URDF's own where a file names none.
     assert!((foot - Vector3::new(0.0, 0.0, 0.2)).norm() < 1e-15, "the foot is at {foot}");
 }

@@ -40,8 +40,8 @@ fn the_plane_is_across_the_axis() {
     for axis in ["0 0 1", "1 0 0", "0 -2 0", "0 0 -1", "1 1 1"] {
         let robot = fixed(&puck(axis));
         let normal = robot.links[2].joint.as_ref().expect("a turn").axis().into_inner();
-        let (puck, mut data) = (robot.frame("puck").expect("a puck"), Data::new(&robot));
-        let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, FRAC_PI_2]].map(|q| data.pose(&robot, &q, &puck));
+        let puck = robot.frame("puck").expect("a puck");
+        let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, FRAC_PI_2]].map(|q| robot.pose(&q, &puck));
         let [home, x, y, turned] = places;
         let [x, y] = [x, y].map(|p| p.translation.vector - home.translation.vector);
         assert!((x.cross(&y) - normal).norm() < 1e-15 && x.dot(&y).abs() < 1e-15, "{axis}: x, y and the normal are not right-handed");
