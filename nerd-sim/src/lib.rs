@@ -32,16 +32,18 @@ pub use nerd_core;
 pub use parry3d_f64 as parry;
 pub use system::cable;
 
-/// What most programs need.
+/// What most programs need; nerd-core's beside it.
 pub mod prelude {
+    pub use nerd_core::prelude::*;
+
     pub use crate::articulated::{Articulated, ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
-    pub use crate::batch::Batch;
+    pub use crate::batch::{Batch, BatchError};
     pub use crate::control::Controller;
     pub use crate::drive::Drive;
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
     pub use crate::scene::{Collider, Material, Plane, Scene};
-    pub use crate::solver::{Simulation, Solver, StepError};
+    pub use crate::solver::{Capabilities, Simulation, Solver, StepError};
     pub use crate::system::{System, SystemError};
     pub use crate::truth::Truth;
 }

@@ -18,7 +18,7 @@ use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 use nerd_sim::batch::Batch;
 use nerd_sim::solver::Solver;
 #[cfg(feature = "cuda")]
-use nerd_sim::solver::StepError;
+use nerd_sim::solver::{Capabilities, StepError};
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
@@ -165,6 +165,10 @@ impl Solver for Willing {
             Some(instead) => instead.reset(env),
             None => self.whole.reset(env),
         }
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.instead.as_ref().map_or_else(|| self.whole.capabilities(), |instead| instead.capabilities())
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {

@@ -6,9 +6,6 @@
 
 use std::sync::Arc;
 
-use nerd_sim::instruments::glide;
-use nerd_sim::nerd_core::dynamics::{Data, aba, kinematics, to_local, to_world};
-use nerd_sim::nerd_core::state::vector;
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{check, commit};
 use nerd_sim::suite::{Error, Method, Suite};
@@ -26,19 +23,11 @@ impl Solver for Euler {
             let mut tau = vec![0.0; robot.root_dofs()];
             tau.extend(&torques[env * robot.joint_count()..][..robot.joint_count()]);
             for _ in 0..self.0 {
-                let (q, qd) = state.split_at_mut(robot.nq());
-                to_local(robot, q, qd); // a floating root's velocity is then (w, p_dot)
-                kinematics(robot, q, &mut data);
-                if !aba(robot, qd, &tau, &batch.scenes[env].gravity, &mut data) {
-                    return Err(StepError::Solver("a link has no inertia".into()));
-                }
-                if robot.floating() {
-                    let turning = vector(qd).cross(&vector(&qd[3..6])); // p_ddot of a spatial acceleration
-                    (0..3).for_each(|k| data.qdd[3 + k] += turning[k]);
-                }
-                qd.iter_mut().zip(data.qdd.iter()).for_each(|(v, a)| *v += a * h);
-                to_world(robot, q, qd);
-                glide(&system, state, h); // positions follow the new velocities
+                let (q, twist) = robot.split(state);
+                let mut velocity = twist.to_local(robot, q);
+                let qdd = data.forward_dynamics(robot, q, &velocity, &tau, &batch.scenes[env].gravity);
+                velocity.accelerate(qdd.map_err(|e| StepError::Solver(e.to_string()))?, h);
+                velocity.advance(robot, state, h); // positions follow the new velocities
             }
         }
         commit(batch, &mut next, &mut faults)

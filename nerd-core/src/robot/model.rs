@@ -158,6 +158,13 @@ impl Robot {
         self.nq() + self.nv()
     }
 
+    /// Coordinates `q` of zeros, with the unit quaternion of a floating root.
+    pub fn neutral(&self) -> Vec<f64> {
+        let mut q = self.zero_state();
+        q.truncate(self.nq());
+        q
+    }
+
     /// A state `[q, qd]` of zeros, with the unit quaternion of a floating root.
     pub fn zero_state(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.state_dim()];

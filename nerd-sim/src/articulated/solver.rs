@@ -4,7 +4,7 @@ use super::config::ArticulatedConfig;
 use super::workspace::Workspace;
 use crate::batch::Batch;
 use crate::solver::parallel::Parallel;
-use crate::solver::{Solver, StepError};
+use crate::solver::{Capabilities, Solver, StepError};
 
 /// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Articulated {
@@ -23,5 +23,8 @@ impl Solver for Articulated {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         self.config.check().map_err(StepError::Solver)?;
         self.parallel.step(&self.config, batch, torques)
+    }
+    fn capabilities(&self) -> Capabilities {
+        Parallel::<Workspace>::CAPABILITIES
     }
 }

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::batch::Batch;
 use crate::range::within;
-use crate::solver::{Solver, StepError};
+use crate::solver::{Capabilities, Solver, StepError};
 
 /// One kind of motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -94,6 +94,10 @@ impl<S: Solver> Solver for Motors<S> {
             self.asked.iter_mut().for_each(|frame| frame[own.clone()].fill(0.0));
             self.now[own].fill(0.0);
         }
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.solver.capabilities()
     }
 }
 

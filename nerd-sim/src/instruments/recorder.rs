@@ -11,7 +11,7 @@
 //! ```
 
 use crate::batch::Batch;
-use crate::solver::{Solver, StepError};
+use crate::solver::{Capabilities, Solver, StepError};
 
 /// Keeps every state its solver comes to.
 #[derive(Clone, Debug)]
@@ -41,5 +41,9 @@ impl<S: Solver> Solver for Recorder<S> {
 
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.solver.capabilities()
     }
 }

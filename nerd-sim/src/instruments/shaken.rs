@@ -13,7 +13,7 @@
 
 use crate::batch::Batch;
 use crate::sampling::{normal, stream};
-use crate::solver::{Solver, StepError};
+use crate::solver::{Capabilities, Solver, StepError};
 
 /// A solver, and normal noise (rad/s or m/s, by velocity) after each of its frames.
 #[derive(Clone, Debug)]
@@ -44,5 +44,9 @@ impl<S: Solver> Solver for Shaken<S> {
 
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.solver.capabilities()
     }
 }

@@ -13,7 +13,7 @@
 use std::time::{Duration, Instant};
 
 use crate::batch::Batch;
-use crate::solver::{Solver, StepError};
+use crate::solver::{Capabilities, Solver, StepError};
 
 /// Adds up the time its solver takes, and nothing else's.
 #[derive(Clone, Debug)]
@@ -41,5 +41,9 @@ impl<S: Solver> Solver for Timed<S> {
 
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.solver.capabilities()
     }
 }

@@ -4,45 +4,20 @@ use std::sync::Arc;
 
 use nerd_core::state::wrap_state;
 
+use super::capabilities::Capabilities;
 use super::error::{Fault, StepError};
 use crate::batch::Batch;
 use crate::scene::Scene;
 use crate::system::System;
 
-/// Refuses a batch or torques of other lengths than the system needs, and drives; finds environments whose state or torque is no
-/// number, or whose scene is none. For solvers that have no drives inside their frame, and one robot for all environments.
+/// Refuses a batch or torques of other lengths than the system needs, and what takes more than [`Capabilities::default`]; finds
+/// environments whose state or torque is no number, or whose scene is none.
 ///
 /// # Errors
 /// [`StepError::Refused`], [`StepError::Solver`] or [`StepError::Torques`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
-    plain(batch)?;
+    Capabilities::default().admit(batch)?;
     sound(batch, torques, faults)
-}
-
-/// Refuses drives, to tell forces, and robots that differ.
-///
-/// # Errors
-/// [`StepError::Refused`].
-pub fn plain(batch: &Batch) -> Result<(), StepError> {
-    undriven(batch)?;
-    if batch.systems.is_empty() {
-        return Ok(());
-    }
-    let text = "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier";
-    Err(StepError::Refused(text.into()))
-}
-
-/// Refuses drives, and to tell forces.
-pub(crate) fn undriven(batch: &Batch) -> Result<(), StepError> {
-    if !batch.forces.is_empty() {
-        return Err(StepError::Refused("this solver tells no contact forces: leave `forces` empty, or step with articulated".into()));
-    }
-    if batch.drives.is_empty() {
-        return Ok(());
-    }
-    let text =
-        "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated";
-    Err(StepError::Refused(text.into()))
 }
 
 /// The same as [`check`], drives and robots of their own allowed and looked at.
@@ -90,12 +65,18 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
     Ok(())
 }
 
-/// Ends a frame: takes over the states `next` of every environment without a fault, wraps angles, counts the frame. A state
-/// that is not finite is a fault, too.
+/// Ends a frame of a solver that knows no contact forces: takes over the states `next` of every environment without a fault, wraps
+/// angles, counts the frame. A state that is not finite is a fault, too.
 ///
 /// # Errors
 /// [`StepError::Environments`] with all faults, by environment.
 pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    batch.forces.clear();
+    finish(batch, next, faults)
+}
+
+/// The same, the batch's forces being those of this frame.
+pub(crate) fn finish(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
     let system = batch.system.clone();
     let d = system.robot.state_dim();
     if !next.iter().all(|x| x.is_finite()) {

@@ -1,5 +1,6 @@
 //! What advances a batch by one control frame, and the simulation that holds it.
 
+mod capabilities;
 mod check;
 #[cfg(feature = "cuda")]
 pub mod device;
@@ -7,7 +8,10 @@ mod error;
 pub(crate) mod parallel;
 mod simulation;
 
-pub use check::{check, commit, plain};
+pub use capabilities::Capabilities;
+pub use check::{check, commit};
+#[cfg(feature = "cuda")]
+pub(crate) use check::finish;
 pub(crate) use check::{gone, sound};
 pub use error::{Fault, StepError};
 pub use simulation::Simulation;
@@ -26,6 +30,11 @@ pub trait Solver: Send {
     /// Forgets whatever is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
 
+    /// What it can do beside stepping states.
+    fn capabilities(&self) -> Capabilities {
+        Capabilities::default()
+    }
+
     /// Itself as what keeps a batch on a graphics card, if that is what it does.
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn device::Resident> {
@@ -40,6 +49,10 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 
     fn reset(&mut self, env: usize) {
         (**self).reset(env);
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        (**self).capabilities()
     }
 
     #[cfg(feature = "cuda")]

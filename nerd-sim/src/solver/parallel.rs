@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::check::{commit, sound, undriven};
+use super::capabilities::Capabilities;
+use super::check::{finish, sound};
 use super::error::{Fault, StepError};
 use crate::batch::Batch;
 use crate::drive::Drive;
@@ -53,8 +54,8 @@ pub(crate) struct Parallel<F: Frame> {
     own: Vec<Known<F>>,
     frames: Vec<F>,
     next: Vec<f64>,
-    /// In the place of forces that nobody asks for.
-    unasked: Vec<Vector3<f64>>,
+    /// In the place of forces where there are none.
+    none: Vec<Vector3<f64>>,
     faults: Mutex<Vec<Fault>>,
 }
 
@@ -65,16 +66,15 @@ type Known<F> = (Arc<System>, Arc<<F as Frame>::Known>);
 type Chunk<'a, F> = (usize, ((&'a mut [f64], &'a mut [Vector3<f64>]), &'a mut F));
 
 impl<F: Frame> Parallel<F> {
+    pub(crate) const CAPABILITIES: Capabilities = Capabilities { drives: F::DRIVEN, forces: F::DRIVEN, systems: true };
+
     pub(crate) fn new() -> Self {
-        Self { known: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), unasked: Vec::new(), faults: Mutex::default() }
+        Self { known: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), none: Vec::new(), faults: Mutex::default() }
     }
 
     /// One frame of every environment that can be stepped; see [`crate::solver::Solver::step`].
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        // Who knows no drives refuses them before anything is stepped.
-        if !F::DRIVEN {
-            undriven(batch)?;
-        }
+        Self::CAPABILITIES.admit(batch)?;
         sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
         let known = self.know(batch).map_err(StepError::Solver)?;
         let system = &*batch.system;
@@ -86,10 +86,11 @@ impl<F: Frame> Parallel<F> {
         let own = &self.own;
         // Out of the batch while that is read by all.
         let mut forces = std::mem::take(&mut batch.forces);
-        let asked = !forces.is_empty();
-        let width = if asked { F::CHUNK * system.robot.contact_points.len() } else { 1 };
-        self.unasked.resize(chunks, Vector3::zeros());
-        let told = if asked { &mut forces[..] } else { &mut self.unasked[..] };
+        let points = if F::DRIVEN { system.robot.contact_points.len() } else { 0 };
+        forces.resize(batch.len() * points, Vector3::zeros());
+        let width = (F::CHUNK * points).max(1);
+        self.none.resize(chunks, Vector3::zeros());
+        let told = if points > 0 { &mut forces[..] } else { &mut self.none[..] };
         self.next.clone_from(&batch.states);
         // Who is no number from the start is not stepped at all.
         let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -99,7 +100,7 @@ impl<F: Frame> Parallel<F> {
         let run = |(chunk, ((states, told), frame)): Chunk<'_, F>| {
             for (i, state) in states.chunks_exact_mut(d).enumerate() {
                 let env = chunk * F::CHUNK + i;
-                let told = if asked { &mut told[i * width / F::CHUNK..(i + 1) * width / F::CHUNK] } else { &mut told[..0] };
+                let told = &mut told[i * points..(i + 1) * points];
                 if bad.contains(&env) {
                     told.fill(Vector3::zeros());
                     continue;
@@ -110,8 +111,7 @@ impl<F: Frame> Parallel<F> {
                     frame.turn_to(known);
                 }
                 match frame.step(now.of(env), &now.scenes[env], config, state, tau) {
-                    Ok(()) if asked => told.copy_from_slice(frame.forces()),
-                    Ok(()) => {}
+                    Ok(()) => told.copy_from_slice(frame.forces()),
                     Err(reason) => {
                         told.fill(Vector3::zeros());
                         let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
@@ -127,7 +127,7 @@ impl<F: Frame> Parallel<F> {
             both.zip(self.frames.par_iter_mut()).enumerate().for_each(run);
         }
         batch.forces = forces;
-        commit(batch, &mut self.next, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))
+        finish(batch, &mut self.next, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Looks at the batch's robots as far as they are others than in the last frame.

@@ -135,7 +135,6 @@ fn a_cable_let_go_loses_energy_and_comes_to_rest_on_the_floor() {
     // With two it never quite comes to rest.
     for (substeps, rise, creep, bears) in [(2, 0.05, 0.5, 0.2..0.9), (4, 1e-6, 0.01, 0.58..0.63), (16, 1e-6, 0.01, 0.58..0.63)] {
         let mut simulation = simulation(&system, "plane", substeps);
-        simulation.batch.watch();
         let torques = vec![0.0; system.robot.joint_count()];
         let (mut least, mut most) = (f64::INFINITY, 0.0f64);
         let whole = 0.08 * 9.81 * 0.3;

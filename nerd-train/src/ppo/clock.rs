@@ -39,6 +39,10 @@ impl Solver for Timed<Box<dyn Solver>> {
         self.0.reset(env);
     }
 
+    fn capabilities(&self) -> Capabilities {
+        self.0.capabilities()
+    }
+
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn nerd_sim::articulated::device::Resident> {
         self.0.resident()

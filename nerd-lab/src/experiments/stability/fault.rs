@@ -226,6 +226,10 @@ impl Solver for Broken {
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
     }
+
+    fn capabilities(&self) -> Capabilities {
+        self.solver.capabilities()
+    }
 }
 
 /// Turns the root's angular velocity into body axes; the velocity of its origin stays.

@@ -162,6 +162,10 @@ impl<S: Solver> Solver for Nudged<S> {
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
     }
+
+    fn capabilities(&self) -> Capabilities {
+        self.solver.capabilities()
+    }
 }
 
 /// Moves and turns a state at random; a root's velocities are those of its own origin.

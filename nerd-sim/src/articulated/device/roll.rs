@@ -10,7 +10,7 @@ use super::scenes::take;
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
 use crate::solver::device::{Held, Resident, acting, failed};
-use crate::solver::{Fault, Solver, StepError, commit, sound};
+use crate::solver::{Capabilities, Fault, Solver, StepError, finish, sound};
 use crate::system::System;
 
 /// Environments of a block: a full warp, since an access of local memory costs as much for fewer; no more, so that a small batch spreads
@@ -19,11 +19,18 @@ pub const BLOCK: usize = 32;
 
 /// What moves environments on a device.
 pub trait Motion: Send {
-    /// Refuses a batch that it has no kernel for.
+    /// What it can do beside stepping states.
+    fn capabilities(&self) -> Capabilities {
+        Capabilities::default()
+    }
+
+    /// Refuses a batch that it has no kernel for, whatever its capabilities.
     ///
     /// # Errors
     /// What that is, and where it can be stepped.
-    fn check(&self, batch: &Batch) -> Result<(), StepError>;
+    fn check(&self, _batch: &Batch) -> Result<(), StepError> {
+        Ok(())
+    }
 
     /// The settings by which scenes are put in order.
     fn config(&self) -> &ArticulatedConfig;
@@ -75,6 +82,7 @@ impl<M: Motion> Resident for OnDevice<M> {
         if !self.faults.is_empty() {
             return Err(StepError::Environments(std::mem::take(&mut self.faults)));
         }
+        self.motion.capabilities().admit(batch)?;
         self.motion.check(batch)?;
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
@@ -151,7 +159,12 @@ impl<M: Motion> OnDevice<M> {
             let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
             return Err(StepError::Solver(format!("a torque of environment {env} in frame {frame} of the roll is {x}")));
         }
+        let capabilities = self.motion.capabilities();
+        capabilities.admit(batch)?;
         self.motion.check(batch)?;
+        if !capabilities.forces {
+            batch.forces.clear();
+        }
         if n == 0 {
             return Ok(());
         }
@@ -174,7 +187,7 @@ impl<M: Motion> OnDevice<M> {
         for fault in &self.faults {
             batch.forces[fault.env * points..][..points].fill(Vector3::zeros());
         }
-        commit(batch, &mut self.next, &mut self.faults)
+        finish(batch, &mut self.next, &mut self.faults)
     }
 
     /// Kernels and memory that fit the batch.
@@ -203,6 +216,10 @@ impl<M: Motion> Solver for OnDevice<M> {
 
     fn reset(&mut self, env: usize) {
         self.motion.reset(env);
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.motion.capabilities()
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {

@@ -7,7 +7,7 @@ use super::program::{Reach, Real, program};
 use super::roll::{BLOCK, Motion, OnDevice};
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
-use crate::solver::StepError;
+use crate::solver::{Capabilities, StepError};
 use crate::solver::device::{Held, failed};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
@@ -31,13 +31,12 @@ impl CudaArticulated {
 }
 
 impl Motion for Whole {
-    fn check(&self, batch: &Batch) -> Result<(), StepError> {
-        self.config.check().map_err(StepError::Solver)?;
-        if !batch.systems.is_empty() {
-            let text = "on a device all environments are of one robot: leave `systems` empty, or step with articulated on the CPU";
-            return Err(StepError::Refused(text.into()));
-        }
-        Ok(())
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { drives: true, forces: true, systems: false }
+    }
+
+    fn check(&self, _: &Batch) -> Result<(), StepError> {
+        self.config.check().map_err(StepError::Solver)
     }
 
     fn config(&self) -> &ArticulatedConfig {

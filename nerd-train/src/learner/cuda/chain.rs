@@ -12,7 +12,7 @@ use nerd_model::transformer::Weights;
 use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, failed};
 use nerd_sim::articulated::{ArticulatedConfig, Friction};
 use nerd_sim::batch::Batch;
-use nerd_sim::solver::{StepError, plain};
+use nerd_sim::solver::StepError;
 use nerd_sim::system::System;
 
 use super::Precision;
@@ -59,7 +59,6 @@ pub fn chain(model: Model, system: &Arc<System>, precision: Precision) -> Result
 
 impl Motion for Along {
     fn check(&self, batch: &Batch) -> Result<(), StepError> {
-        plain(batch)?;
         let (joints, gravity) = (batch.system.robot.joint_count(), batch.system.gravity());
         let refuse = |reason: String| Err(StepError::Refused(reason));
         if joints != 6 + 2 * self.chain.rods {

@@ -9,7 +9,7 @@ use nerd_model::folder::Model;
 use nerd_sim::articulated::ArticulatedConfig;
 use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, Real, failed};
 use nerd_sim::batch::Batch;
-use nerd_sim::solver::{StepError, plain};
+use nerd_sim::solver::StepError;
 use nerd_sim::system::System;
 
 use super::Precision;
@@ -51,10 +51,6 @@ pub fn neural(model: Model, system: &Arc<System>, real: Real, precision: Precisi
 }
 
 impl Motion for Network {
-    fn check(&self, batch: &Batch) -> Result<(), StepError> {
-        plain(batch)
-    }
-
     fn config(&self) -> &ArticulatedConfig {
         &self.config
     }

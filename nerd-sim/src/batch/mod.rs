@@ -1,5 +1,7 @@
 //! A batch: n environments of one system, each with its own scene.
 
+mod names;
+
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -8,13 +10,15 @@ use crate::drive::Drive;
 use crate::scene::Scene;
 use crate::system::System;
 
+pub use names::BatchError;
+
 /// States and scenes of n environments; row-major f64.
 #[derive(Clone)]
 pub struct Batch {
     /// The robot of every environment, unless `systems` says otherwise.
     pub system: Arc<System>,
     /// The robot of each environment, where they differ in numbers: masses, dampings, a material (see [`crate::vary`]); empty: they
-    /// do not. The analytic solvers alone know them; others refuse them.
+    /// do not. For solvers that can step them ([`crate::solver::Capabilities`]).
     pub systems: Vec<Arc<System>>,
     /// States `[env][q, qd]`.
     pub states: Vec<f64>,
@@ -22,11 +26,11 @@ pub struct Batch {
     pub scenes: Vec<Arc<Scene>>,
     /// Frames stepped since each environment's reset; names the place of an error.
     pub frames: Vec<u64>,
-    /// Drives `[env][joint]`, whose torques are added to those of a frame; empty: none. [`crate::articulated`] alone has them
-    /// inside its substeps; other solvers refuse them.
+    /// Drives `[env][joint]`, whose torques are added to those of a frame; empty: none. For solvers that can hold them
+    /// ([`crate::solver::Capabilities`]).
     pub drives: Vec<Drive>,
-    /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty: nobody asks
-    /// ([`Batch::watch`]). [`crate::articulated`] alone tells them; other solvers refuse.
+    /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty where the solver tells
+    /// none. By link: [`Batch::contact_force`].
     pub forces: Vec<Vector3<f64>>,
 }
 
@@ -95,21 +99,16 @@ impl Batch {
         &mut self.states[env * d..(env + 1) * d]
     }
 
-    /// Asks for the forces at contact points.
+    /// Asks a graphics card for contact forces, which stay there otherwise. On the CPU a solver that knows them always tells them.
     pub fn watch(&mut self) {
         self.forces = vec![Vector3::zeros(); self.len() * self.system.robot.contact_points.len()];
     }
 
-    /// Forces (N) on the contact points of an environment in the last frame, in their order, world axes; empty where nobody asked.
+    /// Mean forces (N) on the contact points of an environment in the last frame, in their order, world axes; empty where the solver
+    /// tells none ([`crate::solver::Capabilities`]).
     pub fn forces_on(&self, env: usize) -> &[Vector3<f64>] {
         let points = if self.forces.is_empty() { 0 } else { self.system.robot.contact_points.len() };
         &self.forces[env * points..(env + 1) * points]
-    }
-
-    /// Their sum (N) on a link.
-    pub fn force_on(&self, env: usize, link: usize) -> Vector3<f64> {
-        let points = self.system.robot.contact_points.iter().zip(self.forces_on(env));
-        points.filter(|(point, _)| point.link == link).map(|(_, force)| force).sum()
     }
 
     /// Drives of an environment; empty where there are none.
