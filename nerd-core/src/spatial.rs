@@ -33,7 +33,11 @@ impl Motion {
     #[inline]
     pub(crate) fn unit(k: usize) -> Self {
         let mut m = Self::default();
-        if k < 3 { m.ang = Vector3::ith(k, 1.0) } else { m.lin = Vector3::ith(k - 3, 1.0) }
+        if k < 3 {
+            m.ang = Vector3::ith(k, 1.0)
+        } else {
+            m.lin = Vector3::ith(k - 3, 1.0)
+        }
         m
     }
 

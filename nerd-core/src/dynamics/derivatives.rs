@@ -104,7 +104,8 @@ impl Derivatives {
                 above.flat_map(|link| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] })
             {
                 let (si, sj) = (low.dof, up.dof);
-                self.q[(si, sj)] += turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) - up.axis.cross(&low.axis).dot(&pushed[i]);
+                self.q[(si, sj)] +=
+                    turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) - up.axis.cross(&low.axis).dot(&pushed[i]);
                 self.qd[(si, sj)] += turned.dot(&up.axis.vector()) + 2.0 * down.dot(&up.first.vector());
                 if up.link != i {
                     self.q[(sj, si)] += up.axis.vector().dot(&below);

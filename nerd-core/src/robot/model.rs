@@ -72,14 +72,7 @@ pub struct Robot {
 impl Robot {
     /// A robot without links yet.
     pub fn new(name: impl Into<String>, base: Base) -> Self {
-        Self {
-            name: name.into(),
-            base,
-            links: Vec::new(),
-            contact_points: Vec::new(),
-            frames: Vec::new(),
-            followers: 0,
-        }
+        Self { name: name.into(), base, links: Vec::new(), contact_points: Vec::new(), frames: Vec::new(), followers: 0 }
     }
 
     /// Makes the joint of a link follow a coordinate, or move by itself again. Coordinates are counted by the joints that move by

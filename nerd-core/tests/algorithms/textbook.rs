@@ -79,8 +79,7 @@ fn a_wide_swing_takes_the_elliptic_integrals_time() {
         (a, b) = (0.5 * (a + b), f64::sqrt(a * b));
     }
     let period = std::f64::consts::TAU * (length / 9.81f64).sqrt() / a;
-    let mut rate =
-        |x: [f64; 2]| [x[1], data.forward_dynamics(&robot, &x[..1], &LocalVelocity([x[1]]), &[0.0], &DOWN).expect("inertia")[0]];
+    let mut rate = |x: [f64; 2]| [x[1], data.forward_dynamics(&robot, &x[..1], &LocalVelocity([x[1]]), &[0.0], &DOWN).expect("inertia")[0]];
     let small = rate([1e-3, 0.0])[1];
     assert!((small + 9.81 / length * f64::sin(1e-3)).abs() < 1e-15, "acceleration {small}, expected -g/l sin q");
     let (steps, mut x) = ((period / 1e-3).ceil(), [start, 0.0]);

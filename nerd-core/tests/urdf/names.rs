@@ -5,7 +5,8 @@ use nerd_core::prelude::*;
 
 /// A leg of two joints on a free trunk, a foot fixed on its shank, and a finger that follows the knee.
 fn leg() -> Robot {
-    let [hip, knee] = ["hip", "knee"].map(|n| joint(n, "continuous", if n == "hip" { "trunk" } else { "thigh" }, if n == "hip" { "thigh" } else { "shank" }, ""));
+    let [hip, knee] = ["hip", "knee"]
+        .map(|n| joint(n, "continuous", if n == "hip" { "trunk" } else { "thigh" }, if n == "hip" { "thigh" } else { "shank" }, ""));
     let parts = ["trunk", "thigh", "shank", "foot", "toe"].map(link).into_iter().chain([
         hip,
         knee,

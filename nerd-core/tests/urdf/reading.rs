@@ -91,7 +91,9 @@ fn what_things_look_like_is_not_looked_at() {
     for extra in [
         r#"<material name="a"><texture/></material>"#.into(),
         r#"<material name="a"/><!-- <material> --><material name="b"><color rgba="1 1 1 1"/></material>"#.into(),
-        format!(r#"<link name="l"><visual><geometry><sphere radius="1"/></geometry><material name=""><texture /></material></visual></link>{weld}"#),
+        format!(
+            r#"<link name="l"><visual><geometry><sphere radius="1"/></geometry><material name=""><texture /></material></visual></link>{weld}"#
+        ),
         // Quotes, comments and CDATA may hold what looks like the end of something.
         format!(
             r#"<material name="a>b"/><link name="l"/>{weld}<material name="</material>"><texture filename='<material>'/></material>

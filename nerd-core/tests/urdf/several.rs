@@ -72,7 +72,12 @@ fn a_floating_joint_under_the_world_is_a_free_base() {
 
 #[test]
 fn a_planar_joint_without_mass_is_fixed_and_its_names_are_its_own() {
-    let cart = [link("cart"), joint("rail", "prismatic", "table", "cart", r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#), "</robot>".into()].concat();
+    let cart = [
+        link("cart"),
+        joint("rail", "prismatic", "table", "cart", r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#),
+        "</robot>".into(),
+    ]
+    .concat();
     let text = puck("0 0 1").replace("</robot>", &cart);
     let light = text.replace("\"2\"", "\"0\"").replace("\"0.1\"", "\"0\"").replace("\"0.2\"", "\"0\"");
     let read = UrdfRobot::read_alone(&light, Base::fixed()).expect("a robot");

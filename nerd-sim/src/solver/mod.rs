@@ -9,9 +9,9 @@ pub(crate) mod parallel;
 mod simulation;
 
 pub use capabilities::Capabilities;
-pub use check::{check, commit};
 #[cfg(feature = "cuda")]
 pub(crate) use check::finish;
+pub use check::{check, commit};
 pub(crate) use check::{gone, sound};
 pub use error::{Fault, StepError};
 pub use simulation::Simulation;

@@ -72,7 +72,8 @@ fn a_batch_knows_names() {
     let name = system.robot.joints().nth(3).expect("a joint").name.clone();
     batch.set_joint(1, &name, [0.2, -0.5]).expect("a joint");
     assert_eq!((batch.joint(1, &name).ok(), batch.joint(0, &name).ok()), (Some([0.2, -0.5]), Some([0.0; 2])));
-    let (pose, moves) = (Isometry3::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)), Motion::from_slice(&[0.3, 0.1, -0.2, 1.0, 0.5, 0.0]));
+    let (pose, moves) =
+        (Isometry3::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, 0.2, 0.3)), Motion::from_slice(&[0.3, 0.1, -0.2, 1.0, 0.5, 0.0]));
     batch.set_root(1, &pose, moves).expect("free");
     let root = &system.robot.links[0].name;
     assert!((batch.pose(1, root).expect("a root").to_homogeneous() - pose.to_homogeneous()).amax() < 1e-14);
@@ -83,5 +84,8 @@ fn a_batch_knows_names() {
     nerd_sim::instruments::glide(&system, batch.state_mut(1), 1e-6);
     let went = (batch.pose(1, link).expect("a link").translation.vector - before.translation.vector) / 1e-6;
     assert!((went - v.lin).amax() < 1e-4, "{went} and {}", v.lin);
-    assert!(batch.pose(0, "nobody").is_err() && Batch::new(&System::named("cartpole").expect("built in"), &batch.scenes[0], 1).set_root(0, &pose, moves).is_err());
+    assert!(
+        batch.pose(0, "nobody").is_err()
+            && Batch::new(&System::named("cartpole").expect("built in"), &batch.scenes[0], 1).set_root(0, &pose, moves).is_err()
+    );
 }

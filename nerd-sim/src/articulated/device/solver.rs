@@ -7,8 +7,8 @@ use super::program::{Reach, Real, program};
 use super::roll::{BLOCK, Motion, OnDevice};
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
-use crate::solver::{Capabilities, StepError};
 use crate::solver::device::{Held, failed};
+use crate::solver::{Capabilities, StepError};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///

@@ -26,22 +26,20 @@ pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     // Where a link into the folder of packages was followed, the packages are where it leads.
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     let UrdfRobot { robot, notes, meshes } = read;
-    meshes.retain(|mesh| {
-        match vertices(mesh, &path) {
-            Ok(vertices) => {
-                let hull = hull(&vertices);
-                robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint {
-                    link: mesh.link,
-                    local: mesh.pose.transform_point(&hull[k].into()).coords,
-                    radius: SHARP,
-                    thickness: SHARP,
-                }));
-                false
-            }
-            Err(reason) => {
-                notes.push(format!("link `{}`: mesh {}: {reason}; nothing touches it", mesh.of, mesh.file));
-                true
-            }
+    meshes.retain(|mesh| match vertices(mesh, &path) {
+        Ok(vertices) => {
+            let hull = hull(&vertices);
+            robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint {
+                link: mesh.link,
+                local: mesh.pose.transform_point(&hull[k].into()).coords,
+                radius: SHARP,
+                thickness: SHARP,
+            }));
+            false
+        }
+        Err(reason) => {
+            notes.push(format!("link `{}`: mesh {}: {reason}; nothing touches it", mesh.of, mesh.file));
+            true
         }
     });
 }
