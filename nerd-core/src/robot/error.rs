@@ -7,22 +7,12 @@ pub enum UrdfError {
     /// Not a URDF.
     #[error("not a URDF: {0}")]
     Parse(String),
-    /// A link that cannot be honoured.
-    #[error("link `{link}`: {reason}")]
-    Link {
-        /// Its name.
-        link: String,
-        /// One line.
-        reason: String,
-    },
-    /// A joint that cannot be honoured.
-    #[error("joint `{joint}`: {reason}")]
-    Joint {
-        /// Its name.
-        joint: String,
-        /// One line.
-        reason: String,
-    },
+    /// A link that cannot be honoured, and why.
+    #[error("link `{0}`: {1}")]
+    Link(String, String),
+    /// A joint that cannot be honoured, and why.
+    #[error("joint `{0}`: {1}")]
+    Joint(String, String),
     /// The links and joints do not make one tree.
     #[error("the joints do not make one tree: {0}")]
     Tree(String),
@@ -33,11 +23,11 @@ pub enum UrdfError {
 
 impl UrdfError {
     pub(super) fn link(link: &str, reason: impl AsRef<str>) -> Self {
-        Self::Link { link: one_line(link), reason: one_line(reason.as_ref()) }
+        Self::Link(one_line(link), one_line(reason.as_ref()))
     }
 
     pub(super) fn joint(joint: &str, reason: impl AsRef<str>) -> Self {
-        Self::Joint { joint: one_line(joint), reason: one_line(reason.as_ref()) }
+        Self::Joint(one_line(joint), one_line(reason.as_ref()))
     }
 }
 

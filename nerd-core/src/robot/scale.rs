@@ -74,19 +74,3 @@ fn scaled(pose: &Isometry3<f64>, factor: f64) -> Isometry3<f64> {
     let t: Vector3<f64> = pose.translation.vector * factor;
     Isometry3::from_parts(Translation3::from(t), pose.rotation)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Matrix3;
-
-    #[test]
-    fn spreading_a_rod_along_itself_makes_it_longer() {
-        // A box of 1 kg, edges a, b, c: second moments a^2 / 12, ...; twice as long along x: four times the first.
-        let of = |a: f64, b: f64, c: f64| Matrix3::from_diagonal(&(Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 12.0));
-        let mut body = BodyInertia { mass: 1.0, com: Vector3::zeros(), inertia: of(0.3, 0.2, 0.1) };
-        body.spread(0, 4.0);
-        let apart = (body.inertia - of(0.6, 0.2, 0.1)).norm();
-        assert!(apart < 1e-15, "inertias are {apart:e} kg m^2 apart");
-    }
-}

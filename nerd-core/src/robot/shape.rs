@@ -16,33 +16,14 @@ pub struct Shape {
     pub kind: ShapeKind,
 }
 
-/// Primitive shapes; lengths in m.
+/// Primitive shapes, centred; lengths in m. Those with an axis have it along z; of a capsule the straight part is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs)]
 pub enum ShapeKind {
-    /// Ball.
-    Sphere {
-        /// Radius.
-        radius: f64,
-    },
-    /// Box, centred.
-    Box {
-        /// Half edges.
-        half: Vector3<f64>,
-    },
-    /// Cylinder along local z, centred.
-    Cylinder {
-        /// Radius.
-        radius: f64,
-        /// Half length.
-        half_length: f64,
-    },
-    /// Capsule along local z, centred.
-    Capsule {
-        /// Radius.
-        radius: f64,
-        /// Half length of the straight part.
-        half_length: f64,
-    },
+    Sphere { radius: f64 },
+    Box { half: Vector3<f64> },
+    Cylinder { radius: f64, half_length: f64 },
+    Capsule { radius: f64, half_length: f64 },
 }
 
 impl Shape {

@@ -126,3 +126,12 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
         assert!((at - place).norm() < 1e-14 && radius == r && thickness == r, "{at} radius {radius}, expected {place} radius {r}");
     }
 }
+
+#[test]
+fn spreading_a_box_along_itself_makes_it_longer() {
+    // Of 1 kg, edges a, b, c: second moments a^2 / 12, ...; twice as long along x: four times the first.
+    let of = |a: f64, b: f64, c: f64| Matrix3::from_diagonal(&(Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 12.0));
+    let mut body = BodyInertia { mass: 1.0, com: Vector3::zeros(), inertia: of(0.3, 0.2, 0.1) };
+    body.spread(0, 4.0);
+    assert!((body.inertia - of(0.6, 0.2, 0.1)).norm() < 1e-15, "{} is not that of the longer box", body.inertia);
+}
