@@ -6,7 +6,7 @@
 //! links are needed: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2, in the form without Pluecker
 //! transforms.
 
-use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Mul, Sub};
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
@@ -114,13 +114,6 @@ macro_rules! linear {
             fn add_assign(&mut self, o: Self) {
                 self.ang += o.ang;
                 self.lin += o.lin;
-            }
-        }
-        impl SubAssign for $t {
-            #[inline]
-            fn sub_assign(&mut self, o: Self) {
-                self.ang -= o.ang;
-                self.lin -= o.lin;
             }
         }
         impl Mul<f64> for $t {

@@ -37,26 +37,19 @@ fn off(robot: &Robot, found: &Derivatives, q: &[f64], qd: &Velocity, mut f: impl
 }
 
 #[test]
-fn derivatives_of_inverse_dynamics() {
+fn derivatives_of_inverse_and_forward_dynamics() {
     for (robot, mut rng) in all() {
-        let ((q, qd), qdd) = (state(&mut rng, &robot), values(&mut rng, robot.nv(), 2.0));
+        let ((q, qd), given) = (state(&mut rng, &robot), values(&mut rng, robot.nv(), 2.0));
         let mut data = Data::new(&robot);
         push(&mut rng, &mut data);
-        let found = data.inverse_derivatives(&robot, &q, &qd, &qdd, &GRAVITY);
-        let apart = off(&robot, &found, &q, &qd, |q, qd| data.inverse_dynamics(&robot, q, qd, &qdd, &GRAVITY).clone());
-        assert!(apart.iter().all(|x| *x < 1e-7), "{} DoF, floating {}: {apart:?} off (q, qd)", robot.nv(), robot.floating());
-    }
-}
-
-#[test]
-fn derivatives_of_forward_dynamics() {
-    for (robot, mut rng) in all() {
-        let ((q, qd), tau) = (state(&mut rng, &robot), values(&mut rng, robot.nv(), 2.0));
-        let mut data = Data::new(&robot);
-        push(&mut rng, &mut data);
-        let found = data.forward_derivatives(&robot, &q, &qd, &tau, &GRAVITY).expect("inertia");
-        let apart = off(&robot, &found, &q, &qd, |q, qd| data.forward_dynamics(&robot, q, qd, &tau, &GRAVITY).expect("inertia").clone());
-        assert!(apart.iter().all(|x| *x < 1e-6), "{} DoF, floating {}: {apart:?} off (q, qd)", robot.nv(), robot.floating());
+        let found = data.inverse_derivatives(&robot, &q, &qd, &given, &GRAVITY);
+        let inverse = off(&robot, &found, &q, &qd, |q, qd| data.inverse_dynamics(&robot, q, qd, &given, &GRAVITY).clone());
+        let found = data.forward_derivatives(&robot, &q, &qd, &given, &GRAVITY).expect("inertia");
+        let forward =
+            off(&robot, &found, &q, &qd, |q, qd| data.forward_dynamics(&robot, q, qd, &given, &GRAVITY).expect("inertia").clone());
+        let what = format!("{} DoF, floating {}: by q and qd off", robot.nv(), robot.floating());
+        assert!(inverse.iter().all(|x| *x < 1e-7), "inverse, {what} {inverse:?}");
+        assert!(forward.iter().all(|x| *x < 1e-6), "forward, {what} {forward:?}");
     }
 }
 
