@@ -5,13 +5,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
-use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaStream, sys};
+use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
 use cudarc::nvrtc::{self, CompileOptions, Ptx};
+use serde::{Deserialize, Serialize};
 
 use crate::error::{DeviceError, failed};
-use crate::graph::Graph;
 use crate::memory::{Buffer, allocate, check_fit};
-use crate::products::Precision;
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;
@@ -23,6 +22,17 @@ pub enum Lane {
     Main,
     /// Beside it.
     Side,
+}
+
+/// Arithmetic of products; everything is stored and summed in f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// f32 throughout.
+    F32,
+    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
+    #[default]
+    Tf32,
 }
 
 static ORDINAL: AtomicUsize = AtomicUsize::new(0);
@@ -240,13 +250,13 @@ impl Device {
     }
 
     /// Records what `work` gives to the streams as one graph.
-    pub fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<Graph, E> {
+    pub(crate) fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<CudaGraph, E> {
         let stream = self.stream(Lane::Main);
         stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
         let done = work();
         let graph = stream.end_capture(sys::CUgraphInstantiate_flags(0)).map_err(failed("graph capture"));
         done?;
-        graph?.map(Graph::new).ok_or_else(|| DeviceError("graph capture gave nothing".into()).into())
+        graph?.ok_or_else(|| DeviceError("graph capture gave nothing".into()).into())
     }
 
     /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.
@@ -293,16 +303,19 @@ impl Device {
     }
 }
 
-/// The machine code's text of a source. What this process has compiled before is not compiled again.
+/// The machine code's text of a source. What this process has compiled before under the same options, which name the kind of card, is not
+/// compiled again.
 fn compiled(source: &str, options: CompileOptions) -> Result<Ptx, DeviceError> {
-    static KNOWN: Mutex<Vec<(String, Ptx)>> = Mutex::new(Vec::new());
+    type Known = (Vec<String>, String, Ptx);
+    static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
     // Held while it compiles, so that threads which want the same wait for it; those that want something else do, too.
     let mut known = KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
-    if let Some((_, ptx)) = known.iter().find(|(text, _)| text == source) {
+    if let Some((.., ptx)) = known.iter().find(|(by, text, _)| *by == options.options && text == source) {
         return Ok(ptx.clone());
     }
+    let by = options.options.clone();
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
-    known.push((source.into(), ptx.clone()));
+    known.push((by, source.into(), ptx.clone()));
     Ok(ptx)
 }
 

@@ -12,9 +12,9 @@ mod products;
 mod sums;
 
 pub use cudarc::driver::CudaEvent as Event;
-pub use device::{Arg, Device, Lane, ordinal, take};
+pub use device::{Arg, Device, Lane, Precision, ordinal, take};
 pub use error::DeviceError;
-pub use graph::Graph;
+pub use graph::Replay;
 pub use memory::Buffer;
-pub use products::{Batch, Op, Precision};
+pub use products::{Batch, Op};
 pub use sums::Sums;

@@ -1,21 +1,9 @@
 //! Products of matrices, by cuBLAS.
 
 use cudarc::cublas::{self, sys as blas};
-use serde::{Deserialize, Serialize};
 
-use crate::device::{Device, Lane};
+use crate::device::{Device, Lane, Precision};
 use crate::error::DeviceError;
-
-/// Arithmetic of products; everything is stored and summed in f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// f32 throughout.
-    F32,
-    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
-    #[default]
-    Tf32,
-}
 
 /// Whether an operand of a product is transposed.
 #[derive(Clone, Copy)]
