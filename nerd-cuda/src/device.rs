@@ -5,12 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
-use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaStream, sys};
+use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
 use cudarc::nvrtc;
 
 use crate::compile::compiled;
 use crate::error::{DeviceError, failed};
-use crate::graph::Graph;
 use crate::memory::{Buffer, allocate, check_fit};
 use crate::precision::Precision;
 
@@ -237,13 +236,13 @@ impl Device {
     }
 
     /// Records what `work` gives to the streams as one graph.
-    pub fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<Graph, E> {
+    pub(crate) fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<CudaGraph, E> {
         let stream = self.stream(Lane::Main);
         stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
         let done = work();
         let graph = stream.end_capture(sys::CUgraphInstantiate_flags(0)).map_err(failed("graph capture"));
         done?;
-        graph?.map(Graph::new).ok_or_else(|| DeviceError("graph capture gave nothing".into()).into())
+        graph?.ok_or_else(|| DeviceError("graph capture gave nothing".into()).into())
     }
 
     /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.

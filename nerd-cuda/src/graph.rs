@@ -1,26 +1,62 @@
-//! A captured graph of kernels.
+//! Work that is recorded once and then launched as a whole.
+
+use std::cell::RefCell;
 
 use cudarc::driver::CudaGraph;
 
+use crate::device::Device;
 use crate::error::{DeviceError, failed};
 
-/// Work recorded once, and launched again as a whole.
-pub struct Graph(CudaGraph);
+/// A captured graph of kernels.
+struct Graph(CudaGraph);
 
 // SAFETY: the driver wants graphs never used by two threads at once, and says nothing against another thread at another time.
 // This type is not `Sync`, so one thread has it at a time; launching binds the context to the thread that calls.
 unsafe impl Send for Graph {}
 
-impl Graph {
-    pub(crate) fn new(graph: CudaGraph) -> Self {
-        Self(graph)
-    }
+/// Work that runs kernel by kernel at its first call, is captured there, and is one graph from the second call on. What it reads and writes
+/// must stay where it is as long as its key is the same.
+pub struct Replay<K = ()> {
+    graphs: RefCell<Vec<(K, Graph)>>,
+    most: usize,
+}
 
-    /// Launches it; `what` names it in an error.
+impl<K> Default for Replay<K> {
+    fn default() -> Self {
+        Self::keeping(1)
+    }
+}
+
+impl<K> Replay<K> {
+    /// Keeps the graphs of so many keys, the last ones.
+    pub fn keeping(most: usize) -> Self {
+        Self { graphs: RefCell::default(), most }
+    }
+}
+
+impl<K: PartialEq> Replay<K> {
+    /// Does `work`, which is the same as long as `key` is; `what` names it in an error.
     ///
     /// # Errors
-    /// The driver's error.
-    pub fn launch(&self, what: &'static str) -> Result<(), DeviceError> {
-        self.0.launch().map_err(failed(what))
+    /// Those of the work, and of the driver.
+    pub fn run<E: From<DeviceError>>(
+        &self,
+        device: &Device,
+        what: &'static str,
+        key: K,
+        work: impl Fn() -> Result<(), E>,
+    ) -> Result<(), E> {
+        if let Some((_, graph)) = self.graphs.borrow().iter().find(|(known, _)| *known == key) {
+            return Ok(graph.0.launch().map_err(failed(what))?);
+        }
+        // Once outside of a capture, so that libraries have loaded what they load at their first call.
+        work()?;
+        device.wait()?;
+        let graph = device.capture(work)?;
+        let mut graphs = self.graphs.borrow_mut();
+        graphs.push((key, Graph(graph)));
+        let old = graphs.len().saturating_sub(self.most);
+        graphs.drain(..old);
+        Ok(())
     }
 }

@@ -16,7 +16,7 @@ mod sums;
 pub use cudarc::driver::CudaEvent as Event;
 pub use device::{Arg, Device, Lane, ordinal, take};
 pub use error::DeviceError;
-pub use graph::Graph;
+pub use graph::Replay;
 pub use memory::Buffer;
 pub use precision::Precision;
 pub use products::{Batch, Op};

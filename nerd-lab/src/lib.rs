@@ -6,6 +6,7 @@ macro_rules! eprintln {
 }
 
 pub mod campaign;
+pub mod choice;
 pub mod cotrain;
 pub mod error;
 pub mod experiments;

@@ -1,107 +1,121 @@
-//! Training states on disk: one safetensors file, replaced as a whole.
-//!
-//! The file holds `weights`, `average`, `m` and `v` as flat f32 vectors, and in its metadata `step`, `network` (the
-//! [`TransformerConfig`] as JSON) and `config` (whatever JSON the run wants to keep). It is written under a temporary
-//! name in the same folder and renamed, so whoever reads the final name sees an old or a new file, never half of one.
+//! What a training run keeps of its weights: `last.safetensors`, from which it goes on, and `best.safetensors`, the weights that had the
+//! smallest criterion. Each is replaced as a whole, so whoever reads it sees an old or a new file, never half of one.
 
-use std::collections::HashMap;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use nerd_model::transformer::{TransformerConfig, Weights};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use sha2::{Digest, Sha256};
 
+use crate::error::{Error, Result};
 use crate::learner::LearnerState;
+use crate::ranks::bytes;
+use crate::tensors::Tensors;
 
-/// A checkpoint that cannot be written, read or used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum CheckpointError {
-    /// The file system refused.
-    #[error("{path}: {source}")]
-    Io {
-        /// File concerned.
-        path: PathBuf,
-        /// What went wrong.
-        source: io::Error,
-    },
-    /// The file is no checkpoint: cut short, or made by something else.
-    #[error("{path} is no training checkpoint: {reason}")]
-    Format {
-        /// File concerned.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The file is one of a run, but not as it was written.
-    #[error("{path} is damaged: {reason}; move it away and the run makes it anew from its last checkpoint on")]
-    Damaged {
-        /// File concerned.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The file belongs to another network.
-    #[error("{path} holds the network {found}, this run asks for {expected}")]
-    Network {
-        /// File concerned.
-        path: PathBuf,
-        /// Its network, as JSON.
-        found: String,
-        /// The run's network, as JSON.
-        expected: String,
-    },
+/// The state of the run in a folder.
+pub fn last(folder: &Path) -> PathBuf {
+    folder.join("last.safetensors")
 }
 
-/// Writes `state` and the run's configuration (JSON) to `path`.
+/// The best weights of the run in a folder.
+pub fn best(folder: &Path) -> PathBuf {
+    folder.join("best.safetensors")
+}
+
+/// Writes `state` as flat f32 vectors, and the run's configuration (JSON) beside it.
 ///
 /// # Errors
 /// If the folder cannot be written; then an older file at `path` is untouched.
-pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<(), CheckpointError> {
-    let metadata = [("step", state.step.to_string()), ("network", json(&state.weights.config)), ("config", config.to_owned())];
-    let metadata: HashMap<String, String> = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-    let vectors = vectors(state).map(|(name, x)| (name, x.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()));
-    let format = |e: safetensors::SafeTensorError| CheckpointError::Format { path: path.into(), reason: e.to_string() };
-    let views = vectors.iter().map(|(name, bytes)| Ok((*name, TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?)));
-    let views = views.collect::<Result<Vec<_>, _>>().map_err(format)?;
-    let bytes = safetensors::serialize(views, Some(metadata)).map_err(format)?;
-    nerd_sim::files::write(path, &bytes).map_err(|source| CheckpointError::Io { path: path.into(), source })
+pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<()> {
+    let mut file = Tensors::default();
+    for (name, x) in [("weights", &state.weights.flat), ("average", &state.average), ("m", &state.m), ("v", &state.v)] {
+        file.put_f32(name, &[x.len()], x);
+    }
+    file.put_word("step", state.step.to_string());
+    file.put_word("network", json(&state.weights.config));
+    file.put_word("config", config);
+    file.save(path)
 }
 
 /// Reads the state of a run with this network, and the configuration saved beside it.
 ///
 /// # Errors
 /// If the file is absent, cut short or no checkpoint, or was made for another network.
-pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, String), CheckpointError> {
-    let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io { path: path.into(), source })?;
-    let format = |reason: String| CheckpointError::Format { path: path.into(), reason };
-    let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| format(e.to_string()))?;
-    let metadata =
-        |key: &str| header.metadata().as_ref().and_then(|m| m.get(key)).ok_or_else(|| format(format!("no `{key}` in its metadata")));
-    let found: TransformerConfig = serde_json::from_str(metadata("network")?).map_err(|e| format(format!("network: {e}")))?;
+pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, String)> {
+    let file = Tensors::open(path)?;
+    let found: TransformerConfig = serde_json::from_str(file.word("network")?).map_err(|e| file.wrong(format!("`network`: {e}")))?;
     if found != *network {
-        return Err(CheckpointError::Network { path: path.into(), found: json(&found), expected: json(network) });
+        return Err(Error::format(path)(format!("it holds the network {}, this run asks for {}", json(&found), json(network))));
     }
-    let step = metadata("step")?.parse().map_err(|e| format(format!("step: {e}")))?;
-    let tensors = SafeTensors::deserialize(&bytes).map_err(|e| format(e.to_string()))?;
+    let step = file.word("step")?.parse().map_err(|e| file.wrong(format!("`step`: {e}")))?;
     let vector = |name: &str| {
-        let view = tensors.tensor(name).map_err(|e| format(e.to_string()))?;
-        if view.dtype() != Dtype::F32 || view.shape() != [network.parameters()] {
-            return Err(format(format!("`{name}` is {:?} {:?}, expected f32 [{}]", view.dtype(), view.shape(), network.parameters())));
-        }
-        let numbers: Vec<f32> = view.data().as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        match numbers.iter().position(|x| !x.is_finite()) {
-            Some(entry) => Err(format(format!("`{name}`: entry {entry} is {}", numbers[entry]))),
+        let numbers = file.f32(name, Some(network.parameters()))?;
+        match numbers.iter().find(|x| !x.is_finite()) {
+            Some(x) => Err(file.wrong(format!("`{name}` holds {x}"))),
             None => Ok(numbers),
         }
     };
     let weights = Weights { config: found, flat: vector("weights")? };
     let state = LearnerState { step, weights, average: vector("average")?, m: vector("m")?, v: vector("v")? };
-    Ok((state, metadata("config")?.clone()))
+    Ok((state, file.word("config")?.into()))
 }
 
-fn vectors(state: &LearnerState) -> [(&'static str, &[f32]); 4] {
-    [("weights", &state.weights.flat), ("average", &state.average), ("m", &state.m), ("v", &state.v)]
+/// Weights that had the smallest criterion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Best {
+    /// Updates done.
+    pub step: u64,
+    /// What they were chosen by.
+    pub criterion: f64,
+    /// The averaged weights.
+    pub weights: Weights,
+}
+
+impl Best {
+    /// Writes them as named tensors, with what they were chosen by.
+    pub(crate) fn save(&self, folder: &Path, run: &str) -> Result<()> {
+        let mut file = Tensors::default();
+        file.put_network(&self.weights.config.tensors(), &self.weights.flat);
+        let words = [
+            ("step", self.step.to_string()),
+            ("criterion", self.criterion.to_string()),
+            ("network", json(&self.weights.config)),
+            ("config", run.to_owned()),
+            ("sha256", hash(&self.weights)),
+        ];
+        words.into_iter().for_each(|(name, text)| file.put_word(name, text));
+        file.save(&best(folder))
+    }
+
+    /// Those of the run, whose text it is, in its folder; none if there is no file, or it is another run's.
+    ///
+    /// # Errors
+    /// If the file cannot be read, was cut short or changed.
+    pub fn load(folder: &Path, run: &str) -> Result<Option<Self>> {
+        let path = best(folder);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let damaged = |reason: &dyn std::fmt::Display| {
+            Error::format(&path)(format!("it is damaged: {reason}; move it away and the run makes it anew from its last checkpoint on"))
+        };
+        let file = Tensors::open(&path).map_err(|e| damaged(&e))?;
+        let word = |name: &str| file.word(name).map_err(|e| damaged(&e));
+        if word("config")? != run {
+            return Ok(None);
+        }
+        let step = word("step")?.parse().map_err(|e| damaged(&format!("step: {e}")))?;
+        let criterion = word("criterion")?.parse().map_err(|e| damaged(&format!("criterion: {e}")))?;
+        let config: TransformerConfig = serde_json::from_str(word("network")?).map_err(|e| damaged(&format!("network: {e}")))?;
+        let weights = Weights { config, flat: file.network(&config.tensors()).map_err(|e| damaged(&e))? };
+        if word("sha256")? != hash(&weights) {
+            return Err(damaged(&"its weights are not those that were written (SHA-256 differs)"));
+        }
+        Ok(Some(Self { step, criterion, weights }))
+    }
+}
+
+fn hash(weights: &Weights) -> String {
+    Sha256::digest(bytes(&weights.flat)).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 fn json(config: &TransformerConfig) -> String {

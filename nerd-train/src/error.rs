@@ -1,71 +1,19 @@
-//! Why a run, an experiment or a report came to nothing.
+//! Why something of this crate came to nothing.
 
 use std::path::{Path, PathBuf};
 
 use nerd_model::folder::ModelError;
 use nerd_model::pick::PickError;
+use nerd_sim::dataset::DatasetError;
 use nerd_sim::prelude::{StepError, SystemError};
 use nerd_sim::truth::UnknownTruth;
 use nerd_tasks::TaskError;
 
-use crate::checkpoint::CheckpointError;
-use crate::learner::LearnError;
-use crate::ppo::{ConfigError, PpoError};
-use crate::ranges::OutOfRange;
-use crate::ranks::RankError;
-use crate::supply::SupplyError;
-use crate::trainer::TrainError;
-
-/// What can go wrong between a setting and a figure. One line says what, where and what to do.
+/// One line that says what, where and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A robot or scene.
-    #[error(transparent)]
-    System(#[from] SystemError),
-    /// A step of a solver.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A model folder.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// A model of a truth that is not there.
-    #[error(transparent)]
-    Truth(#[from] UnknownTruth),
-    /// A choice by a chart.
-    #[error(transparent)]
-    Pick(#[from] PickError),
-    /// A task.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// A data set.
-    #[error(transparent)]
-    Data(#[from] nerd_sim::dataset::DatasetError),
-    /// A setting.
-    #[error(transparent)]
-    Range(#[from] OutOfRange),
-    /// Settings of PPO.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// A learner.
-    #[error(transparent)]
-    Learn(#[from] LearnError),
-    /// A run's files.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// Fresh data.
-    #[error(transparent)]
-    Supply(#[from] SupplyError),
-    /// A training run.
-    #[error(transparent)]
-    Train(#[from] TrainError),
-    /// Other ranks of a run.
-    #[error(transparent)]
-    Ranks(#[from] RankError),
-    /// A run of PPO.
-    #[error(transparent)]
-    Ppo(#[from] PpoError),
-    /// A file.
+    /// A file that cannot be read or written.
     #[error("{path}: {source}", path = path.display())]
     File {
         /// Which.
@@ -84,9 +32,12 @@ pub enum Error {
     /// Settings that mean nothing together, or more than there is.
     #[error("{0}")]
     Refused(String),
+    /// What a part says: a robot, a solver, a model, a data set, a learner, other ranks.
+    #[error(transparent)]
+    Part(Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// Of this crate's runs and experiments.
+/// Of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
@@ -106,3 +57,17 @@ macro_rules! refuse {
     ($($text:tt)*) => { return Err($crate::error::Error::Refused(format!($($text)*))) };
 }
 pub(crate) use refuse;
+
+/// Makes the error of a part one of the crate. A part of this crate does so where it is, so that this file knows none of them.
+macro_rules! part {
+    ($($error:ty),+) => { $(
+        impl From<$error> for $crate::error::Error {
+            fn from(error: $error) -> Self {
+                Self::Part(Box::new(error))
+            }
+        }
+    )+ };
+}
+pub(crate) use part;
+
+part!(SystemError, StepError, ModelError, UnknownTruth, PickError, TaskError, DatasetError);

@@ -5,30 +5,28 @@ macro_rules! eprintln {
     ($($text:tt)*) => { $crate::progress::tell(format_args!($($text)*)) };
 }
 
-pub mod best;
 pub mod bounds;
 pub mod chain;
 pub mod checkpoint;
-pub mod choice;
 pub mod device;
 pub mod difference;
 pub mod error;
 pub mod evaluate;
 pub mod learner;
-pub mod metrics;
 pub mod ppo;
 pub mod prepare;
 pub mod progress;
 pub mod provenance;
 pub mod ranges;
 pub mod ranks;
+pub mod records;
 pub mod run;
 pub mod schedule;
-pub mod sessions;
 pub mod settings;
 pub mod shipped;
 pub mod stats;
 pub mod supply;
+mod tensors;
 pub mod trainer;
 pub mod windows;
 

@@ -15,6 +15,7 @@ use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
+use crate::error::Result;
 use crate::ranks::{RankError, Ranks};
 use crate::windows::Windows;
 
@@ -125,30 +126,21 @@ pub struct Prepared {
     pub sha256: String,
 }
 
-/// Records `config`'s trajectories in memory, shards in parallel, and turns them into tokens. `solver` makes the
-/// truth; `progress` is told transitions done. The same config gives the same bytes as [`nerd_sim::dataset::generate`].
+/// Records `config`'s trajectories in memory and turns them into tokens: each rank its share of the shards, shard k on rank k mod R, and
+/// all are given to all. `solver` makes the truth; `progress` is told transitions done. The same config gives the same bytes as
+/// [`nerd_sim::dataset::generate`].
+///
+/// # Errors
+/// If the truth cannot step, or a rank is lost.
 pub fn generate(
-    system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
-    config: &GenerateConfig,
-    history: usize,
-    form: impl Into<Form>,
-    progress: &(dyn Fn(usize) + Sync),
-) -> Result<Prepared, DatasetError> {
-    Ok(joined(shards(&Ranks::default(), system, solver, config, (history, form.into()), progress)?))
-}
-
-/// The same where each rank records its share, shard k on rank k mod R, and all are given to all.
-pub fn generate_among(
     ranks: &Ranks,
     system: &Arc<System>,
     solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
     config: &GenerateConfig,
-    history: usize,
-    form: impl Into<Form>,
+    (history, form): (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
-) -> crate::Result<Prepared> {
-    let mut mine = shards(ranks, system, solver, config, (history, form.into()), progress)?;
+) -> Result<Prepared> {
+    let mut mine = shards(ranks, system, solver, config, (history, form), progress)?;
     if ranks.world() == 1 {
         return Ok(joined(mine));
     }
@@ -199,6 +191,9 @@ pub(crate) fn shard(
 }
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
+///
+/// # Errors
+/// If it cannot be read, or is of another system or truth.
 pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
     let form = form.into();
     let manifest = Manifest::read(folder)?;

@@ -3,6 +3,8 @@
 use std::fmt::Display;
 use std::ops::{Bound, RangeBounds};
 
+use crate::error::part;
+
 /// A setting out of its range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{name}` is {value}, it must be {range}")]
@@ -14,6 +16,8 @@ pub struct OutOfRange {
     /// What it may be.
     pub range: String,
 }
+
+part!(OutOfRange);
 
 /// Refuses a value out of its range; what is no number is in none.
 pub(crate) fn within<T: PartialOrd + Display>(name: &'static str, value: T, range: impl RangeBounds<T>) -> Result<(), OutOfRange> {

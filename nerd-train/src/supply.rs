@@ -14,8 +14,9 @@ use nerd_sim::dataset::{DatasetError, GenerateConfig};
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 
+use crate::error::{Error, Result};
 use crate::prepare::{normalize, shard};
-use crate::ranks::{RankError, Ranks};
+use crate::ranks::Ranks;
 use crate::windows::Windows;
 
 /// What to record, and when it is wanted.
@@ -36,24 +37,6 @@ pub struct SupplyConfig {
     pub normalizer: Normalizer,
 }
 
-/// Why there is no fresh data.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SupplyError {
-    /// It could not be recorded.
-    #[error("fresh data: {0}")]
-    Dataset(#[from] DatasetError),
-    /// No thread could be started.
-    #[error("fresh data: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
-    /// A thread panicked; it has said why.
-    #[error("fresh data: a recording thread panicked")]
-    Panicked,
-    /// Another rank is gone.
-    #[error(transparent)]
-    Ranks(#[from] RankError),
-}
-
 /// Fresh shards in order.
 pub struct Supply {
     /// Of this rank's shards thread t makes every T-th.
@@ -67,28 +50,17 @@ pub struct Supply {
 }
 
 impl Supply {
-    /// Starts recording on as many threads as rayon has; they stop when the supply is dropped.
+    /// Starts recording on as many threads as rayon has; they stop when the supply is dropped. Each rank records its share, shard k on
+    /// rank k mod R, and all are given to all.
     ///
     /// # Errors
     /// If the data cannot be made, or are less than a shard; or a thread cannot be started.
     pub fn new(
-        system: &Arc<System>,
-        solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
-        config: SupplyConfig,
-    ) -> Result<Self, SupplyError> {
-        Self::among(&Arc::default(), system, solver, config)
-    }
-
-    /// The same where each rank records its share, shard k on rank k mod R, and all are given to all.
-    ///
-    /// # Errors
-    /// As [`Supply::new`].
-    pub fn among(
         ranks: &Arc<Ranks>,
         system: &Arc<System>,
         solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
         config: SupplyConfig,
-    ) -> Result<Self, SupplyError> {
+    ) -> Result<Self> {
         config.data.check(system)?;
         let shard = config.data.shard_trajectories;
         let slots = (config.data.trajectories() / shard) as u64;
@@ -119,7 +91,8 @@ impl Supply {
                 }
             };
             // A pool of one thread, so that solvers which are parallel by themselves stay on it and out of the run's way.
-            rayon::ThreadPoolBuilder::new().num_threads(1).build()?.spawn(work);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+            pool.map_err(|e| Error::Refused(format!("fresh data: {e}")))?.spawn(work);
             supply.threads.push(receiver);
         }
         Ok(supply)
@@ -127,7 +100,7 @@ impl Supply {
 
     /// The next shard that is to be taken up before update `step`, with the number of the first trajectory whose place it
     /// takes; waits for it. None once all are.
-    pub fn take(&mut self, step: u64) -> Option<Result<(usize, Windows), SupplyError>> {
+    pub fn take(&mut self, step: u64) -> Option<Result<(usize, Windows)>> {
         if self.next >= self.wanted(step) {
             return None;
         }
@@ -138,17 +111,14 @@ impl Supply {
     }
 
     /// Shard k, whoever records it.
-    fn given(&self, k: u64) -> Result<Windows, SupplyError> {
+    fn given(&self, k: u64) -> Result<Windows> {
         let world = self.ranks.world() as u64;
         let (maker, j) = ((k % world) as usize, k / world);
-        let mine = || -> Result<Windows, SupplyError> {
-            let made = self.threads[(j % self.threads.len() as u64) as usize].recv();
-            Ok(made.map_err(|_| SupplyError::Panicked)??)
-        };
         if maker != self.ranks.rank() {
             return Ok(Windows::from_bytes(&self.ranks.share(maker, Vec::new)?)?);
         }
-        let mine = mine()?;
+        let made = self.threads[(j % self.threads.len() as u64) as usize].recv();
+        let mine = made.map_err(|_| Error::Refused("fresh data: a recording thread panicked".into()))??;
         if world > 1 {
             self.ranks.share(maker, || mine.to_bytes())?;
         }

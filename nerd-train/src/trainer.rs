@@ -13,15 +13,15 @@ use nerd_model::transformer::Weights;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::best::Best;
-use crate::checkpoint::{self, CheckpointError};
-use crate::learner::{LearnError, Learner, LearnerState};
-use crate::metrics::{Line, Metrics};
+use crate::checkpoint::{self, Best};
+use crate::error::Result;
+use crate::learner::{Learner, LearnerState};
 use crate::progress::bar_from;
 use crate::ranges::{OutOfRange, within};
 use crate::ranks::{RankError, Ranks, bytes};
+use crate::records::Record;
 use crate::schedule::Schedule;
-use crate::supply::{Supply, SupplyError};
+use crate::supply::Supply;
 
 /// Length of a run and how often it does what. An interval of 0 means "only at the end".
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,41 +67,17 @@ impl Default for TrainerConfig {
     }
 }
 
-/// A run that could not go on.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TrainError {
-    /// A setting out of its range.
-    #[error(transparent)]
-    Range(#[from] OutOfRange),
-    /// An update or a validation failed.
-    #[error(transparent)]
-    Learn(#[from] LearnError),
-    /// A file of the run could not be written or read.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// Another rank is gone.
-    #[error(transparent)]
-    Ranks(#[from] RankError),
-    /// Fresh data could not be recorded.
-    #[error(transparent)]
-    Supply(#[from] SupplyError),
-    /// The validation hook failed.
-    #[error("validation hook at step {step}: {source}")]
-    Hook {
-        /// Updates done.
-        step: u64,
-        /// What it returned.
-        source: HookError,
-    },
-}
-
-/// What a validation hook may return as its error.
-pub type HookError = Box<dyn std::error::Error + Send + Sync>;
-
 /// Called after each validation with the learner and the updates done. `Some(value)` becomes the criterion (smaller
 /// is better), for example a rollout error; `None` leaves the validation loss.
-pub type Hook<'a> = dyn FnMut(&mut dyn Learner, u64) -> Result<Option<f64>, HookError> + 'a;
+pub type Hook<'a> = dyn FnMut(&mut dyn Learner, u64) -> Result<Option<f64>> + 'a;
+
+/// A line of the record: means over the updates since the last such line, or one validation.
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+enum Line {
+    Train { step: u64, loss: f32, gradient_norm: f32, lr: f64, windows_per_second: f64 },
+    Validation { step: u64, loss: f32, criterion: f64, best: bool },
+}
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,15 +122,15 @@ impl Trainer {
     /// Trains, on `fresh` data as it comes if there is any, from the learner's step to the configured number of updates or until the time is over.
     ///
     /// # Errors
-    /// [`TrainError`]; the files of the last checkpoint stay as they are.
-    pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome, TrainError> {
+    /// If an update, a validation or a file fails; the files of the last checkpoint stay as they are.
+    pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome> {
         let (c, started) = (&self.config, Instant::now());
         c.check()?;
         if !self.ranks.leads() {
             return self.follow(learner, fresh);
         }
         let first = learner.state()?.step;
-        let mut metrics = Metrics::open(&self.folder.join("metrics.jsonl"), first)?;
+        let mut metrics = Record::metrics(&self.folder, first)?;
         // A fresh run in an old folder starts its own comparison.
         let mut best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
         let bar = bar_from("updates", first, c.updates);
@@ -175,7 +151,7 @@ impl Trainer {
                 let paused = Instant::now();
                 self.same(learner)?;
                 let loss = learner.validate(c.validation_windows)?;
-                let value = hook(learner, step).map_err(|source| TrainError::Hook { step, source })?;
+                let value = hook(learner, step)?;
                 let criterion = value.unwrap_or(f64::from(loss));
                 let better = criterion.is_finite() && best.is_none_or(|(_, b)| criterion < b);
                 if better {
@@ -188,7 +164,7 @@ impl Trainer {
                 since += paused.elapsed();
             }
             if over || due(step, c.checkpoint_every, c.updates) {
-                checkpoint::save(&self.folder.join("last.safetensors"), &learner.state()?, &self.run)?;
+                checkpoint::save(&checkpoint::last(&self.folder), &learner.state()?, &self.run)?;
             }
             if over {
                 break;
@@ -201,7 +177,7 @@ impl Trainer {
     }
 
     /// The run of a rank that does not lead.
-    fn follow(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>) -> Result<Outcome, TrainError> {
+    fn follow(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>) -> Result<Outcome> {
         let (c, started) = (&self.config, Instant::now());
         let mut step = learner.state()?.step;
         let mut over = false;
@@ -221,7 +197,7 @@ impl Trainer {
     }
 
     /// Update `step`, counted from 0, on fresh data where some is due before it; its learning rate.
-    fn update(&self, learner: &mut dyn Learner, fresh: &mut Option<Supply>, step: u64) -> Result<f64, TrainError> {
+    fn update(&self, learner: &mut dyn Learner, fresh: &mut Option<Supply>, step: u64) -> Result<f64> {
         while let Some(shard) = fresh.as_mut().and_then(|supply| supply.take(step)) {
             let (trajectory, windows) = shard?;
             learner.replace(trajectory, &windows)?;
@@ -237,7 +213,7 @@ impl Trainer {
     }
 
     /// Refuses to go on where ranks have come to other weights: nobody would notice.
-    fn same(&self, learner: &mut dyn Learner) -> Result<(), TrainError> {
+    fn same(&self, learner: &mut dyn Learner) -> Result<()> {
         if self.ranks.world() == 1 {
             return Ok(());
         }
@@ -247,16 +223,16 @@ impl Trainer {
     }
 
     /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.
-    fn save_best(&self, state: LearnerState, criterion: f64) -> Result<(), TrainError> {
+    fn save_best(&self, state: LearnerState, criterion: f64) -> Result<()> {
         let weights = Weights { config: state.weights.config, flat: state.average };
-        Ok(Best { step: state.step, criterion, weights }.save(&self.folder, &self.run)?)
+        Best { step: state.step, criterion, weights }.save(&self.folder, &self.run)
     }
 
     /// The best weights so far, if there are any of this very run.
     ///
     /// # Errors
     /// If there is a file that cannot be read: it may be what a long run came to.
-    pub fn best(&self) -> Result<Option<Best>, CheckpointError> {
+    pub fn best(&self) -> Result<Option<Best>> {
         Best::load(&self.folder, &self.run)
     }
 }

@@ -10,7 +10,7 @@ use nerd_model::form::Form;
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
 use nerd_train::learner::{CpuLearner, Learner, LearnerState};
-use nerd_train::prepare::{generate, generate_among, moments};
+use nerd_train::prepare::{generate, moments};
 use nerd_train::ranks::{Place, RankError, Ranks};
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::supply::{Supply, SupplyConfig};
@@ -65,12 +65,12 @@ fn data_are_shared_out_and_the_same() {
     let of = system.clone();
     let solver = move || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::paper(&of, Friction::Coulomb))) };
     let data = GenerateConfig { transitions: 5 * 20, frames: 5, shard_trajectories: 4, ..Default::default() };
-    let whole = generate(&system, &solver, &data, 2, Form::default(), &|_| ()).expect("recorded");
+    let whole = generate(&Ranks::default(), &system, &solver, &data, (2, Form::default()), &|_| ()).expect("recorded");
     let normalizer = moments(&whole.windows);
     let supply = |ranks: &Arc<Ranks>, step| {
         let (data, normalizer, form) = (data.clone(), normalizer.clone(), Form::default());
         let config = SupplyConfig { data, shards: 12, updates: 24, step, history: 2, form, normalizer };
-        let mut supply = Supply::among(ranks, &system, solver.clone(), config).expect("a supply");
+        let mut supply = Supply::new(ranks, &system, solver.clone(), config).expect("a supply");
         let mut all = Vec::new();
         for now in step..24 {
             while let Some(shard) = supply.take(now) {
@@ -83,7 +83,7 @@ fn data_are_shared_out_and_the_same() {
     assert!(expected.iter().all(|shards| shards.len() > 4), "little is taken up");
     for world in [2, 3] {
         let parts = among(world, |ranks| {
-            let own = generate_among(ranks, &system, &solver, &data, 2, Form::default(), &|_| ()).expect("recorded");
+            let own = generate(ranks, &system, &solver, &data, (2, Form::default()), &|_| ()).expect("recorded");
             (own.windows.x, own.windows.y, own.sha256, [0, 13].map(|step| supply(ranks, step)))
         });
         for (x, y, sha256, fresh) in parts {

@@ -7,12 +7,10 @@ use anyhow::Result;
 use crate::numbers::{SEEDS, count};
 
 /// Several graphics cards against one: how much faster they learn, and that they learn the same (needs a build with `--features cuda`).
+/// Each card is a rank that a launcher starts.
 #[derive(clap::Args, Clone, Debug)]
 #[cfg_attr(not(feature = "cuda"), allow(dead_code))]
 pub struct CardsArgs {
-    /// Cards [default: 2, or WORLD_SIZE where a launcher set it]
-    #[arg(long, value_name = "N", value_parser = count::<usize>(2..=1024))]
-    pub gpus: Option<usize>,
     /// Task that policies learn
     #[arg(long, default_value = "ant-run")]
     pub task: String,
@@ -28,10 +26,8 @@ pub struct CardsArgs {
 #[cfg(feature = "cuda")]
 pub fn run(args: CardsArgs) -> Result<()> {
     use nerd_lab::experiments::Experiment;
-    use nerd_train::ranks::Place;
 
-    let asked = if Place::here()?.world > 1 { args.gpus } else { Some(args.gpus.unwrap_or(2)) };
-    crate::ranks::run(asked, |ranks| {
+    crate::ranks::run(|ranks| {
         let experiment = nerd_lab::experiments::cards::Cards { ranks: ranks.clone(), task: args.task, seed: args.seed };
         if ranks.leads() {
             return crate::out::conduct(&experiment, &args.out.unwrap_or_else(nerd_train::shipped::results));

@@ -4,12 +4,12 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
+use nerd_lab::choice::Choice;
 use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::passive::{Case, Passive};
 use nerd_lab::report::motions;
 use nerd_lab::report::replay::Replay;
 use nerd_sim::prelude::*;
-use nerd_train::choice::Choice;
 use nerd_train::evaluate::Action;
 use nerd_train::shipped::results;
 

@@ -14,7 +14,7 @@ use nerd_tasks::{named, names};
 use nerd_train::shipped::{folders, from_root, root};
 
 use crate::out;
-use nerd_train::choice::describe;
+use nerd_lab::choice::describe;
 
 /// Show what can be named on the command line.
 #[derive(clap::Args, Clone, Debug)]

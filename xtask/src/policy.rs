@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use nerd_lab::report::curve;
 use nerd_lab::report::game::replay;
 use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder};
@@ -13,7 +13,6 @@ pub mod evaluate;
 
 use arena::ArenaArgs;
 
-use crate::common::Device;
 use crate::numbers::{SEEDS, count, finite, positive};
 use crate::ranks;
 
@@ -71,12 +70,6 @@ pub struct TrainArgs {
     /// Seed of weights, noise and starts
     #[arg(long, default_value_t = 0, value_parser = count::<u64>(SEEDS))]
     pub seed: u64,
-    /// Processes of this machine that share the environments out among them [default: 1, or WORLD_SIZE where a launcher set it]
-    #[arg(long, value_name = "N", value_parser = count::<usize>(1..=1024))]
-    pub ranks: Option<usize>,
-    /// As many ranks, each with a graphics card of its own: `--ranks N --device cuda`
-    #[arg(long, value_name = "N", conflicts_with = "ranks", value_parser = count::<usize>(1..=1024))]
-    pub gpus: Option<usize>,
     /// Folder of the run [default: out/policies/TASK-SOLVER-SEED]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -110,11 +103,7 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 
 fn train(args: TrainArgs) -> Result<()> {
     let TrainArgs { task, seed, until, minutes, .. } = args;
-    let mut arena = args.arena;
-    if args.gpus.is_some() && arena.device.replace(Device::Cuda).is_some_and(|device| device != Device::Cuda) {
-        bail!("--gpus: a rank with a graphics card computes there; leave --device out");
-    }
-    let arena = arena.of(&task)?;
+    let arena = args.arena.of(&task)?;
     let mut config = PpoConfig::choose(&task, &arena, args.recipe.as_deref(), args.config.as_deref())?;
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
@@ -122,7 +111,7 @@ fn train(args: TrainArgs) -> Result<()> {
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
     let out = args.out.unwrap_or_else(|| format!("out/policies/{task}-{}-{seed}", arena.word()).into());
     let run = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out };
-    ranks::run(args.ranks.or(args.gpus), |ranks| {
+    ranks::run(|ranks| {
         if let Some(done) = run.train_among(ranks)? {
             curve::draw(&run.out, &done.title)?;
             say(&done);

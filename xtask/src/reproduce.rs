@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use nerd_lab::choice::Choice;
 use nerd_lab::experiments::ablations::Ablations;
 use nerd_lab::experiments::chart::{Chart, ChartSettings};
 use nerd_lab::experiments::judges::Judges;
@@ -14,7 +15,6 @@ use nerd_lab::experiments::passive::{Case, Passive, Rows};
 use nerd_lab::experiments::policies::Policies;
 use nerd_lab::experiments::substeps::Substeps;
 use nerd_lab::report::Artifact;
-use nerd_train::choice::Choice;
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
+use nerd_lab::choice::Choice;
 use nerd_sim::prelude::*;
-use nerd_train::choice::Choice;
 use nerd_train::shipped;
 
 use crate::common::{DEVICES, Device, TRUTHS, word};

@@ -21,10 +21,23 @@ fn trained(args: &[&str]) {
     assert!(run.status.success(), "{args:?}: {}", String::from_utf8_lossy(&run.stderr));
 }
 
-fn start(args: &[&str], variables: &[(&str, String)]) -> Child {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
-    command.args(args).stdout(Stdio::null()).stderr(Stdio::piped());
-    command.envs(variables.iter().map(|(name, value)| (name, value))).spawn().expect("started")
+/// Starts so many ranks of one command.
+fn start(args: &[&str], world: usize) -> Vec<Child> {
+    let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port").port();
+    let rank = |rank: usize| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+        command.args(args).stdout(Stdio::null()).stderr(Stdio::piped());
+        let all = [("RANK", rank), ("WORLD_SIZE", world), ("LOCAL_RANK", rank), ("MASTER_PORT", port.into())];
+        command.envs(all.map(|(name, value)| (name, value.to_string()))).env("MASTER_ADDR", "127.0.0.1").env("RAYON_NUM_THREADS", "1");
+        command.spawn().expect("started")
+    };
+    (0..world).map(rank).collect()
+}
+
+/// The same, to their ends: what rank 0 said, and whether all is well.
+fn among(args: &[&str], world: usize) -> (String, bool) {
+    let ended = start(args, world).into_iter().map(|rank| rank.wait_with_output().expect("ended")).collect::<Vec<_>>();
+    (String::from_utf8_lossy(&ended[0].stderr).into_owned(), ended.iter().all(|rank| rank.status.success()))
 }
 
 /// Waits until a file is there while a process lives.
@@ -58,28 +71,23 @@ fn one_two_and_four_ranks_make_the_same_run_and_one_goes_on_with_anothers() {
     let alone = place("alone");
     trained(&small(&alone, &["--updates", "40"]));
     let expected = losses(alone.as_ref());
-    for ranks in ["2", "4"] {
-        let out = place(ranks);
-        trained(&small(&out, &["--updates", "40", "--ranks", ranks]));
+    for ranks in [2, 4] {
+        let out = place(&ranks.to_string());
+        let (said, well) = among(&small(&out, &["--updates", "40"]), ranks);
+        assert!(well, "{ranks} ranks: {said}");
         let off = off(&losses(out.as_ref()), &expected);
         println!("{ranks} ranks: losses from {:.3} to {:.3}, off those of one by {off:.1e}", expected[0].1, expected[expected.len() - 1].1);
         assert!(off < 1e-4 && Path::new(&out).join("model/model.safetensors").exists());
     }
     // Killed on four after its first checkpoint, gone on with on two, killed, and ended by one.
     let out = place("moved");
-    for (ranks, kept) in [("4", "last.safetensors"), ("2", "best.safetensors")] {
-        let mut launcher = start(&small(&out, &["--updates", "40", "--ranks", ranks]), &[]);
-        until(&Path::new(&out).join(kept), &mut launcher);
-        let _ = launcher.kill();
-        launcher.wait().expect("ended");
+    for (world, kept) in [(4, "last.safetensors"), (2, "best.safetensors")] {
+        let mut ranks = start(&small(&out, &["--updates", "40"]), world);
+        until(&Path::new(&out).join(kept), &mut ranks[0]);
+        ranks.iter_mut().for_each(|rank| drop(rank.kill()));
+        ranks.iter_mut().for_each(|rank| drop(rank.wait().expect("ended")));
     }
-    let since = Instant::now();
-    let mut last = xtask(&small(&out, &["--updates", "40"]));
-    // Its ranks end with it, soon.
-    while String::from_utf8_lossy(&last.stderr).contains("in use") && since.elapsed() < Duration::from_secs(30) {
-        last = xtask(&small(&out, &["--updates", "40"]));
-    }
-    assert!(last.status.success(), "{}", String::from_utf8_lossy(&last.stderr));
+    trained(&small(&out, &["--updates", "40"]));
     let off = off(&losses(out.as_ref()), &expected);
     println!("four ranks, then two, then one: off by {off:.1e}");
     assert!(off < 1e-4);
@@ -89,14 +97,7 @@ fn one_two_and_four_ranks_make_the_same_run_and_one_goes_on_with_anothers() {
 fn a_killed_rank_ends_the_others_with_its_number() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
-    let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port").port();
-    let rank = |rank: usize| {
-        let all = [("RANK", rank), ("WORLD_SIZE", 3), ("LOCAL_RANK", rank), ("MASTER_PORT", port.into())];
-        let mut variables: Vec<_> = all.map(|(name, value)| (name, value.to_string())).into();
-        variables.extend([("MASTER_ADDR", "127.0.0.1".to_string()), ("RAYON_NUM_THREADS", "1".to_string())]);
-        start(&small(out.to_str().expect("utf-8"), &["--updates", "1000000"]), &variables)
-    };
-    let mut ranks = [0, 1, 2].map(rank);
+    let mut ranks = start(&small(out.to_str().expect("utf-8"), &["--updates", "1000000"]), 3);
     until(&out.join("best.safetensors"), &mut ranks[0]);
     ranks[2].kill().expect("killed");
     let since = Instant::now();
@@ -117,9 +118,6 @@ fn what_cannot_be_shared_out_is_refused_in_a_line() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("run");
     let out = out.to_str().expect("utf-8");
-    refused(&small(out, &["--updates", "40", "--ranks", "0"]), "--ranks");
-    refused(&small(out, &["--updates", "40", "--ranks", "2", "--gpus", "2"]), "--gpus");
-    refused(&small(out, &["--updates", "40", "--gpus", "2", "--device", "cpu"]), "--device");
     for parts in ["0/3", "4/3", "1/0", "3", "x/y"] {
         refused(&["dataset", "--robot", "pendulum", "--part", parts, "--out", out], "--part");
     }
@@ -134,23 +132,12 @@ fn what_cannot_be_shared_out_is_refused_in_a_line() {
     let train = small(out, &["--updates", "40"]);
     assert!(line(&train, &all[..2]).contains("LOCAL_RANK is not set"));
     assert!(line(&train, &all[..1]).contains("WORLD_SIZE is not set"));
-    assert!(line(&[&train[..], &["--ranks", "2"]].concat(), &all).contains("--ranks 2"));
     assert!(line(&["policy", "co-train", "cartpole-swingup", "--out", out], &all).contains("WORLD_SIZE is 4"));
     assert!(line(&["dataset", "--robot", "pendulum", "--out", out], &all).contains("--part"));
-    let narrow: Vec<&str> = train
-        .iter()
-        .map(|word| {
-            if *word == "16" {
-                "1"
-            } else if *word == "3200" {
-                "50"
-            } else {
-                word
-            }
-        })
-        .chain(["--ranks", "2"])
-        .collect();
-    assert!(line(&narrow, &[]).contains("--batch 1: 2 ranks"));
+    let narrow: Vec<&str> = train.iter().map(|word| if *word == "16" { "1" } else { word }).collect();
+    let narrow: Vec<&str> = narrow.into_iter().map(|word| if word == "3200" { "50" } else { word }).collect();
+    let (said, well) = among(&narrow, 2);
+    assert!(!well && said.contains("--batch 1: 2 ranks"), "{said}");
     assert!(!Path::new(out).exists(), "something was left");
 }
 
@@ -158,20 +145,22 @@ fn what_cannot_be_shared_out_is_refused_in_a_line() {
 fn a_policy_learns_the_same_whoever_steps_its_environments() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let place = |name: &str| folder.path().join(name).to_str().expect("utf-8").to_string();
-    let train = |out: &str, iterations: &str, ranks: &str| {
+    let train = |out: &str, iterations: &str, ranks: usize| {
         let line = "policy train cartpole-swingup --envs 10 --horizon 16 --minibatch 80 --seed 3 --iterations";
-        trained(&line.split(' ').chain([iterations, "--ranks", ranks, "--out", out]).collect::<Vec<_>>());
+        let (said, well) = among(&line.split(' ').chain([iterations, "--out", out]).collect::<Vec<_>>(), ranks);
+        assert!(well, "{ranks} ranks: {said}");
         std::fs::read(Path::new(out).join("policy/policy.safetensors")).expect("a policy")
     };
-    let expected = train(&place("1"), "12", "1");
-    for ranks in ["2", "3"] {
-        assert!(train(&place(ranks), "12", ranks) == expected, "{ranks} ranks came to another policy");
+    let expected = train(&place("1"), "12", 1);
+    for ranks in [2, 3] {
+        assert!(train(&place(&ranks.to_string()), "12", ranks) == expected, "{ranks} ranks came to another policy");
     }
     // A run of three ranks is gone on with by two, and by one.
-    train(&place("moved"), "4", "3");
-    train(&place("moved"), "8", "2");
-    assert!(train(&place("moved"), "12", "1") == expected, "a run that moved came to another policy");
-    refused(&["policy", "train", "cartpole-swingup", "--envs", "2", "--minibatch", "32", "--ranks", "3", "--out", &place("no")], "3 ranks");
+    train(&place("moved"), "4", 3);
+    train(&place("moved"), "8", 2);
+    assert!(train(&place("moved"), "12", 1) == expected, "a run that moved came to another policy");
+    let (said, well) = among(&["policy", "train", "cartpole-swingup", "--envs", "2", "--minibatch", "32", "--out", &place("no")], 3);
+    assert!(!well && said.contains("3 ranks"), "{said}");
 }
 
 fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {

@@ -39,7 +39,8 @@ use crate::report::Table;
 use nerd_train::bounds::{SEEDS, STARTS, UPDATES};
 use nerd_train::device::Device;
 use nerd_train::ppo::PpoConfig;
-use nerd_train::run::{RunConfig, claimed};
+use nerd_train::records::claimed;
+use nerd_train::run::RunConfig;
 use nerd_train::settings::settings;
 
 settings! {

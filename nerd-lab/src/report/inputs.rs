@@ -5,11 +5,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::choice::Choice;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_train::choice::Choice;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 

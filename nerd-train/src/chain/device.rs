@@ -4,12 +4,12 @@
 
 use std::fmt::Write;
 
-use nerd_model::chain::chain_functions;
-use nerd_model::chain::{Chain, OUTPUTS};
+use nerd_model::chain::{Chain, OUTPUTS, chain_functions};
 use nerd_sim::system::System;
 
-use super::learner::ASTRAY;
-use super::{Loss, View};
+use super::course::ASTRAY;
+use super::loss::Loss;
+use super::view::View;
 
 /// Numbers of a rollout, as the host tells it: motion, frame that an update begins with, whether it begins anew, view.
 pub const ROLLOUT: usize = 7;

@@ -6,7 +6,8 @@ use nerd_model::chain::Chain;
 use nerd_sim::sampling::stream;
 use rand::RngExt;
 
-use super::{Motions, View};
+use super::data::Motions;
+use super::view::View;
 
 /// Share of rollouts that begin anew in an update, though they might be carried on.
 const ANEW: f64 = 0.1;

@@ -9,7 +9,7 @@ use nerd_model::transformer::Weights;
 use nerd_sim::prelude::*;
 use rayon::prelude::*;
 
-use super::Motions;
+use super::data::Motions;
 use crate::error::{Error, Result};
 use crate::learner::validation_rows;
 

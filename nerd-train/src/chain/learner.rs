@@ -2,36 +2,30 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nerd_model::chain::{Chain, OUTPUTS};
+use nerd_model::chain::Chain;
 use nerd_model::program::cpu::{Loaded, Memory};
 use rayon::prelude::*;
 
+use super::course::{ASTRAY, BETA, Course};
 use super::draw::{Draw, draws};
 use super::judge::missed;
 use super::loss::Loss;
-use super::{Motions, Rollout, Unroll};
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam};
+use super::unroll::{Rollout, Unroll};
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, optimiser};
 use crate::ranks::Ranks;
 use crate::windows::Windows;
 
 /// Rollouts of a thread's pass: their activations in a frame stay near the processor.
-pub const ROLLOUTS: usize = 8;
-/// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
-pub(super) const ASTRAY: f64 = 0.03;
-/// Adam's: what a slope is like changes as rollouts grow longer, and is soon forgotten.
-pub(crate) const BETA: (f32, f32) = (0.9, 0.98);
+pub(crate) const ROLLOUTS: usize = 8;
 
 /// Trains a chain's network on motions.
 pub struct ChainLearner {
     chain: Chain,
     config: LearnerConfig,
     state: LearnerState,
-    train: Arc<Motions>,
-    validation: Arc<Motions>,
+    course: Course,
     network: Loaded,
-    scale: [f64; OUTPUTS],
     loss: Loss,
-    frames: usize,
     /// Of this rank, where the last update ended. A run that is gone on with begins all of them anew.
     rollouts: Vec<Option<Rollout>>,
     ranks: Arc<Ranks>,
@@ -39,35 +33,18 @@ pub struct ChainLearner {
     sums: (f64, f64, u32),
 }
 
-/// Refuses motions that are shorter than a rollout.
-pub(crate) fn fits(train: &Motions, validation: &Motions, frames: usize) -> Result<(), LearnError> {
-    if train.is_empty() || validation.is_empty() || train.frames < frames || frames == 0 {
-        let (motions, long) = (train.len(), train.frames);
-        return Err(LearnError::Mismatch(format!("{motions} motions of {long} frames hold no rollout of {frames}")));
-    }
-    Ok(())
-}
-
 impl ChainLearner {
-    /// Continues `state` with rollouts of so many frames. `scale` is what 1 means of what is said, `velocity` the mean change of a node's
-    /// velocity over a frame (m/s).
+    /// Continues `state`.
     ///
     /// # Errors
     /// If no motion is as long as a rollout.
-    pub fn new(
-        chain: Chain,
-        config: LearnerConfig,
-        state: LearnerState,
-        [train, validation]: [Arc<Motions>; 2],
-        (scale, velocity): ([f64; OUTPUTS], f64),
-        frames: usize,
-    ) -> Result<Self, LearnError> {
+    pub fn new(chain: Chain, config: LearnerConfig, state: LearnerState, course: Course) -> Result<Self, LearnError> {
         config.check().map_err(|e| LearnError::Mismatch(e.to_string()))?;
-        fits(&train, &validation, frames)?;
+        course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
-        let loss = Loss::new(&scale, velocity, frames);
+        let loss = Loss::new(&course.scale, course.velocity, course.frames);
         let (rollouts, memory, ranks) = (vec![None; config.batch], Mutex::default(), Arc::default());
-        Ok(Self { chain, config, state, train, validation, network, scale, loss, frames, rollouts, ranks, memory, sums: (0.0, 0.0, 0) })
+        Ok(Self { chain, config, state, course, network, loss, rollouts, ranks, memory, sums: (0.0, 0.0, 0) })
     }
 
     /// Computes this rank's rollouts of every update.
@@ -79,14 +56,15 @@ impl ChainLearner {
 
     /// What rollouts go through.
     fn unroll(&self) -> Unroll<'_> {
-        let Self { chain, train, network, scale, frames, loss, .. } = self;
-        Unroll { chain, motions: train, network, scale, frames: *frames, loss: *loss }
+        let Self { chain, course, network, loss, .. } = self;
+        Unroll { chain, motions: &course.train, network, scale: &course.scale, frames: course.frames, loss: *loss }
     }
 
     /// This rank's of an update: carried on, or begun where its draws say.
     fn drawn(&mut self) -> Vec<Rollout> {
-        let (frames, total) = (self.frames, self.train.frames);
-        let draws = draws(&self.chain, &self.train, frames, self.config.seed, self.state.step, self.ranks.part(self.config.batch));
+        let Course { train, frames, .. } = self.course.clone();
+        let total = train.frames;
+        let draws = draws(&self.chain, &train, frames, self.config.seed, self.state.step, self.ranks.part(self.config.batch));
         let (before, unroll) = (std::mem::take(&mut self.rollouts), self.unroll());
         let one = |(before, draw): (Option<Rollout>, Draw)| {
             let kept = before.filter(|r| !draw.anew && r.frame + frames <= total);
@@ -107,7 +85,7 @@ impl Learner for ChainLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let (step, mut rollouts) = (self.state.step, self.drawn());
         self.network.load(&self.state.weights.flat);
-        let (unroll, weight) = (self.unroll(), 1.0 / (self.config.batch * self.frames) as f64);
+        let (unroll, weight) = (self.unroll(), 1.0 / (self.config.batch * self.course.frames) as f64);
         let part = |rollouts: &mut [Rollout]| {
             let taken = self.memory.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut memory = taken.unwrap_or_default();
@@ -121,13 +99,13 @@ impl Learner for ChainLearner {
         let mut gradient = vec![0.0; self.state.weights.flat.len()];
         parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
         let loss = self.ranks.sum_with(&mut gradient, loss as f32)?;
-        let norm = adam::norm(&gradient);
+        let norm = optimiser::norm(&gradient);
         if !loss.is_finite() || !norm.is_finite() {
             return Err(LearnError::NotFinite { step, loss });
         }
         // Single frames are learned from the truth alone.
-        self.rollouts = rollouts.into_par_iter().map(|r| (self.frames > 1 && self.near(&r)).then_some(r)).collect();
-        adam::step_by(BETA, &mut self.state, &gradient, norm, lr, &self.config);
+        self.rollouts = rollouts.into_par_iter().map(|r| (self.course.frames > 1 && self.near(&r)).then_some(r)).collect();
+        optimiser::step_by(BETA, &mut self.state, &gradient, norm, lr, &self.config);
         self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
         Ok(())
     }
@@ -145,7 +123,7 @@ impl Learner for ChainLearner {
     /// What the averaged weights miss of the change of rates in single frames, as a share of it.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
         self.network.load(&self.state.average);
-        Ok(missed(&self.chain, &self.validation, &self.network, &self.scale, frames) as f32)
+        Ok(missed(&self.chain, &self.course.validation, &self.network, &self.course.scale, frames) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {

@@ -10,6 +10,9 @@
 //!                                           ▲ carried on
 //! ```
 
+mod course;
+#[cfg(feature = "cuda")]
+mod cuda;
 mod data;
 pub mod device;
 mod draw;
@@ -17,19 +20,21 @@ mod judge;
 mod learner;
 mod loss;
 mod scales;
+#[cfg(feature = "cuda")]
+mod solver;
 mod unroll;
 mod view;
 
+pub use course::Course;
+#[cfg(feature = "cuda")]
+pub use cuda::CudaChainLearner;
 pub use data::Motions;
-#[cfg(feature = "cuda")]
-pub(crate) use draw::draws;
 pub use judge::distance;
-#[cfg(feature = "cuda")]
-pub(crate) use judge::missed;
-#[cfg(feature = "cuda")]
-pub(crate) use learner::{BETA, fits};
-pub use learner::{ChainLearner, ROLLOUTS};
+pub use learner::ChainLearner;
+pub(crate) use learner::ROLLOUTS;
 pub use loss::Loss;
 pub use scales::scales;
+#[cfg(feature = "cuda")]
+pub use solver::{Along, CudaChain, chain};
 pub use unroll::{Rollout, Unroll, join};
 pub use view::View;

@@ -3,8 +3,9 @@
 use nerd_model::chain::{Chain, Look, OUTPUTS, Rods, Said};
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 
+use super::data::Motions;
 use super::loss::Loss;
-use super::{Motions, View};
+use super::view::View;
 
 /// A chain on its way along a motion.
 #[derive(Clone)]

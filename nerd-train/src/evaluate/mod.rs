@@ -22,6 +22,7 @@ mod gaps;
 mod tally;
 
 pub use gaps::{differences, quantities, summary, summary_names};
+pub use tally::PassiveReport;
 use tally::Tally;
 
 /// Frames of the paper's passive-motion protocol.
@@ -73,29 +74,6 @@ pub enum Action {
     Limp,
     /// The training data's random torques times this factor, drawn at the truth's state and given to both.
     Random(f64),
-}
-
-/// Errors of one solver against the truth; figures in the order of [`quantities`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PassiveReport {
-    /// Mean |difference| over all steps and trajectories.
-    pub error: Vec<f64>,
-    /// Standard error of that mean over trajectories.
-    pub standard_error: Vec<f64>,
-    /// The same mean for the predictor that repeats the start.
-    pub hold: Vec<f64>,
-    /// The same mean for the predictor that keeps the start's velocity.
-    pub glide: Vec<f64>,
-    /// Mean |difference| averaged over the quantities by step, from step 1.
-    pub curve: Vec<f64>,
-    /// Rollouts whose joints, turning or travel passed three times the truth's largest speed, or that left 1e5.
-    pub diverged: usize,
-    /// First step at which a rollout diverged.
-    pub first_divergence: Option<usize>,
-    /// Of those, rollouts that the solver could not go on with: no number stands for where they went. They stay where they were, and
-    /// are held against the truth there.
-    #[serde(default)]
-    pub failed: usize,
 }
 
 /// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.

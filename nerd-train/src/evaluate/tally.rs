@@ -4,14 +4,37 @@ use std::sync::Arc;
 
 use nerd_sim::instruments::glide;
 use nerd_sim::system::System;
+use serde::{Deserialize, Serialize};
 
-use super::PassiveReport;
 use super::gaps::{Gaps, quantities};
 
 /// A coordinate beyond this (rad or m) is of a rollout that is gone.
 const GONE: f64 = 1e5;
 /// How many times the truth's largest speed is no speed of the robot any more.
 const FAST: f64 = 3.0;
+
+/// Errors of one solver against the truth; figures in the order of [`super::quantities`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PassiveReport {
+    /// Mean |difference| over all steps and trajectories.
+    pub error: Vec<f64>,
+    /// Standard error of that mean over trajectories.
+    pub standard_error: Vec<f64>,
+    /// The same mean for the predictor that repeats the start.
+    pub hold: Vec<f64>,
+    /// The same mean for the predictor that keeps the start's velocity.
+    pub glide: Vec<f64>,
+    /// Mean |difference| averaged over the quantities by step, from step 1.
+    pub curve: Vec<f64>,
+    /// Rollouts whose joints, turning or travel passed three times the truth's largest speed, or that left 1e5.
+    pub diverged: usize,
+    /// First step at which a rollout diverged.
+    pub first_divergence: Option<usize>,
+    /// Of those, rollouts that the solver could not go on with: no number stands for where they went. They stay where they were, and
+    /// are held against the truth there.
+    #[serde(default)]
+    pub failed: usize,
+}
 
 /// What has been seen so far of `n` rollouts.
 pub(super) struct Tally {

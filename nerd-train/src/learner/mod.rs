@@ -3,41 +3,27 @@
 //! Loss: mean over windows, all tokens and all outputs of the squared error in normalised target units, or of its pseudo-Huber
 //! form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`; what is reported is the squared error. Adam
 //! (beta 0.9, 0.999, epsilon 1e-8, no decay), gradient clipped to a global norm, and a moving average of the weights
-//! `a += blend (w - a)` (see [`blend`]).
+//! `a += blend (w - a)` (see [`optimiser::blend`]).
 
-pub mod adam;
 #[cfg(feature = "burn")]
 mod burn;
 mod cpu;
 pub mod muon;
-mod rounding;
+pub mod optimiser;
 mod sharded;
 
 #[cfg(feature = "burn")]
 pub use burn::BurnLearner;
 pub use cpu::CpuLearner;
-pub use rounding::round_hidden;
 #[cfg(feature = "cuda")]
 pub mod cuda;
 
 use nerd_model::transformer::Weights;
 
+use crate::error::part;
 use crate::ranges::{OutOfRange, positive, within};
 use crate::ranks::RankError;
 use crate::windows::Windows;
-
-/// Share of their distance by which the averaged weights follow the weights after update `step`, counted from 0: the
-/// average's decay d is `(1 + s) / (10 + s)` while that is below `average`; from then on sixteen updates are taken at
-/// once, since in f32 an average stops wherever `blend |w - a|` is below half a unit of its last place: at d = 0.9999
-/// every update, 6e-4 of a weight away from it, which is more than a well-trained network bears.
-pub fn blend(average: f64, step: u64) -> f32 {
-    let growing = (1.0 + step as f64) / (10.0 + step as f64);
-    match (step + 1) % 16 {
-        _ if growing < average => (1.0 - growing) as f32,
-        0 => (1.0 - average.powi(16)) as f32,
-        _ => 0.0,
-    }
-}
 
 /// What an update needs beside the learning rate.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -137,6 +123,8 @@ pub enum LearnError {
     #[error(transparent)]
     Ranks(#[from] RankError),
 }
+
+part!(LearnError);
 
 /// Computes updates on the windows it was given.
 pub trait Learner {

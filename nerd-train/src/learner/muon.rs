@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 use nerd_model::transformer::TransformerConfig;
 use rayon::prelude::*;
 
-use super::{LearnerConfig, LearnerState};
+use super::LearnerState;
 
 /// Momentum.
 pub const MOMENTUM: f32 = 0.95;
@@ -98,18 +98,18 @@ pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     runs
 }
 
-/// Makes the Muon part of an update of `state`: hidden matrices, their momentum and average. `gradient` is the clipped
-/// one; the caller counts the update.
-pub fn step(state: &mut LearnerState, gradient: &[f32], lr: f32, config: &LearnerConfig) {
-    let blend = super::blend(config.average, state.step);
+/// Makes the Muon part of an update of `state`: hidden matrices, their momentum and average. The gradient comes with the factor that clips
+/// it; the caller counts the update.
+pub(super) fn step(state: &mut LearnerState, (gradient, scale): (&[f32], f32), lr: f32, blend: f32) {
     let all: Vec<Hidden> = hidden(&state.weights.config).concat();
     let m = &state.m;
     // Each matrix by itself: the same bits on any number of threads.
     let updates: Vec<(Vec<f32>, DMatrix<f32>)> = all
         .par_iter()
         .map(|h| {
-            let momentum = |r, c| MOMENTUM * m[h.at(r, c)] + (1.0 - MOMENTUM) * gradient[h.at(r, c)];
-            let ahead = DMatrix::from_fn(h.rows, h.columns, |r, c| MOMENTUM * momentum(r, c) + (1.0 - MOMENTUM) * gradient[h.at(r, c)]);
+            let clipped = |r, c| gradient[h.at(r, c)] * scale;
+            let momentum = |r, c| MOMENTUM * m[h.at(r, c)] + (1.0 - MOMENTUM) * clipped(r, c);
+            let ahead = DMatrix::from_fn(h.rows, h.columns, |r, c| MOMENTUM * momentum(r, c) + (1.0 - MOMENTUM) * clipped(r, c));
             let kept = (0..h.rows * h.columns).map(|i| momentum(i / h.columns, i % h.columns)).collect();
             (kept, orthogonal(ahead))
         })

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nerd_model::transformer::Weights;
 use rayon::prelude::*;
 
-use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, adam, validation_rows};
+use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, optimiser, validation_rows};
 use crate::ranks::Ranks;
 use crate::windows::{Windows, draw};
 
@@ -136,11 +136,11 @@ impl<P: Pass> Sharded<P> {
         if !loss.is_finite() {
             return Err(LearnError::NotFinite { step, loss });
         }
-        let norm = adam::norm(&gradient);
+        let norm = optimiser::norm(&gradient);
         if !norm.is_finite() {
             return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
         }
-        adam::step(&mut self.state, &gradient, norm, lr, &self.config);
+        optimiser::step(&mut self.state, &gradient, norm, lr, &self.config);
         self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
         Ok(())
     }

@@ -7,12 +7,12 @@ use super::folder::{PolicyConfig, save};
 use super::{Environments, Trainer, curve};
 use crate::error::Result;
 use crate::provenance::Provenance;
-use crate::sessions;
+use crate::records::Session;
 
 /// Writes `<out>/policy`.
 pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer<impl Environments>) -> Result<()> {
-    let sessions = sessions::read(out)?;
-    let (minutes, machine) = sessions::sum(&sessions);
+    let sessions = Session::all(out)?;
+    let (minutes, machine) = Session::sum(&sessions);
     let stamp = Provenance::now(trainer.seed);
     let rows = [
         ("commit", stamp.commit),

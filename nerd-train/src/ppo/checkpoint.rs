@@ -3,7 +3,6 @@
 //!
 //! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is in it.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use nerd_tasks::Snapshot;
@@ -12,10 +11,10 @@ use super::environments::Environments;
 use super::normalizer::RunningMoments;
 use super::policy::Policy;
 use super::shared::{cut, gathered};
-use super::tensors::{Reader, Writer};
 use super::trainer::{PpoError, Trainer};
-use crate::checkpoint::CheckpointError;
 use crate::difference::between;
+use crate::error::Result as Read;
+use crate::tensors::Tensors;
 
 impl<E: Environments> Trainer<E> {
     /// Writes where the run stands; `run` is whatever else the caller wants to find again. Of several ranks all call it, and the first writes.
@@ -25,28 +24,30 @@ impl<E: Environments> Trainer<E> {
     pub fn save(&self, path: &Path, run: &str) -> Result<(), PpoError> {
         let (state, own) = (&self.state, (self.environments.snapshot()?, self.state.running.clone()));
         let Some((snapshot, running)) = gathered(&self.ranks, own)? else { return Ok(()) };
-        let mut file = Writer::default();
+        let mut file = Tensors::default();
         put(&mut file, "policy", &state.policy);
         if let Some((reward, policy)) = &state.best {
             put(&mut file, "best", policy);
-            file.f64("best.reward", [*reward]);
+            file.put_f64("best.reward", [*reward]);
         }
-        file.f32("adam.m", &[state.adam.m.len()], &state.adam.m);
-        file.f32("adam.v", &[state.adam.v.len()], &state.adam.v);
-        file.u64("counts", &[state.iteration, state.adam.step, self.seed]);
-        file.f64("rate", [state.adam.rate]);
-        file.f64("running.stack", running.stack.rows.iter().copied());
-        file.f64("running.rewards", running.rewards.iter().copied());
-        file.f64("running.lengths", running.lengths.iter().copied());
-        file.f64("recent", state.recent.iter().flat_map(|e| [e.0, e.1]));
-        file.f64("states", snapshot.states);
-        file.u64("frames", &snapshot.frames);
-        file.f64("goals", snapshot.goals);
-        file.u64("begun", &snapshot.begun);
-        file.f64("past.states", snapshot.past_states);
-        file.f64("past.torques", snapshot.past_torques);
+        file.put_f32("adam.m", &[state.adam.m.len()], &state.adam.m);
+        file.put_f32("adam.v", &[state.adam.v.len()], &state.adam.v);
+        file.put_u64("counts", &[state.iteration, state.adam.step, self.seed]);
+        file.put_f64("rate", [state.adam.rate]);
+        file.put_f64("running.stack", running.stack.rows.iter().copied());
+        file.put_f64("running.rewards", running.rewards.iter().copied());
+        file.put_f64("running.lengths", running.lengths.iter().copied());
+        file.put_f64("recent", state.recent.iter().flat_map(|e| [e.0, e.1]));
+        file.put_f64("states", snapshot.states);
+        file.put_u64("frames", &snapshot.frames);
+        file.put_f64("goals", snapshot.goals);
+        file.put_u64("begun", &snapshot.begun);
+        file.put_f64("past.states", snapshot.past_states);
+        file.put_f64("past.torques", snapshot.past_torques);
         let config = serde_json::to_string(&self.config).unwrap_or_default();
-        Ok(file.save(path, HashMap::from([("config".into(), config), ("run".into(), run.into())]))?)
+        file.put_word("config", config);
+        file.put_word("run", run);
+        Ok(file.save(path)?)
     }
 
     /// Goes on where the file's run stood. What `run` was at [`Self::save`] must be the same now.
@@ -54,10 +55,9 @@ impl<E: Environments> Trainer<E> {
     /// # Errors
     /// If the file is no checkpoint, or that of another run; then nothing has changed but, at worst, the environments.
     pub fn resume(&mut self, path: &Path, run: &str) -> Result<(), PpoError> {
-        let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io { path: path.into(), source })?;
-        let file = Reader::new(path, &bytes)?;
+        let file = Tensors::open(path)?;
         let counts = file.u64("counts", Some(3))?;
-        let config: super::config::PpoConfig = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e.to_string()))?;
+        let config: super::config::PpoConfig = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e))?;
         // A run may be made longer.
         let config = super::config::PpoConfig { iterations: self.config.iterations, ..config };
         let whole = |config, run: &str, seed| serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string();
@@ -78,8 +78,8 @@ impl<E: Environments> Trainer<E> {
         let (running, n) = (&mut state.running, self.config.environments);
         let part = self.ranks.part(n);
         let row = running.stack.rows.len() / part.len().max(1);
-        let own = |name: &str, width: usize| {
-            Ok::<_, CheckpointError>(file.f64(name, Some(n * width))?[part.start * width..part.end * width].to_vec())
+        let own = |name: &str, width: usize| -> Read<Vec<f64>> {
+            Ok(file.f64(name, Some(n * width))?[part.start * width..part.end * width].to_vec())
         };
         running.stack.rows = own("running.stack", row)?;
         running.rewards = own("running.rewards", 1)?;
@@ -99,17 +99,17 @@ impl<E: Environments> Trainer<E> {
     }
 }
 
-fn put(file: &mut Writer, name: &str, policy: &Policy) {
-    file.f32(format!("{name}.flat"), &[policy.flat.len()], &policy.flat);
+fn put(file: &mut Tensors, name: &str, policy: &Policy) {
+    file.put_f32(format!("{name}.flat"), &[policy.flat.len()], &policy.flat);
     for (what, moments) in [("seen", &policy.seen), ("returns", &policy.returns)] {
         let all = moments.mean.iter().chain(&moments.variance).copied().chain([moments.count]);
-        file.f64(format!("{name}.{what}"), all);
+        file.put_f64(format!("{name}.{what}"), all);
     }
 }
 
 /// A policy of the same shape as `like`.
-fn get(file: &Reader, name: &str, like: &Policy) -> Result<Policy, CheckpointError> {
-    let moments = |what: &str, columns: usize| {
+fn get(file: &Tensors, name: &str, like: &Policy) -> Read<Policy> {
+    let moments = |what: &str, columns: usize| -> Read<RunningMoments> {
         let all = file.f64(&format!("{name}.{what}"), Some(2 * columns + 1))?;
         Ok(RunningMoments { mean: all[..columns].into(), variance: all[columns..2 * columns].into(), count: all[2 * columns] })
     };

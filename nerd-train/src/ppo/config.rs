@@ -4,6 +4,7 @@ use nerd_model::program::Activation;
 use nerd_tasks::TaskError;
 use serde::{Deserialize, Serialize};
 
+use crate::error::part;
 use crate::ranges::{OutOfRange, positive, within};
 
 /// Settings of a run; what a file leaves out is what all tasks of the paper share.
@@ -137,6 +138,8 @@ pub enum ConfigError {
     #[error("PPO settings: {0}")]
     Range(#[from] OutOfRange),
 }
+
+part!(ConfigError);
 
 const FILES: [(&str, &str); 5] = [
     ("cartpole-", include_str!("../../assets/ppo/cartpole.toml")),

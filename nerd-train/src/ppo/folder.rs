@@ -4,7 +4,7 @@
 //! and, if it is no parameter of its own (`log_std`), the logarithm of the spread. `observation.mean` and
 //! `observation.variance` normalise what goes in, `return.mean` and `return.variance` what the value is in.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nerd_tasks::Task;
@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use super::config::PpoConfig;
 use super::normalizer::RunningMoments;
 use super::policy::{Policy, Shape};
-use super::tensors::{Reader, Writer};
-use crate::checkpoint::CheckpointError;
+use crate::error::{Error, Result as Read};
+use crate::tensors::Tensors;
 
 /// What was learned, where, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,26 +41,22 @@ pub struct PolicyConfig {
 ///
 /// # Errors
 /// If it cannot be written.
-pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<(), CheckpointError> {
-    let (mut file, mut rest) = (Writer::default(), policy.flat.as_slice());
-    for tensor in policy.shape.program().tensors {
-        let (entries, behind) = rest.split_at(tensor.len());
-        rest = behind;
-        file.f32(&tensor.name, &tensor.shape, entries);
-    }
+pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Read<()> {
+    let mut file = Tensors::default();
+    file.put_network(&policy.shape.program().tensors, &policy.flat);
     for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
-        file.f64(format!("{name}.mean"), moments.mean.iter().copied());
-        file.f64(format!("{name}.variance"), moments.variance.iter().copied());
-        file.f64(format!("{name}.count"), [moments.count]);
+        file.put_f64(format!("{name}.mean"), moments.mean.iter().copied());
+        file.put_f64(format!("{name}.variance"), moments.variance.iter().copied());
+        file.put_f64(format!("{name}.count"), [moments.count]);
     }
     let write = |name: &str, text: String| {
         let path = folder.join(name);
-        nerd_sim::files::write(&path, text.as_bytes()).map_err(|source| CheckpointError::Io { path, source })
+        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
     };
-    let path = folder.join("config.json");
-    let json = serde_json::to_string_pretty(config).map_err(|e| CheckpointError::Format { path, reason: e.to_string() })?;
+    let json = serde_json::to_string_pretty(config).map_err(Error::format(&folder.join("config.json")))?;
     write("README.md", card.into())?;
-    file.save(&folder.join("policy.safetensors"), HashMap::from([("task".into(), config.task.clone())]))?;
+    file.put_word("task", &config.task);
+    file.save(&folder.join("policy.safetensors"))?;
     // Last: a folder that has it is whole.
     write("config.json", json + "\n")
 }
@@ -69,7 +65,7 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 ///
 /// # Errors
 /// If a file is absent or not what it should be.
-pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
+pub fn load(folder: &Path) -> Read<(PolicyConfig, Policy)> {
     read(folder, |config| check(config, &*nerd_tasks::named(&config.task).map_err(|e| e.to_string())?))
 }
 
@@ -77,27 +73,22 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy), CheckpointError> {
 ///
 /// # Errors
 /// If a file is absent or not what it should be, or the policy is of another task.
-pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy), CheckpointError> {
+pub fn load_for(folder: &Path, task: &dyn Task) -> Read<(PolicyConfig, Policy)> {
     read(folder, |config| match config.task == task.name() {
         true => check(config, task),
         false => Err(format!("a policy of task `{}`, not of `{}`", config.task, task.name())),
     })
 }
 
-fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> Result<(PolicyConfig, Policy), CheckpointError> {
+fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> Read<(PolicyConfig, Policy)> {
     let path = folder.join("config.json");
-    let text = std::fs::read_to_string(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
-    let wrong = |reason: String| CheckpointError::Format { path: path.clone(), reason };
-    let config: PolicyConfig = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    check(&config).map_err(wrong)?;
-    let path = folder.join("policy.safetensors");
-    let bytes = std::fs::read(&path).map_err(|source| CheckpointError::Io { path: path.clone(), source })?;
-    let file = Reader::new(&path, &bytes)?;
-    let (shape, mut flat) = (config.shape.clone(), Vec::new());
-    for tensor in shape.program().tensors {
-        flat.extend(file.f32(&tensor.name, Some(tensor.len()))?);
-    }
-    let moments = |name: &str, columns: usize| {
+    let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
+    let config: PolicyConfig = serde_json::from_str(&text).map_err(Error::format(&path))?;
+    check(&config).map_err(Error::format(&path))?;
+    let file = Tensors::open(&folder.join("policy.safetensors"))?;
+    let shape = config.shape.clone();
+    let flat = file.network(&shape.program().tensors)?;
+    let moments = |name: &str, columns: usize| -> Read<RunningMoments> {
         let column = |what: &str, n: usize| file.f64(&format!("{name}.{what}"), Some(n));
         Ok(RunningMoments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
     };

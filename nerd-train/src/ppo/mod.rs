@@ -33,7 +33,6 @@ pub mod rollout;
 mod run;
 mod shared;
 mod stack;
-mod tensors;
 mod trainer;
 pub mod update;
 

@@ -15,10 +15,9 @@ use super::{Arena, PpoConfig, Shared, Trainer, card};
 use crate::bounds;
 use crate::difference::between;
 use crate::error::{Error, Result, refuse};
-use crate::metrics::Metrics;
 use crate::progress::{Bar, bar};
 use crate::ranks::Ranks;
-use crate::sessions;
+use crate::records::{Record, Session, claimed};
 
 /// Two checkpoints are at least this far apart.
 const SAVE: Duration = Duration::from_secs(60);
@@ -66,7 +65,7 @@ pub struct Learned {
 /// A run that goes on.
 struct Going {
     trainer: Trainer<Shared>,
-    metrics: Option<Metrics>,
+    metrics: Option<Record>,
     split: Split,
     failed: usize,
 }
@@ -145,7 +144,7 @@ impl PolicyRun {
             trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
         }
         let leads = learners.leads();
-        let _claim = leads.then(|| crate::run::claimed(out)).transpose()?;
+        let _claim = leads.then(|| claimed(out)).transpose()?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
             trainer.resume(&out.join(LAST), &identity).map_err(other)?;
@@ -158,7 +157,7 @@ impl PolicyRun {
         // Nobody reads any more what the first will write.
         learners.wait()?;
         let first = trainer.state.iteration;
-        let metrics = leads.then(|| Metrics::open(&out.join("metrics.jsonl"), first)).transpose()?;
+        let metrics = leads.then(|| Record::metrics(out, first)).transpose()?;
         let bar = bar(&format!("steps of {title}"), trainer.config.iterations * trainer.config.steps() as u64);
         let mut going = Going { trainer, metrics, split: Split::default(), failed: 0 };
         self.iterate(&mut going, &identity, started, &bar)?;
@@ -173,8 +172,8 @@ impl PolicyRun {
             return Ok(done);
         }
         // Asked again, a finished run keeps its times.
-        if trainer.state.iteration > first || !sessions::any(out) {
-            sessions::log(out, first, trainer.state.iteration, done.elapsed.as_secs_f64(), &done.spent)?;
+        if trainer.state.iteration > first || !Session::any(out) {
+            Session::log(out, first, trainer.state.iteration, done.elapsed.as_secs_f64(), &done.spent)?;
         }
         card::export(out, &self.task, (&solver, &identity), &trainer)?;
         Ok(done)

@@ -14,7 +14,7 @@ use super::environments::Environments;
 use super::policy::{Policy, Shape};
 use super::rollout::Running;
 use super::update::{Adam, Updated};
-use crate::checkpoint::CheckpointError;
+use crate::error::{Error, part};
 use crate::ranks::{RankError, Ranks};
 
 /// Why a run cannot begin or go on.
@@ -32,7 +32,7 @@ pub enum PpoError {
     Ranks(#[from] RankError),
     /// A file failed.
     #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
+    File(#[from] Error),
     /// The device that the policy answers and learns on failed.
     #[error("device: {0}")]
     Device(String),
@@ -48,6 +48,8 @@ pub enum PpoError {
         wanted: usize,
     },
 }
+
+part!(PpoError);
 
 /// One iteration; a line of `metrics.jsonl`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

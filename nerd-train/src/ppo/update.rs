@@ -16,7 +16,7 @@ use super::config::PpoConfig;
 use super::loss::{Past, Terms, divergence, step};
 use super::policy::{Policy, ROWS};
 use super::rollout::Rollout;
-use crate::learner::adam::norm;
+use crate::learner::optimiser::{self, norm};
 
 /// Least and largest learning rate, and by how much it moves.
 const RATES: [f64; 2] = [1e-6, 1e-2];
@@ -44,16 +44,8 @@ impl Adam {
     /// One update, with the gradient's norm kept to `most`; that norm.
     pub fn update(&mut self, flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
         let found = norm(gradient);
-        let scale = (most / (found + 1e-6)).min(1.0);
         self.step += 1;
-        let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powf(self.step as f64));
-        let (rate, root) = ((self.rate / corrections[0]) as f32, corrections[1].powf(-0.5) as f32);
-        for (((w, m), v), g) in flat.iter_mut().zip(&mut self.m).zip(&mut self.v).zip(gradient) {
-            let g = g * scale;
-            *m = 0.9 * *m + 0.1 * g;
-            *v = 0.999 * *v + 0.001 * g * g;
-            *w -= rate * *m / (v.sqrt() * root + 1e-8);
-        }
+        optimiser::Adam::new([0.9, 0.999], self.step, self.rate, found, most).step([flat, &mut self.m, &mut self.v], gradient);
         found
     }
 }

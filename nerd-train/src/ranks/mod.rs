@@ -7,54 +7,18 @@
 //! ```text
 //! place.rs   which rank this is: RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR, MASTER_PORT
 //! star.rs    how ranks meet: all are tied to rank 0 by TCP, through which sums and bytes go
-//! watch.rs   a rank that dies, or is silent, ends all others with its number and reason
-//! launch.rs  the ranks of one machine, started by the command itself
 //! ```
 //!
-//! On graphics cards the gradients alone go another way, by NCCL (`nerd_cuda::Sums`).
+//! On graphics cards the gradients alone go another way, by NCCL (`nerd_cuda::Sums`). Processes are started by `torchrun`, `srun`, `mpirun`
+//! or a loop in a shell that sets their variables; who starts them also ends those that wait for one that is gone.
 
-mod launch;
 mod place;
 mod star;
-mod watch;
 
 use std::ops::Range;
 
-pub use launch::{End, LAUNCHED, launch, with_launcher};
-pub use place::Place;
+pub use place::{Place, RankError, bytes, floats};
 use star::Star;
-
-/// Why ranks cannot work together any more. One line.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RankError {
-    /// A variable of the environment that is missing or wrong.
-    #[error("{0}")]
-    Place(String),
-    /// They did not find each other.
-    #[error("{0}")]
-    Meet(String),
-    /// One of them is gone.
-    #[error("rank {rank} of {world} ended: {reason}")]
-    Lost {
-        /// Which.
-        rank: usize,
-        /// Of how many.
-        world: usize,
-        /// What it said, or how it was missed.
-        reason: String,
-    },
-    /// They do not do the same.
-    #[error("rank {rank}: {what} differ from those of rank 0: {how}")]
-    Apart {
-        /// Which.
-        rank: usize,
-        /// Of what.
-        what: String,
-        /// In which way, and what to do.
-        how: String,
-    },
-}
 
 /// This process among those of its run.
 #[derive(Debug, Default)]
@@ -66,13 +30,10 @@ pub struct Ranks {
 impl Ranks {
     /// Meets the others; waits for them up to a minute.
     ///
-    /// If one of them is lost while this rank is busy and does not ask for them, `end` is called some seconds later, with what is to be
-    /// said: a rank that waits in a driver can be ended in no other way.
-    ///
     /// # Errors
     /// [`RankError::Meet`].
-    pub fn join(place: Place, end: fn(&RankError)) -> Result<Self, RankError> {
-        let star = if place.world > 1 { Some(Star::join(&place, end)?) } else { None };
+    pub fn join(place: Place) -> Result<Self, RankError> {
+        let star = if place.world > 1 { Some(Star::join(&place)?) } else { None };
         Ok(Self { place, star })
     }
 
@@ -192,14 +153,4 @@ impl Drop for Ranks {
     fn drop(&mut self) {
         self.leave(Some("it went away before the end"));
     }
-}
-
-/// Numbers as bytes, as they are sent.
-pub fn bytes(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|x| x.to_le_bytes()).collect()
-}
-
-/// Bytes as numbers.
-pub fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks().0.iter().map(|x| f32::from_le_bytes(*x)).collect()
 }

@@ -1,12 +1,46 @@
 //! Which rank a process is, from the variables that `torchrun` sets and all other launchers can.
 
-use super::RankError;
+use crate::error::part;
 
 /// Most ranks of a run.
 const WORLD: usize = 4096;
 
 /// Set by `torchrun` where it holds the port itself.
 const TAKEN: &str = "TORCHELASTIC_USE_AGENT_STORE";
+
+/// Why ranks cannot work together any more. One line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RankError {
+    /// A variable of the environment that is missing or wrong.
+    #[error("{0}")]
+    Place(String),
+    /// They did not find each other.
+    #[error("{0}")]
+    Meet(String),
+    /// One of them is gone.
+    #[error("rank {rank} of {world} ended: {reason}")]
+    Lost {
+        /// Which.
+        rank: usize,
+        /// Of how many.
+        world: usize,
+        /// What it said, or how it was missed.
+        reason: String,
+    },
+    /// They do not do the same.
+    #[error("rank {rank}: {what} differ from those of rank 0: {how}")]
+    Apart {
+        /// Which.
+        rank: usize,
+        /// Of what.
+        what: String,
+        /// In which way, and what to do.
+        how: String,
+    },
+}
+
+part!(RankError);
 
 /// A process among those of its run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -70,4 +104,14 @@ impl Place {
         let taken = variable(TAKEN).is_some_and(|value| value == "True");
         Ok(Self { rank, world, local, address, port: port + u16::from(taken) })
     }
+}
+
+/// Numbers as bytes, as they are sent.
+pub fn bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// Bytes as numbers.
+pub fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|x| f32::from_le_bytes(*x)).collect()
 }

@@ -1,12 +1,16 @@
 //! All ranks tied to rank 0: it listens, the others come to it.
+//!
+//! A message is a byte that says what it is, the length of what follows (8 bytes, little endian), and that. Who ends before the others says
+//! why, and rank 0 passes it on; a connection that closes without a word is a lost rank. A rank that waits elsewhere, in a driver say, is
+//! ended by its launcher.
 
-use std::io::{Read, Result as Io, Write};
+use std::io::{Error, ErrorKind, Read, Result as Io, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, TcpListener, TcpStream};
-use std::sync::Arc;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
-use super::watch::Watch;
-use super::{Place, RankError, bytes, floats};
+use super::place::{Place, RankError, bytes, floats};
 
 /// Time for all to come.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -14,30 +18,40 @@ const LIMIT: Duration = Duration::from_secs(60);
 const AGAIN: Duration = Duration::from_millis(50);
 /// Time for one that came to say who it is.
 const HELLO: Duration = Duration::from_secs(5);
+/// Time to part: what was sent last has to arrive before a connection closes.
+const PARTING: Duration = Duration::from_secs(5);
 /// First words of a rank; then its number and how many it knows of, 8 bytes each, little endian.
 const WORDS: &[u8; 16] = b"nerd rank, v1   ";
+
+const DATA: u8 = 0;
+/// Followed by the number of the rank (8 bytes) and its reason.
+const LOST: u8 = 1;
+const BYE: u8 = 2;
 
 /// The ties of a rank: of rank 0 to all others, of any other to rank 0.
 #[derive(Debug)]
 pub(super) struct Star {
     place: Place,
-    watch: Arc<Watch>,
+    ties: Vec<(usize, TcpStream)>,
+    /// The first rank that was lost, and its reason.
+    lost: OnceLock<(usize, String)>,
+    parted: AtomicBool,
 }
 
 impl Star {
     /// Meets the others.
-    pub fn join(place: &Place, end: fn(&RankError)) -> Result<Self, RankError> {
-        let streams = if place.rank == 0 { listen(place)? } else { vec![(0, call(place)?)] };
-        let failed = |e: std::io::Error| RankError::Meet(format!("rank {}: its connections: {e}", place.rank));
-        for (_, stream) in &streams {
-            stream.set_nodelay(true).map_err(failed)?;
+    pub fn join(place: &Place) -> Result<Self, RankError> {
+        let ties = if place.rank == 0 { listen(place)? } else { vec![(0, call(place)?)] };
+        let failed = |e: Error| RankError::Meet(format!("rank {}: its connections: {e}", place.rank));
+        for (_, stream) in &ties {
+            stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(None)).map_err(failed)?;
         }
-        Ok(Self { place: place.clone(), watch: Watch::over(place, streams, end).map_err(failed)? })
+        Ok(Self { place: place.clone(), ties, lost: OnceLock::new(), parted: AtomicBool::new(false) })
     }
 
     pub fn sum(&self, values: &mut [f32]) -> Result<(), RankError> {
         if self.place.rank > 0 {
-            self.watch.send(0, &bytes(values))?;
+            self.send(0, &bytes(values))?;
             values.copy_from_slice(&self.numbers(0, values.len())?);
             return Ok(());
         }
@@ -51,11 +65,11 @@ impl Star {
     pub fn share(&self, from: usize, mine: Option<Vec<u8>>) -> Result<Vec<u8>, RankError> {
         let all = match mine {
             Some(mine) if self.place.rank > 0 => {
-                self.watch.send(0, &mine)?;
+                self.send(0, &mine)?;
                 return Ok(mine);
             }
             Some(mine) => mine,
-            None => self.watch.receive(if self.place.rank == 0 { from } else { 0 })?,
+            None => self.receive(if self.place.rank == 0 { from } else { 0 })?,
         };
         if self.place.rank == 0 {
             self.to_all(from, &all)?;
@@ -65,23 +79,69 @@ impl Star {
 
     pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
         if self.place.rank > 0 {
-            self.watch.send(0, &mine)?;
+            self.send(0, &mine)?;
             return Ok(Vec::new());
         }
-        std::iter::once(Ok(mine)).chain((1..self.place.world).map(|rank| self.watch.receive(rank))).collect()
+        std::iter::once(Ok(mine)).chain((1..self.place.world).map(|rank| self.receive(rank))).collect()
     }
 
+    /// Parts from all, and waits a little for them to part, too.
     pub fn leave(&self, reason: Option<&str>) {
-        self.watch.leave(reason);
+        if self.parted.swap(true, SeqCst) {
+            return;
+        }
+        for (_, stream) in &self.ties {
+            let _ = match (reason, self.lost.get()) {
+                (None, _) => write(stream, BYE, &[]),
+                (Some(_), Some((rank, reason))) => write(stream, LOST, &farewell(*rank, reason)),
+                (Some(reason), None) => write(stream, LOST, &farewell(self.place.rank, reason)),
+            };
+            let _ = stream.shutdown(std::net::Shutdown::Write);
+        }
+        let since = Instant::now();
+        for (_, stream) in &self.ties {
+            let left = PARTING.saturating_sub(since.elapsed()).max(Duration::from_millis(1));
+            while stream.set_read_timeout(Some(left)).is_ok() && read(stream).is_ok() {}
+        }
+    }
+
+    fn send(&self, rank: usize, bytes: &[u8]) -> Result<(), RankError> {
+        let stream = self.tie(rank)?;
+        // One that went has perhaps said why.
+        write(stream, DATA, bytes).or_else(|_| {
+            loop {
+                self.receive(rank)?;
+            }
+        })
+    }
+
+    /// What a rank sent next.
+    fn receive(&self, rank: usize) -> Result<Vec<u8>, RankError> {
+        let (rank, reason) = match read(self.tie(rank)?) {
+            Ok((DATA, bytes)) => return Ok(bytes),
+            Ok((LOST, text)) => {
+                let (number, reason) = text.split_first_chunk().unwrap_or((&[0; 8], &[]));
+                (u64::from_le_bytes(*number) as usize, String::from_utf8_lossy(reason).into_owned())
+            }
+            Ok(_) => (rank, "it is done, and others are not".into()),
+            Err(e) => (rank, missed(&e)),
+        };
+        let (rank, reason) = self.lost.get_or_init(|| (rank, reason)).clone();
+        Err(RankError::Lost { rank, world: self.place.world, reason })
+    }
+
+    fn tie(&self, rank: usize) -> Result<&TcpStream, RankError> {
+        let none = || RankError::Meet(format!("rank {} has no tie to rank {rank}", self.place.rank));
+        self.ties.iter().find(|(other, _)| *other == rank).map(|(_, stream)| stream).ok_or_else(none)
     }
 
     /// From rank 0 to all others but the one that has it.
     fn to_all(&self, but: usize, bytes: &[u8]) -> Result<(), RankError> {
-        (1..self.place.world).filter(|rank| *rank != but).try_for_each(|rank| self.watch.send(rank, bytes))
+        (1..self.place.world).filter(|rank| *rank != but).try_for_each(|rank| self.send(rank, bytes))
     }
 
     fn numbers(&self, rank: usize, len: usize) -> Result<Vec<f32>, RankError> {
-        let theirs = floats(&self.watch.receive(rank)?);
+        let theirs = floats(&self.receive(rank)?);
         if theirs.len() == len {
             return Ok(theirs);
         }
@@ -90,10 +150,45 @@ impl Star {
     }
 }
 
+fn farewell(rank: usize, reason: &str) -> Vec<u8> {
+    [&(rank as u64).to_le_bytes(), reason.as_bytes()].concat()
+}
+
+/// How a rank was missed.
+fn missed(error: &Error) -> String {
+    match error.kind() {
+        ErrorKind::UnexpectedEof | ErrorKind::ConnectionReset | ErrorKind::BrokenPipe | ErrorKind::ConnectionAborted => {
+            "its connection closed without a word; its own output, or its machine's, says why".into()
+        }
+        _ => error.to_string(),
+    }
+}
+
+fn write(mut to: &TcpStream, what: u8, bytes: &[u8]) -> Io<()> {
+    let mut head = [what; 9];
+    head[1..].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+    to.write_all(&head)?;
+    to.write_all(bytes)
+}
+
+fn read(mut from: &TcpStream) -> Io<(u8, Vec<u8>)> {
+    let mut head = [0; 9];
+    from.read_exact(&mut head)?;
+    let [what, length @ ..] = head;
+    let length = u64::from_le_bytes(length);
+    // Grows with what comes, so that a wrong length asks for no memory.
+    let mut bytes = Vec::with_capacity(length.min(1 << 24) as usize);
+    from.take(length).read_to_end(&mut bytes)?;
+    if (bytes.len() as u64) < length {
+        return Err(ErrorKind::UnexpectedEof.into());
+    }
+    Ok((what, bytes))
+}
+
 /// Rank 0 waits for all others.
 fn listen(place: &Place) -> Result<Vec<(usize, TcpStream)>, RankError> {
     let (port, since) = (place.port, Instant::now());
-    let failed = |e: std::io::Error| RankError::Meet(format!("rank 0 cannot listen on port {port} (MASTER_PORT): {e}; name a free one"));
+    let failed = |e: Error| RankError::Meet(format!("rank 0 cannot listen on port {port} (MASTER_PORT): {e}; name a free one"));
     let listener = bind(place).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     let mut came: Vec<(usize, TcpStream)> = Vec::new();
@@ -140,7 +235,7 @@ fn greeted(mut stream: TcpStream) -> Io<(usize, usize, TcpStream)> {
     let mut said = [0; 32];
     stream.read_exact(&mut said)?;
     let number = |at: usize| said[at..].first_chunk().map_or(0, |x| u64::from_le_bytes(*x) as usize);
-    if said.starts_with(WORDS) { Ok((number(16), number(24), stream)) } else { Err(std::io::ErrorKind::InvalidData.into()) }
+    if said.starts_with(WORDS) { Ok((number(16), number(24), stream)) } else { Err(ErrorKind::InvalidData.into()) }
 }
 
 /// Another rank comes to rank 0, and waits until all have come.

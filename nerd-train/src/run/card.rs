@@ -1,7 +1,7 @@
 //! What a run is, and what its model folder says of it.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
@@ -9,17 +9,21 @@ use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
 use serde::{Deserialize, Serialize};
 
+use super::plan::Plan;
+use super::recording::RecordConfig;
+use super::settings::RunConfig;
 use super::variant::Variant;
+use crate::checkpoint;
 use crate::difference::between;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{LearnerConfig, LearnerState};
 use crate::provenance::Provenance;
-use crate::sessions;
+use crate::records::Session;
 use crate::trainer::TrainerConfig;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Identity {
+pub(super) struct Identity {
     pub robot: String,
     /// Of the robot alone, and of how it is started, driven and controlled too.
     pub robot_sha256: String,
@@ -58,13 +62,47 @@ pub struct Identity {
     pub from_sha256: Option<String>,
 }
 
+impl Identity {
+    /// That of a run, as far as it is known before its data is.
+    pub fn of(plan: &Plan) -> Self {
+        let RunConfig { record, variant, epsilon, rollouts, transitions, fresh, .. } = &plan.config;
+        let RecordConfig { frames, torque_scale, hold, resets, .. } = *record;
+        let parent = plan.parent.as_ref().map(|p| &p.config);
+        Self {
+            robot: plan.system.name.clone(),
+            robot_sha256: plan.system.robot_sha256(),
+            system_sha256: plan.system.sha256(),
+            truth: record.truth(&plan.system).name(),
+            base: plan.base,
+            variant: *variant,
+            network: plan.network,
+            unrolled: plan.config.unrolled(),
+            learner: plan.learner,
+            trainer: plan.trainer,
+            epsilon: *epsilon,
+            arithmetic: plan.arithmetic.clone(),
+            rollouts: *rollouts,
+            frames,
+            torque_scale,
+            hold,
+            resets,
+            policies: plan.recording.pilot.as_ref().map(|p| format!("{p:?}")),
+            data_sha256: String::new(),
+            transitions: *transitions,
+            fresh: *fresh,
+            from: parent.map(history),
+            from_sha256: parent.map(|config| config.model_sha256.clone()),
+        }
+    }
+}
+
 /// The state to go on from, if the folder holds one of this very run. Before its data is there, that is not looked at.
-pub fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
-    let path = out.join("last.safetensors");
+pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
+    let path = checkpoint::last(out);
     if !path.exists() {
         return Ok(None);
     }
-    let (state, found) = crate::checkpoint::load(&path, &run.network)?;
+    let (state, found) = checkpoint::load(&path, &run.network)?;
     let mut found: serde_json::Value = serde_json::from_str(&found).map_err(Error::format(&path))?;
     // Through a text, as what was found went: as values alone, numbers of four bytes are widened.
     let asked = serde_json::to_string(run).map_err(Error::format(&path))?;
@@ -82,7 +120,7 @@ pub fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
 }
 
 /// What `config.json` will hold.
-pub fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
+pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
     let form = run.variant.form(run.base);
     ModelConfig {
         robot: run.robot.clone(),
@@ -102,7 +140,7 @@ pub fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> Mo
 }
 
 /// What a model has been through, in one line.
-pub fn history(config: &ModelConfig) -> String {
+fn history(config: &ModelConfig) -> String {
     let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
     let run = format!(
         "{} of a run of {} updates of {} windows on {} transitions",
@@ -118,16 +156,10 @@ pub fn history(config: &ModelConfig) -> String {
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
 
-/// Writes the model folder with a card made of what the run recorded.
-pub fn export(
-    folder: &Path,
-    out: &Path,
-    run: &Identity,
-    normalizer: Normalizer,
-    weights: Weights,
-    (chosen, actors, seed): (String, Option<String>, u64),
-) -> Result<()> {
-    let (minutes, machine) = sessions::sum(&sessions::read(out)?);
+/// Writes the model folder `OUT/model` with a card made of what the run recorded.
+pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<PathBuf> {
+    let (out, seed) = (&plan.config.out, plan.learner.seed);
+    let (minutes, machine) = Session::sum(&Session::all(out)?);
     let stamp = Provenance::now(seed);
     let rows = [
         ("commit", stamp.commit.clone()),
@@ -142,13 +174,13 @@ pub fn export(
         ("schedule", format!("{:?}", run.trainer.schedule)),
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),
     ];
-    let more = [("policies", actors), ("started from", run.from.clone())];
+    let more = [("policies", plan.actors.clone()), ("started from", run.from.clone())];
     let more = more.into_iter().filter_map(|(name, said)| Some((name, said?)));
     let rows: Vec<_> = rows.into_iter().chain(more).collect();
     let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
     let config = model_config(run, &provenance);
     let mut card = format!(
-        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that predicts {} of `{}`.\n\
+        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
          {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
         run.variant.name(),
         run.robot,
@@ -158,9 +190,9 @@ pub fn export(
         run.network.layers,
         run.network.history,
         match run.base {
-            Base::Flight | Base::ExactFlight => "what contact adds to flight in a frame".into(),
-            Base::Draft(n) => format!("what a draft of {n} substep{} misses of a frame", if n == 1 { "" } else { "s" }),
-            Base::State | Base::Nothing => "the change over one frame".into(),
+            Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight".into(),
+            Base::Draft(n) => format!("what a frame of {n} coarse substep{} lacks", if n == 1 { "" } else { "s" }),
+            Base::State | Base::Nothing => "one frame".into(),
         },
         run.truth,
         run.trainer.updates,
@@ -171,10 +203,11 @@ pub fn export(
         run.data_sha256,
     );
     rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
-    card.push_str("\n`cargo xtask evaluate --solver neural --model FOLDER` measures its errors; compare them with its base alone\n");
-    card.push_str("(`--solver articulated`). Written by `cargo xtask train`.\n");
+    card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
     // becomes 0.017): for that `cargo xtask light` rounds with more care.
     let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
-    Ok(Model { config, normalizer, weights }.save(folder, &card, storage)?)
+    let folder = out.join("model");
+    Model { config, normalizer, weights }.save(&folder, &card, storage)?;
+    Ok(folder)
 }

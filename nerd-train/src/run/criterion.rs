@@ -5,42 +5,40 @@ use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::transformer::Weights;
 
-use super::Run;
 use super::card::{Identity, model_config};
 use super::data::Judge;
+use super::plan::Plan;
 use crate::chain;
 use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, horizon, passive};
 
-impl Run {
-    /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
-    /// all grounds. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
-    pub(super) fn rollout_error(&self, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
-        let Judge { normalizer, motions } = judge;
-        if let Some(motions) = motions {
-            return chain::distance(&self.system, motions, &weights, normalizer);
-        }
-        let (config, system) = (&self.config, &self.system);
-        let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
-        let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
-        // Flight has no error where there is nothing to touch.
-        let scenes: Vec<&str> = match identity.base {
-            Base::State | Base::Nothing | Base::Draft(_) => system.usual_scenes().into_iter().take(2).collect(),
-            Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
-        };
-        let mut total = 0.0;
-        for scene in &scenes {
-            let (config, normalizer) = (model_config(identity, &Default::default()), normalizer.clone());
-            let network = self.config.device.network(&weights, starts)?;
-            let mut learned = Neural::new(Model { config, normalizer, weights: weights.clone() }, system, network);
-            let mut truth = self.config.record.truth(system).solver(system);
-            let report = passive(system, &system.scene(scene)?, &mut *truth, &mut learned, protocol, &mut |_| ())?;
-            if report.failed > 0 {
-                // Where they stood when they failed says nothing of how far they would have gone.
-                return Ok(f64::INFINITY);
-            }
-            total += report.error.iter().sum::<f64>() / report.error.len() as f64;
-        }
-        Ok(total / scenes.len() as f64)
+/// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
+/// all grounds. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
+pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
+    let Plan { config, system, .. } = plan;
+    let Judge { normalizer, motions } = judge;
+    if let Some(motions) = motions {
+        return chain::distance(system, motions, &weights, normalizer);
     }
+    let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
+    let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
+    // Flight has no error where there is nothing to touch.
+    let scenes: Vec<&str> = match identity.base {
+        Base::State | Base::Nothing | Base::Draft(_) => system.usual_scenes().into_iter().take(2).collect(),
+        Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
+    };
+    let mut total = 0.0;
+    for scene in &scenes {
+        let model = Model { config: model_config(identity, &Default::default()), normalizer: normalizer.clone(), weights: weights.clone() };
+        let network = config.device.network(&weights, starts)?;
+        let mut learned = Neural::new(model, system, network);
+        let mut truth = config.record.truth(system).solver(system);
+        let report = passive(system, &system.scene(scene)?, &mut *truth, &mut learned, protocol, &mut |_| ())?;
+        if report.failed > 0 {
+            // Where they stood when they failed says nothing of how far they would have gone.
+            return Ok(f64::INFINITY);
+        }
+        total += report.error.iter().sum::<f64>() / report.error.len() as f64;
+    }
+    Ok(total / scenes.len() as f64)
 }

@@ -2,7 +2,7 @@
 
 use nerd_model::transformer::{Positions, TransformerConfig};
 
-use super::RunConfig;
+use super::settings::RunConfig;
 use crate::bounds::memory;
 use crate::chain;
 use crate::device::Device;
@@ -12,7 +12,7 @@ use crate::error::Result;
 const SHARD: usize = 32;
 
 /// Refuses a run that needs more memory than is free.
-pub fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
+pub(super) fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
     let batch = config.batch;
     // Shards, the set they are joined in, and that while it grows.
     memory(&[("--transitions", config.transitions)], 3 * 4 * (network.inputs + network.outputs))?;
@@ -33,7 +33,7 @@ pub fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
 }
 
 /// The same of rollouts of a chain through so many frames: every thread keeps all activations of those it passes.
-pub fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
+pub(super) fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
     let row = 6 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);
     memory(&[("--sequence", frames), ("threads", threads), ("rods", chain::ROLLOUTS * network.block)], 4 * row)

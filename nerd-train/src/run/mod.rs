@@ -10,22 +10,22 @@
 //! ```
 //!
 //! ```text
-//! RunConfig ── Run::new ──▶ Run: network, learner, trainer (plan.rs); all that can be refused is refused here
-//!                            ├─ data: recorded or read, normalised         recording.rs
+//! RunConfig ── Run::new ──▶ plan: network, learner, trainer                plan.rs; all that can be refused is refused here
+//!                            ├─ data: recorded or read, normalised         recording.rs, data.rs
 //!                            ├─ updates, validation by rollouts            engine.rs, criterion.rs
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
-//! As one of several ranks ([`Run::among`]) a run is led by rank 0; follow.rs is what the others do.
+//! As one of several ranks ([`Run::among`]) a run is led by rank 0; what all have in common before it begins is in agree.rs.
 //!
 //! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors`, `best.safetensors`; the same
 //! settings again continue it. A [`Recipe`] is a file of settings, of one run or of several that follow each other.
 
+mod agree;
 mod card;
 mod criterion;
 mod data;
-pub(crate) mod engine;
-mod follow;
+mod engine;
 mod memory;
 mod onward;
 mod plan;
@@ -35,27 +35,8 @@ mod settings;
 mod train;
 mod variant;
 
-use std::path::Path;
-
-use nerd_sim::files::{Claim, claim, share};
-
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
 pub use settings::{BaseName, RunConfig};
 pub use train::Run;
 pub use variant::Variant;
-
-use crate::error::{Error, Result};
-
-/// A folder that this process alone writes.
-///
-/// # Errors
-/// If another process writes it.
-pub fn claimed(folder: &Path) -> Result<Claim> {
-    claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
-}
-
-/// A folder that processes write together.
-fn shared(folder: &Path) -> Result<Claim> {
-    share(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
-}

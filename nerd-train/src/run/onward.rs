@@ -5,7 +5,7 @@ use nerd_model::folder::ModelConfig;
 use nerd_model::form::View;
 use nerd_model::transformer::{Architecture, Positions};
 
-use super::{BaseName, RunConfig};
+use super::settings::{BaseName, RunConfig};
 use crate::error::{Result, refuse};
 use crate::learner::Optimizer;
 

@@ -1,21 +1,101 @@
-//! What settings come to: what predictions are added to, network, learner, trainer.
+//! What settings come to: what predictions are added to, network, learner, trainer, data to record. All that can be refused is refused here,
+//! before anything is recorded or written.
+
+use std::path::Path;
+use std::sync::Arc;
 
 use nerd_model::base::Base;
 use nerd_model::chain::{self, Chain};
 use nerd_model::features::Features;
+use nerd_model::folder::Model;
 use nerd_model::form::Form;
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig};
+use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
+use serde_json::{Value, json};
 
-use super::{BaseName, RunConfig, Variant};
+use super::memory;
+use super::settings::{BaseName, RunConfig};
+use super::variant::Variant;
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 use crate::learner::LearnerConfig;
+use crate::progress;
 use crate::schedule::Schedule;
+use crate::shipped;
 use crate::trainer::TrainerConfig;
 
 /// Fewest tokens of a training sequence, if not said: short ones have few tokens with a whole past.
 const SEQUENCE: usize = 32;
+
+/// What a run is made of.
+pub(super) struct Plan {
+    pub config: RunConfig,
+    pub system: Arc<System>,
+    pub base: Base,
+    pub form: Form,
+    pub network: TransformerConfig,
+    pub learner: LearnerConfig,
+    pub trainer: TrainerConfig,
+    pub recording: GenerateConfig,
+    /// What it starts from, if not from random weights.
+    pub parent: Option<Model>,
+    /// Which policies act in its data; none is known of data from a folder.
+    pub actors: Option<String>,
+    /// Engine and precision, in words.
+    pub arithmetic: String,
+}
+
+impl Plan {
+    pub fn new(config: &RunConfig) -> Result<Self> {
+        config.check()?;
+        let system = System::named(&config.robot)?;
+        progress::notes(&system);
+        let base = config.base(&system)?;
+        let form = config.variant.form(base);
+        let network = config.network(&system, form)?;
+        let (learner, trainer) = (config.learner(), config.trainer());
+        learner.check()?;
+        trainer.check()?;
+        // More than the run looks at would be recorded for nobody, at whatever price.
+        let (fresh, batch, sequence) = (config.fresh, learner.batch, network.sequence());
+        let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;
+        if fresh as u128 > looked_at {
+            refuse!("--fresh {fresh}: {} updates of {batch} sequences of {sequence} look at {looked_at} tokens", trainer.updates);
+        }
+        memory::check(config, &network)?;
+        let mut recording = config.record.of(&system, config.transitions)?;
+        // Small shards come soon, whatever the truth.
+        recording.shard_trajectories = if fresh > 0 { 64 } else { 512 };
+        if fresh > 0 {
+            recording.transitions = recording.transitions.next_multiple_of(recording.frames * recording.shard_trajectories);
+        }
+        recording.check(&system)?;
+        if config.data.is_none() && sequence > config.record.frames {
+            refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
+        }
+        let parent = config.from.as_deref().map(|folder| parent(folder, &system, network, form)).transpose()?;
+        let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
+        let arithmetic = arithmetic(config)?;
+        let config = config.clone();
+        Ok(Self { config, system, base, form, network, learner, trainer, recording, parent, actors, arithmetic })
+    }
+
+    /// The chain that its network moves along.
+    pub fn chain(&self) -> Result<Chain> {
+        Chain::of(&self.system).map_err(|e| Error::Refused(e.to_string()))
+    }
+}
+
+/// What computes a run and how exactly; refused where this program has no such engine.
+fn arithmetic(config: &RunConfig) -> Result<String> {
+    config.device.check()?;
+    Ok(match config.device {
+        Device::Cpu => "f32 on the CPU".into(),
+        Device::Cuda => if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into(),
+        Device::Flex | Device::Wgpu => format!("f32 through burn on {}", config.device),
+    })
+}
 
 impl RunConfig {
     /// Refuses settings that mean nothing together.
@@ -142,4 +222,35 @@ impl RunConfig {
             log_every,
         }
     }
+}
+
+/// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
+fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
+    let mut parent = Model::load(&shipped::find(folder), system, None)?;
+    let like = |form: Form| (form.view, form.base.flies(), form.base.moves());
+    if network.positions == Positions::Rotary {
+        // No weight depends on how long its training sequences were.
+        parent.config.network.block = network.block;
+        parent.weights.config.block = network.block;
+    }
+    if parent.config.network != network || like(parent.config.form()) != like(form) {
+        let apart = apart((parent.config.form(), &parent.config.network), (form, &network));
+        refuse!("--from {}: its network is not as this run's: {apart}; give this run its settings", folder.display());
+    }
+    Ok(parent)
+}
+
+/// In which settings two networks differ, the second being this run's.
+fn apart(theirs: (Form, &TransformerConfig), ours: (Form, &TransformerConfig)) -> String {
+    let settings = |(form, network): (Form, &TransformerConfig)| {
+        let mut all = json!({ "base": form.base, "view": form.view });
+        if let (Some(all), Value::Object(network)) = (all.as_object_mut(), json!(network)) {
+            all.extend(network);
+        }
+        all
+    };
+    let (theirs, ours) = (settings(theirs), settings(ours));
+    let word = |value: &Value| value.to_string().replace(['"', '{', '}'], "").replace(':', " ");
+    let keys = theirs.as_object().into_iter().flatten().filter(|(key, value)| ours[*key] != **value);
+    keys.map(|(key, value)| format!("{key} is {}, here {}", word(value), word(&ours[key]))).collect::<Vec<_>>().join(", ")
 }

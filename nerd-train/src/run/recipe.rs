@@ -22,7 +22,8 @@ use nerd_model::folder::Model;
 use nerd_sim::prelude::*;
 use serde_json::Value;
 
-use super::{Run, RunConfig};
+use super::settings::RunConfig;
+use super::train::Run;
 use crate::error::{Error, Result, refuse};
 use crate::ranks::Ranks;
 use crate::settings::{Given, Settings};
@@ -33,7 +34,7 @@ macro_rules! shipped {
 
 /// Shipped recipes by name.
 const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpole" "pendulum" "cube" "franka" "ant"
-    "anymal" "chain" "chain-large" "ant-small" "anymal-small" "cartpole-paper" "pendulum-paper" "ant-paper" "baseline");
+    "anymal" "chain" "chain-large" "cartpole-paper" "pendulum-paper" "ant-paper");
 
 /// Runs to be made one after the other.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,13 +131,13 @@ impl Recipe {
             return Run::new(one)?.among(ranks)?.train();
         }
         self.runs.iter().try_for_each(RunConfig::check)?;
-        let (mut last, known) = (None, Arc::default());
+        let (mut last, cache) = (None, Arc::default());
         for run in &self.runs {
             if let Some(done) = run.made()? {
                 last = Some(done);
                 continue;
             }
-            last = Run::new(run)?.among(ranks)?.knowing(&known).train()?;
+            last = Run::new(run)?.among(ranks)?.after(&cache).train()?;
             if last.is_none() || run.finish {
                 break;
             }
@@ -146,6 +147,18 @@ impl Recipe {
 }
 
 impl RunConfig {
+    /// A shipped recipe of one run that leaves the robot open: `paper`, `small`, `quick`.
+    ///
+    /// # Errors
+    /// If there is no such recipe, or it is of several runs or another robot.
+    pub fn recipe(name: &str, robot: &str, out: impl Into<PathBuf>) -> Result<Self> {
+        let given = Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
+        match &Recipe::named(name, &given)?.runs[..] {
+            [one] => Ok(one.clone()),
+            runs => refuse!("recipe {name} has {} runs, one is needed", runs.len()),
+        }
+    }
+
     /// The folder of its model, if that is there and whole.
     ///
     /// # Errors

@@ -15,9 +15,10 @@ use crate::chain::Motions;
 use crate::device::{Device, truth_on_card};
 use crate::error::{Error, Result, refuse};
 use crate::ppo::Policies;
-use crate::prepare::{Prepared, generate_among};
+use crate::prepare::{Prepared, generate};
 use crate::progress::bar;
 use crate::ranks::Ranks;
+use crate::records::{claimed, shared};
 use crate::settings::settings;
 use crate::shipped;
 
@@ -132,7 +133,7 @@ impl RecordConfig {
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
         bounds::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
         let config = self.of(system, transitions)?;
-        let _claim = if part.whole() { super::claimed(folder) } else { super::shared(folder) }?;
+        let _claim = if part.whole() { claimed(folder) } else { shared(folder) }?;
         let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
         let (mut solver, truth) = (self.truth(system).solver(system), self.truth(system).name());
         let tell = &mut |done: usize, _: usize| bar.set(done as u64);
@@ -178,7 +179,7 @@ impl RecordConfig {
         let bar = bar("recording transitions", (config.trajectories() * config.frames / ranks.world()) as u64);
         let done = AtomicUsize::new(0);
         let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
-        let prepared = generate_among(ranks, system, &|| self.truth(system).solver(system), config, history, form, &tell)?;
+        let prepared = generate(ranks, system, &|| self.truth(system).solver(system), config, (history, form), &tell)?;
         bar.finish();
         Ok(prepared)
     }

@@ -5,12 +5,10 @@ use std::path::PathBuf;
 use nerd_sim::articulated::Draft;
 use serde::{Deserialize, Serialize};
 
-use super::recipe::Recipe;
 use super::recording::RecordConfig;
 use super::variant::Variant;
 use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
 use crate::device::Device;
-use crate::error::{Result, refuse};
 use crate::learner::Optimizer;
 use crate::settings::{Given, Settings, settings};
 
@@ -99,18 +97,6 @@ impl RunConfig {
     /// The paper's for a robot.
     pub fn new(robot: &str, out: impl Into<PathBuf>) -> Self {
         Self { robot: robot.into(), out: out.into(), ..Self::default() }
-    }
-
-    /// A shipped recipe of one run that leaves the robot open: `paper`, `small`, `quick`.
-    ///
-    /// # Errors
-    /// If there is no such recipe, or it is of several runs or another robot.
-    pub fn recipe(name: &str, robot: &str, out: impl Into<PathBuf>) -> Result<Self> {
-        let given = Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
-        match &Recipe::named(name, &given)?.runs[..] {
-            [one] => Ok(one.clone()),
-            runs => refuse!("recipe {name} has {} runs, one is needed", runs.len()),
-        }
     }
 
     /// As a TOML file, without what is not set.

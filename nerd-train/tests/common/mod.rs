@@ -6,14 +6,13 @@
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 
-use nerd_model::BurnDevice;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
-use nerd_train::learner::{BurnLearner, LearnerConfig, LearnerState};
+use nerd_train::learner::{CpuLearner, LearnerConfig, LearnerState};
 use nerd_train::ranks::{Place, Ranks};
 use nerd_train::windows::Windows;
 
@@ -45,8 +44,8 @@ pub fn windows(phase: f32) -> Arc<Windows> {
 }
 
 /// A learner on the CPU that continues `state`.
-pub fn learner(state: LearnerState) -> BurnLearner {
-    BurnLearner::new(LEARNER, state, windows(0.0), windows(0.5), &BurnDevice::flex()).expect("windows fit the network")
+pub fn learner(state: LearnerState) -> CpuLearner {
+    CpuLearner::new(LEARNER, state, windows(0.0), windows(0.5)).expect("windows fit the network")
 }
 
 /// The state before the first update.
@@ -93,7 +92,7 @@ pub fn among<T: Send>(world: usize, work: impl Fn(&Arc<Ranks>) -> T + Sync) -> V
     let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port");
     let one = |rank: usize| {
         let place = Place { rank, world, local: rank, address: "127.0.0.1".into(), port: free.port() };
-        let ranks = Arc::new(Ranks::join(place, |_| ()).expect("all came"));
+        let ranks = Arc::new(Ranks::join(place).expect("all came"));
         let done = work(&ranks);
         ranks.leave(None);
         done

@@ -23,10 +23,10 @@ use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use super::cost::on_one_core;
+use crate::choice::{Choice, describe};
 use crate::error::{Error, Result};
 use crate::report::table::{digits, pair};
 use crate::report::{Input, Inputs, Table};
-use nerd_train::choice::{Choice, describe};
 use nerd_train::evaluate::{Action, PassiveConfig, summary};
 use nerd_train::{bounds, shipped};
 

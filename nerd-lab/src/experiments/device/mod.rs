@@ -23,10 +23,10 @@ pub use parity::Parity;
 pub use race::Race;
 
 use super::Experiment;
+use crate::choice::Choice;
 use crate::error::{Result, refuse};
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table};
-use nerd_train::choice::Choice;
 use nerd_train::device::Device;
 use nerd_train::ppo::Arena;
 use nerd_train::progress::bar;

@@ -15,10 +15,10 @@ use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use super::Experiment;
+use crate::choice::describe;
 use crate::error::Result;
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table};
-use nerd_train::choice::describe;
 use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, differences, summary, summary_names, watched};
 use nerd_train::stats::percentile;

@@ -25,11 +25,11 @@ use serde::{Deserialize, Serialize};
 
 use super::Experiment;
 use super::cost::{each, on_one_core};
+use crate::choice::{Choice, describe};
 use crate::error::{Result, refuse};
 use crate::report::replay::Replay;
 use crate::report::{Input, Inputs, Table, motions};
 use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS};
-use nerd_train::choice::{Choice, describe};
 use nerd_train::device::Device;
 #[cfg(feature = "cuda")]
 use nerd_train::learner::cuda::Precision;

@@ -16,10 +16,10 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 
 use super::Experiment;
+use crate::choice::Choice;
 use crate::error::{Result, refuse};
 use crate::paper;
 use crate::report::{Input, Inputs, Table};
-use nerd_train::choice::Choice;
 use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::{bounds, progress, shipped};

@@ -5,32 +5,18 @@
 //! is given to the side stream with that of the next one: beside the product right behind it, both take longer, and large updates with
 //! them (by 2 to 4 % on an H100).
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Op as Operand};
+use nerd_cuda::{DeviceError, Lane, Op as Operand};
 use nerd_model::program::{Op, Slot, Step};
 
 use super::attention::Attention;
-use super::network::{Network, Size, kernels};
+use super::network::{Back, Network, Size, kernels};
 use super::plan::Part;
 
 /// Buffers of one length that are enough for both streams to go on.
 const SOME: usize = 3;
-
-/// Memory of the way back, taken in its first pass.
-pub(super) struct Back {
-    buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
-    fork: Event,
-    join: Event,
-}
-
-impl Back {
-    pub fn new(device: &Device) -> Result<Self, DeviceError> {
-        Ok(Self { buffers: RefCell::default(), fork: device.event()?, join: device.event()? })
-    }
-}
 
 /// Slopes by a slot's rows, and which of the buffers they stand in, if in one.
 #[derive(Clone, Copy)]

@@ -1,6 +1,6 @@
 //! [`CudaForward`]: predictions of given weights for many windows at once.
 
-use nerd_cuda::{Buffer, Graph};
+use nerd_cuda::{Buffer, Replay};
 use nerd_model::program::Op;
 use nerd_model::transformer::{Architecture, Forward, ForwardError, Weights};
 
@@ -9,20 +9,16 @@ use super::network::Network;
 use super::plan::Plan;
 use crate::learner::LearnError;
 
+/// Numbers of windows that passes are captured for.
+const SIZES: usize = 8;
+
 /// Inference on GPU 0.
 pub struct CudaForward {
-    /// A few sizes, since the number asked for may change every frame.
-    passes: Vec<Pass>,
+    /// By how many windows it is over, and whether for their newest tokens alone: a few sizes, since the number asked for may change every frame.
+    passes: Replay<(usize, bool)>,
     network: Network,
     weights: Buffer<f32>,
     last: Buffer<u32>,
-}
-
-/// A captured pass over so many windows, for their newest tokens or for all of them.
-struct Pass {
-    windows: usize,
-    newest: bool,
-    graph: Graph,
 }
 
 impl CudaForward {
@@ -44,7 +40,7 @@ impl CudaForward {
         let d = &network.device;
         let (flat, last) = (d.upload(&weights.flat)?, d.zeros(max_windows)?);
         network.fold(flat.ptr)?;
-        Ok(Self { passes: Vec::new(), network, weights: flat, last })
+        Ok(Self { passes: Replay::keeping(2 * SIZES), network, weights: flat, last })
     }
 
     /// Prediction for the newest token of each window.
@@ -91,17 +87,8 @@ impl CudaForward {
     fn evaluate(&mut self, inputs: &[f32], tokens: usize, (windows, newest): (usize, bool)) -> Result<Vec<f32>, LearnError> {
         self.network.load(inputs, tokens)?;
         let (net, w, last) = (&self.network, self.weights.ptr, self.last.ptr);
-        let windows_of = |rows: usize| net.predict(w, rows, newest.then_some(last));
-        let size = windows.next_multiple_of(net.rows.div_ceil(8)).min(net.rows);
-        let known = |pass: &Pass| pass.windows == size && pass.newest == newest;
-        if !self.passes.iter().any(known) {
-            // Once outside of a capture, so that libraries have loaded what they load at their first call.
-            windows_of(size)?;
-            net.device.wait()?;
-            let graph = net.device.capture(|| windows_of(size))?;
-            self.passes.push(Pass { windows: size, newest, graph });
-        }
-        self.passes.iter().find(|pass| known(pass)).map_or(Ok(()), |pass| pass.graph.launch("forward pass"))?;
+        let size = windows.next_multiple_of(net.rows.div_ceil(SIZES)).min(net.rows);
+        self.passes.run(&net.device, "forward pass", (size, newest), || net.predict(w, size, newest.then_some(last)))?;
         let rows = if newest { windows } else { windows * net.plan.tokens };
         let mut out = vec![0.0; rows * net.plan.outputs()];
         net.device.read(net.predictions(), &mut out)?;

@@ -9,7 +9,6 @@
 mod attention;
 mod backward;
 mod cell;
-mod chain;
 mod forward;
 mod muon;
 mod network;
@@ -21,25 +20,19 @@ mod source;
 mod step;
 mod stream;
 mod trainer;
-mod unroll;
 
-use std::sync::Arc;
+use nerd_model::transformer::{Stream, Weights, Windowed};
 
-use nerd_model::folder::Model;
-use nerd_model::transformer::{Architecture, Stream, Weights, Windowed};
-use nerd_sim::articulated::device::{Real, Roll};
-use nerd_sim::system::System;
-
-pub use chain::{Along, CudaChain, chain};
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
 pub(crate) use network::Network;
 pub use neural::{CudaNeural, Network as Learned, neural};
+pub(crate) use optimiser::Optimiser;
 pub(crate) use plan::Plan;
 pub use program::CudaProgram;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
-pub use unroll::CudaUnroll;
+pub(crate) use trainer::joined;
 
 use super::LearnError;
 
@@ -51,17 +44,5 @@ pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Bo
     Ok(match Plan::stream(&weights.config) {
         Ok(_) => Box::new(CudaStream::new(weights, precision, envs)?),
         Err(_) => Box::new(Windowed::new(CudaForward::new(weights, precision, envs)?, weights.config)),
-    })
-}
-
-/// A model as a solver whose whole frames are on the device: of a chain [`CudaChain`], of any other robot [`CudaNeural`]. What is not the
-/// network of a chain has 64 bits, whatever is asked for.
-///
-/// # Errors
-/// What of the model has no kernel.
-pub fn whole(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>, String> {
-    Ok(match model.config.network.architecture {
-        Architecture::Chain => Box::new(chain(model, system, precision)?),
-        _ => Box::new(neural(model, system, real, precision)?),
     })
 }

@@ -2,16 +2,16 @@
 //!
 //! Row-major `y = x W` with `x [n, i]`, `W [i, o]` is column-major `y^T = W^T x^T`, so cuBLAS sees every matrix transposed.
 
+use std::cell::RefCell;
 use std::ops::Range;
 
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Lane, Op as Operand};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event, Lane, Op as Operand};
 use nerd_model::device::{Products, whole_program};
 use nerd_model::program::Op::{self, Attend};
 use nerd_model::program::{Activation, Slot, Step, Weight};
 
 use super::Precision;
-use super::backward::Back;
 use super::plan::{Part, Plan};
 use super::source::Source;
 use crate::learner::LearnError;
@@ -37,6 +37,19 @@ pub(super) fn kernels(f: Activation) -> [&'static str; 2] {
 
 /// A matrix product's rows, inner size and columns.
 pub(super) type Size = (usize, usize, usize);
+
+/// Memory of the way back, taken in its first pass.
+pub(super) struct Back {
+    pub buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
+    pub fork: Event,
+    pub join: Event,
+}
+
+impl Back {
+    fn new(device: &Device) -> Result<Self, DeviceError> {
+        Ok(Self { buffers: RefCell::default(), fork: device.event()?, join: device.event()? })
+    }
+}
 
 /// A program on a device, with memory for `rows` windows.
 pub(crate) struct Network {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Graph};
+use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 use nerd_model::device::{program, settings};
 use nerd_model::folder::Model;
 use nerd_sim::articulated::ArticulatedConfig;
@@ -35,7 +35,7 @@ struct Made {
     stream: CudaStream,
     bases: Buffer<f64>,
     hold: Buffer<u32>,
-    graph: Option<(Graph, [u64; 2])>,
+    replay: Replay<[u64; 2]>,
     /// The frame that each environment's next token must be of, to follow on those that are remembered.
     next: Vec<u64>,
 }
@@ -63,7 +63,7 @@ impl Motion for Network {
         let device = stream.device_mut();
         device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
         let (bases, hold) = (device.zeros(batch.states.len()).map_err(failed)?, device.zeros(1).map_err(failed)?);
-        self.made = Some(Made { stream, bases, hold, graph: None, next: vec![u64::MAX; batch.len()] });
+        self.made = Some(Made { stream, bases, hold, replay: Replay::default(), next: vec![u64::MAX; batch.len()] });
         Ok(())
     }
 
@@ -100,7 +100,7 @@ impl Motion for Network {
     }
 
     fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
-        self.made.as_mut().map_or(Ok(()), |made| made.go(held))
+        self.made.as_ref().map_or(Ok(()), |made| made.go(held))
     }
 
     fn reset(&mut self, env: usize) {
@@ -120,17 +120,8 @@ impl Made {
     }
 
     /// One frame, as a graph from the second on.
-    fn go(&mut self, held: &Held) -> Result<(), DeviceError> {
-        let at = [held.torques.ptr, held.records.ptr];
-        if let Some((graph, _)) = self.graph.as_ref().filter(|(_, known)| *known == at) {
-            return graph.launch("frame");
-        }
-        // Once outside of a capture, so that libraries have loaded what they load at their first call.
-        self.frame(held)?;
-        let device = self.stream.device();
-        device.wait()?;
-        self.graph = Some((device.capture(|| self.frame(held))?, at));
-        Ok(())
+    fn go(&self, held: &Held) -> Result<(), DeviceError> {
+        self.replay.run(self.stream.device(), "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
     }
 
     /// What of a frame the device does.

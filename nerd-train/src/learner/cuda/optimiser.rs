@@ -29,7 +29,7 @@ struct Scalars {
 
 /// What learns: what changes between updates (count, learning rate, bias corrections, decay of the average) is on the device, so nothing is
 /// asked of it while a run goes on.
-pub(super) struct Optimiser {
+pub(crate) struct Optimiser {
     pub weights: Buffer<f32>,
     pub average: Buffer<f32>,
     /// Gradients, and behind them what `mean` makes a loss of.

@@ -8,7 +8,7 @@ use super::network::Network;
 use super::optimiser::Optimiser;
 use crate::learner::{LearnError, LearnerConfig};
 use nerd_cuda::Arg::{Long, Ptr};
-use nerd_cuda::{Buffer, Graph};
+use nerd_cuda::Buffer;
 
 /// Windows on the device.
 pub(super) struct Data {
@@ -51,14 +51,6 @@ impl Step {
         self.gradient()?;
         self.optimiser.sum(&self.network.device)?;
         self.optimiser.update(&self.network.device, self.mean())
-    }
-
-    /// The whole update as one graph. A gradient first, so that cuBLAS has loaded what it needs, and NCCL is connected.
-    pub fn capture(&self) -> Result<Graph, LearnError> {
-        self.gradient()?;
-        self.optimiser.sum(&self.network.device)?;
-        self.network.device.wait()?;
-        self.network.device.capture(|| self.all())
     }
 }
 

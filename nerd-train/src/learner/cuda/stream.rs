@@ -1,6 +1,6 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
-use nerd_cuda::{Buffer, Device, DeviceError, Graph};
+use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 use nerd_model::program::{Op, Slot};
 use nerd_model::transformer::{ForwardError, Stream, Weights};
 
@@ -11,8 +11,8 @@ use crate::learner::LearnError;
 
 /// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
 pub struct CudaStream {
-    /// The pass over all environments, once captured.
-    graph: Option<Graph>,
+    /// The pass over all environments.
+    replay: Replay,
     network: Network,
     weights: Buffer<f32>,
     /// Keys and values `[attention][env][history][2 E]`.
@@ -41,7 +41,7 @@ impl CudaStream {
         let weights = d.upload(&weights.flat)?;
         network.fold(weights.ptr)?;
         Ok(Self {
-            graph: None,
+            replay: Replay::default(),
             weights,
             rings: d.zeros(attentions * envs * network.plan.attention.map_or(0, |a| a.ring()))?,
             taken: (d.zeros(envs)?, vec![0; envs]),
@@ -104,28 +104,6 @@ impl CudaStream {
         self.network.device.write(there, here)
     }
 
-    /// Evaluates the tokens last loaded, without copies. For timing.
-    ///
-    /// # Errors
-    /// [`LearnError::Device`] if the device fails.
-    pub fn evaluate(&mut self) -> Result<(), LearnError> {
-        if self.graph.is_none() {
-            // Once outside of a capture, so that libraries have loaded what they load at their first call.
-            self.pass()?;
-            self.network.device.wait()?;
-            self.graph = Some(self.network.device.capture::<DeviceError>(|| self.pass())?);
-        }
-        self.graph.as_ref().map_or(Ok(()), |graph| Ok(graph.launch("forward pass")?))
-    }
-
-    /// Waits for the device.
-    ///
-    /// # Errors
-    /// [`LearnError::Device`] if the device fails.
-    pub fn wait(&self) -> Result<(), LearnError> {
-        Ok(self.network.device.wait()?)
-    }
-
     fn frame(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), LearnError> {
         let (inputs, outputs, rows) = (self.network.plan.inputs(), self.network.plan.outputs(), self.network.rows);
         let envs = tokens.len() / inputs;
@@ -136,7 +114,7 @@ impl CudaStream {
             return Err(LearnError::Mismatch(format!("the environments asked for are not increasing numbers below {envs}")));
         }
         self.load(tokens)?;
-        self.evaluate()?;
+        self.replay.run(&self.network.device, "forward pass", (), || self.pass())?;
         self.taken.1[..envs].iter_mut().for_each(|taken| *taken += 1);
         out.clear();
         if !asked.is_empty() {

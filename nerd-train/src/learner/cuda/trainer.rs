@@ -16,14 +16,14 @@ use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress,
 use crate::ranks::Ranks;
 use crate::windows::Windows;
 use nerd_cuda::Arg::Ptr;
-use nerd_cuda::{Buffer, Device, Graph, Sums};
+use nerd_cuda::{Buffer, Device, Replay, Sums};
 
 /// Adam's second beta.
 const BETA: f64 = 0.999;
 
 /// The CUDA engine of the [`Learner`] trait.
 pub struct CudaLearner {
-    graph: Graph,
+    replay: Replay,
     step: Step,
     shape: TransformerConfig,
     validation: Data,
@@ -63,7 +63,7 @@ impl CudaLearner {
         }
         let ordinal = nerd_cuda::take(ranks.local())?;
         let join = |device: &Device| joined(ranks, device);
-        Self::part((ordinal, ranks.part(config.batch)), config, precision, state, (train, validation), join)
+        Self::part(ordinal, ranks.part(config.batch), config, precision, state, [train, validation], join)
     }
 
     /// On GPU 0, for these rows of the batch alone, with nothing added to their gradient: those of parts make up the whole's. For checks.
@@ -78,15 +78,16 @@ impl CudaLearner {
         train: &Windows,
         validation: &Windows,
     ) -> Result<Self, LearnError> {
-        Self::part((0, rows), config, precision, state, (train, validation), |_| Ok(None))
+        Self::part(0, rows, config, precision, state, [train, validation], |_| Ok(None))
     }
 
     fn part(
-        (ordinal, rows): (usize, Range<usize>),
+        ordinal: usize,
+        rows: Range<usize>,
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
-        (train, validation): (&Windows, &Windows),
+        [train, validation]: [&Windows; 2],
         join: impl FnOnce(&Device) -> Result<Option<Sums>, LearnError>,
     ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
@@ -100,21 +101,7 @@ impl CudaLearner {
         let (total, validation) = (d.zeros(1)?, data(validation)?);
         let optimiser = Optimiser::new(d, config, &state, BETA, sums)?;
         let step = Step { config, rows, train: data(train)?, optimiser, network };
-        let graph = step.capture()?;
-        Ok(Self { graph, step, shape, validation, total })
-    }
-
-    /// Goes on with another arithmetic of the matrix products.
-    ///
-    /// # Errors
-    /// [`LearnError::Device`] if the update cannot be captured again.
-    pub fn set_precision(&mut self, precision: Precision) -> Result<(), LearnError> {
-        if precision != self.step.network.device.precision {
-            self.device().wait()?;
-            self.step.network.device.precision = precision;
-            self.graph = self.step.capture()?;
-        }
-        Ok(())
+        Ok(Self { replay: Replay::default(), step, shape, validation, total })
     }
 
     /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,
@@ -143,28 +130,15 @@ impl CudaLearner {
         Ok(self.device().write(weights, flat)?)
     }
 
-    /// Makes the next update kernel by kernel, without the graph. For profilers.
-    ///
-    /// # Errors
-    /// [`LearnError::Device`] if the device fails.
-    pub fn update_eagerly(&mut self, lr: f32) -> Result<(), LearnError> {
-        self.set_lr(lr)?;
-        self.step.all()
-    }
-
     fn device(&self) -> &Device {
         &self.step.network.device
-    }
-
-    fn set_lr(&mut self, lr: f32) -> Result<(), LearnError> {
-        self.step.optimiser.set_lr(&self.step.network.device, lr)
     }
 }
 
 impl Learner for CudaLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
-        self.set_lr(lr)?;
-        Ok(self.graph.launch("update")?)
+        self.step.optimiser.set_lr(&self.step.network.device, lr)?;
+        self.replay.run(self.device(), "update", (), || self.step.all())
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
@@ -206,7 +180,7 @@ impl Learner for CudaLearner {
 }
 
 /// Makes this rank's sums over all of them; none where it is alone.
-pub(super) fn joined(ranks: &Ranks, device: &Device) -> Result<Option<Sums>, LearnError> {
+pub(crate) fn joined(ranks: &Ranks, device: &Device) -> Result<Option<Sums>, LearnError> {
     if ranks.world() == 1 {
         return Ok(None);
     }

@@ -10,7 +10,7 @@ mod world;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::{Arg, Buffer, DeviceError, Graph, Precision};
+use nerd_cuda::{Arg, Buffer, DeviceError, Precision, Replay};
 use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::stream;
 use nerd_tasks::{StepResult, Task};
@@ -78,8 +78,8 @@ pub struct CudaEngine {
     gradient: Buffer<f32>,
     moments: [Buffer<f32>; 2],
     scalars: Buffer<Scalars>,
-    /// A pass under these settings, once captured.
-    graph: Option<(PpoConfig, Graph)>,
+    /// A pass, by its settings.
+    replay: Replay<PpoConfig>,
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
     orders: Option<(PpoConfig, (u64, u64), Orders)>,
     /// Where other cards take part.
@@ -125,7 +125,7 @@ impl CudaEngine {
             gradient: zeros(parameters + TERMS)?,
             moments: [zeros(parameters)?, zeros(parameters)?],
             scalars: device.zeros(1)?,
-            graph: None,
+            replay: Replay::default(),
             orders: None,
             among,
             shape: shape.clone(),

@@ -53,23 +53,15 @@ impl CudaEngine {
     }
 
     /// All minibatches of one pass, as a graph from the second pass of the same settings on.
-    fn pass(&mut self, config: &PpoConfig) -> Result<(), DeviceError> {
-        if let Some((_, graph)) = self.graph.as_ref().filter(|(known, _)| known == config) {
-            return graph.launch("pass");
-        }
-        let all = || {
+    fn pass(&self, config: &PpoConfig) -> Result<(), DeviceError> {
+        self.replay.run(&self.net.device, "pass", config.clone(), || {
             let steps = config.steps();
             (0..steps).step_by(config.minibatch).enumerate().try_for_each(|(k, first)| {
                 let whole = config.minibatch.min(steps - first);
                 let rows = if self.among.is_some() { (k * self.rows, self.rows) } else { (first, whole) };
                 self.minibatch(rows, whole, config)
             })
-        };
-        // Once outside of a capture, so that libraries have loaded what they load at their first call.
-        all()?;
-        self.net.device.wait()?;
-        self.graph = Some((config.clone(), self.net.device.capture(all)?));
-        Ok(())
+        })
     }
 
     /// All passes in these orders; the policy's weights are there since the rollout began.

@@ -28,7 +28,7 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->scale = (float)fmin(1.0, clip / (norm + 1e-6));
     s->rate = (float)(s->lr / (1.0 - pow(0.9, t)));
     s->root = (float)(1.0 / sqrt(1.0 - pow(beta, t)));
-    // See `blend` in learner/mod.rs for the sixteen.
+    // See `blend` in learner/optimiser.rs for the sixteen.
     const double growing = (1.0 + k) / (10.0 + k);
     s->blend = (float)(growing < average ? 1.0 - growing : (s->step + 1) % 16 == 0 ? 1.0 - pow(average, 16.0) : 0.0);
     s->loss_sum += loss;
@@ -37,8 +37,8 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
-// Clip, Adam (with this second beta) and the moving average, of what is not Muon's; `hidden` may be null. A run whose loss was not finite leaves the weights as
-// they were.
+// Clip, Adam (with this second beta) and the moving average `a`, of what is not Muon's; `a` and `hidden` may be null. A run whose loss was not
+// finite leaves the weights as they were.
 extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const Scalars* s, u64 n,
                                 const unsigned char* hidden, double beta) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
@@ -50,7 +50,7 @@ extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, fl
     m[i] = mean;
     v[i] = second;
     w[i] = x;
-    a[i] += s->blend * (x - a[i]);
+    if (a) a[i] += s->blend * (x - a[i]);
 }
 
 // Where entry (r, c) of packed matrix k stands in the flat vector; rows of the table: offset, stride, transposed.

@@ -1,0 +1,166 @@
+//! A solver by its description, as a command line or an experiment's settings name it; the solver itself is made when robot and
+//! scene are known.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use nerd_model::base::Base;
+use nerd_model::folder::ModelConfig;
+use nerd_model::pick::{Setting, pick};
+use nerd_model::transformer::Architecture;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_train::device::Device;
+use nerd_train::shipped;
+
+use crate::error::Result;
+
+/// A solver with its settings.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Choice {
+    /// `articulated`.
+    Articulated(ArticulatedConfig),
+    /// `rapier`.
+    Rapier(RapierConfig),
+    /// A model.
+    Neural {
+        /// Its folder.
+        folder: PathBuf,
+        /// Name of the truth that it must have learned, if one is asked for.
+        truth: Option<String>,
+        /// Where its network is computed.
+        device: Device,
+    },
+    /// The cheapest that a scene's chart in `results/` found to be so near to a converged motion (mean |dq|, rad or m).
+    Within(f64),
+    /// One by its setting.
+    Setting(Setting),
+}
+
+impl Choice {
+    /// A model, whatever truth it learned, on the CPU.
+    pub fn model(folder: impl Into<PathBuf>) -> Self {
+        Self::Neural { folder: folder.into(), truth: None, device: Device::Cpu }
+    }
+
+    /// The solver for one scene: where a chart is to be asked, what it says.
+    ///
+    /// # Errors
+    /// If there is no such chart, or nothing on it is so near.
+    pub fn in_scene(&self, system: &System, scene: &str) -> Result<Self> {
+        let Self::Within(tolerance) = self else { return Ok(self.clone()) };
+        let picked = pick(&shipped::results(), &system.name, scene, *tolerance)?;
+        eprintln!("{}: {:.2} us a frame for {:.2e}", picked.setting, picked.microseconds, picked.error);
+        Ok(Self::Setting(picked.setting))
+    }
+
+    /// The same as a setting, where it is one.
+    pub fn setting(&self, system: &System) -> Option<Setting> {
+        match self {
+            Self::Setting(setting) => Some(setting.clone()),
+            Self::Neural { folder, .. } => Some(Setting::Neural(folder.clone())),
+            Self::Articulated(config) => {
+                let n = config.contact_substeps;
+                let known = [Setting::Accurate, Setting::Paper, Setting::Implicit(n), Setting::Euler(n), Setting::Rk4(config.substeps)];
+                known.into_iter().find(|s| s.articulated(system).as_ref() == Some(config))
+            }
+            Self::Rapier(config) if *config == RapierConfig::substeps(config.iterations) => Some(Setting::Rapier(config.iterations)),
+            Self::Rapier(config) if *config == (RapierConfig { steps: config.steps, ..RapierConfig::default() }) => {
+                Some(Setting::RapierSteps(config.steps))
+            }
+            Self::Rapier(_) | Self::Within(_) => None,
+        }
+    }
+
+    /// The solver in a table.
+    ///
+    /// # Errors
+    /// If it is a model that cannot be read.
+    pub fn title(&self, system: &System) -> Result<String> {
+        Ok(match self {
+            Self::Neural { folder, .. } => describe(&ModelConfig::read(folder)?),
+            Self::Within(tolerance) => format!("within {tolerance}"),
+            Self::Articulated(config) => self.setting(system).map_or_else(|| config_words(config), |s| s.to_string()),
+            Self::Rapier(config) => format!("rapier {}x{}", config.steps, config.iterations),
+            Self::Setting(setting) => setting.to_string(),
+        })
+    }
+
+    /// The truth that it learned, if it learned one.
+    ///
+    /// # Errors
+    /// If it is a model that cannot be read, or one of an unknown truth.
+    pub fn learned(&self) -> Result<Option<Truth>> {
+        match self {
+            Self::Neural { folder, .. } => Ok(Some(ModelConfig::truth_of(folder)?)),
+            _ => Ok(None),
+        }
+    }
+
+    /// Whether it moves as that truth does in a scene, by its settings.
+    pub fn is(&self, truth: Truth, system: &System, scene: &Scene) -> bool {
+        let ours = match self {
+            Self::Articulated(config) => Some(*config),
+            _ => self.setting(system).and_then(|setting| setting.articulated(system)),
+        };
+        let contact = system.robot.dry() || !scene.colliders.is_empty() && !system.robot.contact_points.is_empty();
+        match (ours, Setting::from(truth).articulated(system)) {
+            (Some(ours), Some(theirs)) => ours.moves_as(&theirs, contact),
+            _ => self.setting(system) == Some(truth.into()),
+        }
+    }
+
+    /// Substeps of a frame, as far as they are known before it is made.
+    pub fn substeps(&self) -> usize {
+        match self {
+            Self::Articulated(config) => config.substeps.max(config.contact_substeps),
+            Self::Rapier(config) => config.steps.saturating_mul(config.iterations),
+            Self::Setting(setting) => setting.substeps().unwrap_or(1),
+            Self::Neural { .. } | Self::Within(_) => 1,
+        }
+    }
+
+    /// Bytes that it keeps of an environment, beside the batch.
+    ///
+    /// # Errors
+    /// If it is a model that cannot be read.
+    pub fn bytes(&self) -> Result<usize> {
+        let Self::Neural { folder, .. } = self else { return Ok(0) };
+        let network = ModelConfig::read(folder)?.network;
+        // Tokens of a window, and keys and values of every layer.
+        let token = network.inputs.saturating_add(network.layers.saturating_mul(network.embedding).saturating_mul(2));
+        Ok(network.history.saturating_mul(token).saturating_mul(8))
+    }
+
+    /// Makes the solver for `n` environments of `system` in `scene`.
+    ///
+    /// # Errors
+    /// If its model cannot be read, is another robot's or another truth's, or its device is not there.
+    pub fn build(&self, system: &Arc<System>, scene: &str, n: usize) -> Result<Box<dyn Solver>> {
+        Ok(match self {
+            Self::Articulated(config) => Box::new(Articulated::new(*config)),
+            Self::Rapier(config) => Box::new(Rapier::new(*config)),
+            Self::Neural { folder, truth, device } => Box::new(device.neural(folder, system, truth.as_deref(), n)?),
+            Self::Within(_) => self.in_scene(system, scene)?.build(system, scene, n)?,
+            Self::Setting(setting) => setting.solver(system)?,
+        })
+    }
+}
+
+/// Of settings that are no [`Setting`]: a friction law, or the paper's at other substeps.
+fn config_words(config: &ArticulatedConfig) -> String {
+    let law = if config.friction == Friction::Huber { ", huber friction" } else { "" };
+    format!("articulated x{}{law}", config.contact_substeps)
+}
+
+/// Form and size of a model, for tables and legends.
+pub fn describe(model: &ModelConfig) -> String {
+    let form = match model.base {
+        Base::Flight | Base::ExactFlight => "on flight".into(),
+        Base::Draft(n) => format!("on a draft x{n}"),
+        Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain".into(),
+        Base::State | Base::Nothing => "paper's form".to_string(),
+    };
+    format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)
+}

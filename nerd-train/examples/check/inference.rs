@@ -1,0 +1,108 @@
+//! Predictions of programs, of windows and of streams, and what is refused.
+
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+use nerd_model::program::specimens::{Specimen, TOKENS, WINDOWS, networks, operations as each};
+use nerd_model::transformer::{Architecture, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights};
+use nerd_train::learner::cuda::{CudaForward, CudaProgram, CudaStream, Precision};
+
+use crate::with::{Checks, Outcome, apart, numbers, rivals, weights, windows as drawn};
+
+/// Every operation and every network against its meaning in burn: outputs, gradients by weights and by tokens. Twice, since a pass uses the
+/// memory of the one before.
+pub fn operations(checks: &mut Checks) -> Outcome {
+    for specimen in each().into_iter().chain(networks()) {
+        let Specimen { program, flat, tokens, behind, name } = &specimen;
+        let (expected, mut cuda) = (specimen.by_burn(), CudaProgram::new(program.clone(), flat, Precision::F32, WINDOWS, TOKENS)?);
+        let mut worst = 0.0f32;
+        for _ in 0..2 {
+            let said = cuda.forward(tokens)?;
+            let (by_weights, by_tokens) = cuda.backward(behind)?;
+            let off = [said, by_weights, by_tokens].iter().zip(&expected).map(|(a, b)| apart(a, b)).collect::<Vec<_>>();
+            worst = off.into_iter().fold(worst, |most, x| if x > most || x.is_nan() { x } else { most });
+        }
+        checks.demand(worst < 2e-5, format!("{name}: output and gradients {worst:.1e} from burn's"));
+    }
+    Ok(())
+}
+
+/// Predictions of windows and of their first tokens are those of the CPU; of a chain, those of all its rods.
+pub fn windows(checks: &mut Checks) -> Outcome {
+    let table = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
+    // A chain's products have kernels of their own on tensor cores, which round operands to 11 bits: 2^13 times as coarse as f32.
+    let is_chain = |config: &TransformerConfig| config.architecture == Architecture::Chain;
+    let coarse: Vec<_> = rivals().into_iter().filter(is_chain).map(|config| (config, Precision::Tf32, 1e-2)).collect();
+    let fine = rivals().into_iter().chain([table]).map(|config| (config, Precision::F32, 1e-4));
+    for (config, precision, bound) in fine.chain(coarse) {
+        let (w, mut there) = (weights(config), Vec::new());
+        let mut cuda = CudaForward::new(&w, precision, 40)?;
+        let chain = is_chain(&config);
+        // Sizes that are captured apart, and one for the second time.
+        for (count, tokens) in [(40, 10), (33, 10), (9, 6), (9, 10)].into_iter().filter(|(_, tokens)| !chain || *tokens == 10) {
+            let inputs = numbers(2, count * tokens * 37);
+            let last: Vec<u32> = (0..count).map(|w| (w * 7 % tokens) as u32).collect();
+            let here = if chain {
+                let rows: Vec<usize> = (0..count * tokens).collect();
+                let (loaded, mut memory) = (Loaded::new(config.program(), &w.flat), Memory::default());
+                there.clone_from(loaded.forward(&inputs, &mut memory, Pass::Windows(tokens, &rows)));
+                cuda.all(&inputs)?
+            } else {
+                PackedForward::new(&w).forward(&inputs, tokens, &last, &mut there)?;
+                cuda.forward(&inputs, tokens, &last)?
+            };
+            let off = apart(&here, &there);
+            let what = format!("{:?}, {precision:?}, {count} windows of {tokens}: {off:.1e} from the CPU", config.architecture);
+            checks.demand(off < bound, what);
+        }
+    }
+    Ok(())
+}
+
+/// Eighty frames of many environments, some cleared and some left out.
+pub fn streams(checks: &mut Checks) -> Outcome {
+    let config = TransformerConfig { positions: Positions::Rotary, ..TransformerConfig::paper(247, 29, 192) };
+    let (w, envs) = (weights(config), 100);
+    let (mut cuda, mut cpu) = (CudaStream::new(&w, Precision::F32, envs)?, PackedStream::new(&w));
+    let (mut a, mut b, mut worst) = (Vec::new(), Vec::new(), 0.0f32);
+    for frame in 0..80 {
+        let tokens = drawn(20 + frame as u64, config, envs, 1).x;
+        // Some now and then, some not for longer than a prediction reaches back.
+        let asked: Vec<usize> = (0..envs).filter(|env| (env + frame) % 17 != 0 && (env % 2 == 0 || !(4..70).contains(&frame))).collect();
+        if frame % 7 == 3 {
+            cuda.clear(frame);
+            cpu.clear(frame);
+        }
+        cuda.push(&tokens, &asked, &mut a)?;
+        cpu.push(&tokens, &asked, &mut b)?;
+        let off = apart(&a, &b);
+        worst = if off > worst || off.is_nan() { off } else { worst };
+    }
+    checks.demand(worst < 1e-3, format!("80 frames of {envs} environments: {worst:.1e} from the CPU"));
+    Ok(())
+}
+
+/// What has no memory on the device is refused, what is no number stays none.
+pub fn refusals(checks: &mut Checks) -> Outcome {
+    let rotary = TransformerConfig { positions: Positions::Rotary, layers: 2, ..TransformerConfig::paper(37, 4, 192) };
+    let mut stream = CudaStream::new(&weights(rotary), Precision::F32, 40)?;
+    let mut refused = |rows: usize, asked: &[usize]| stream.push(&drawn(3, rotary, rows, 1).x, asked, &mut Vec::new()).is_err();
+    checks.demand(refused(41, &[]), "41 environments in a stream for 40".into());
+    for asked in [&[1, 0][..], &[2, 2], &[40]] {
+        checks.demand(refused(40, asked), format!("environments {asked:?} of 40"));
+    }
+    let table = TransformerConfig { positions: Positions::Table, ..rotary };
+    for other in [table, TransformerConfig { architecture: Architecture::Gru, ..table }] {
+        let made = CudaStream::new(&Weights::init(other, 0), Precision::F32, 4).err().map(|e| e.to_string());
+        checks.demand(made.is_some_and(|e| e.contains("sees no windows")), format!("{:?} frame by frame", other.architecture));
+    }
+    checks.demand(CudaForward::new(&weights(rotary), Precision::F32, 4).is_err(), "windows of rotary positions".into());
+    let mut first = 0;
+    for tensor in table.tensors() {
+        let mut none = weights(table);
+        // An entry that all windows meet: of the position table the first row.
+        none.flat[first] = f32::NAN;
+        first += tensor.len();
+        let y = CudaForward::new(&none, Precision::F32, 8)?.forward(&drawn(3, table, 8, 10).x, 10, &[9; 8])?;
+        checks.demand(y.iter().any(|y| !y.is_finite()), format!("NaN in {} comes out", tensor.name));
+    }
+    Ok(())
+}

@@ -1,0 +1,47 @@
+//! Checks what runs on the graphics card at hand against the CPU: networks, training, solvers, policies.
+//!
+//! ```text
+//! cargo run --release -p nerd-train --features cuda --example check              all parts
+//! cargo run --release -p nerd-train --features cuda --example check -- PART..    some of them
+//! torchrun --no-python --nproc-per-node 2 target/release/examples/check ranks    several cards
+//! ```
+//!
+//! All checks are made; one that fails ends the program with an error.
+
+mod inference;
+mod policies;
+mod solvers;
+mod training;
+mod with;
+
+use with::{Checks, Outcome};
+
+/// A part by its name.
+type Part = (&'static str, fn(&mut Checks) -> Outcome);
+
+/// In order.
+const PARTS: [Part; 11] = [
+    ("operations", inference::operations),
+    ("windows", inference::windows),
+    ("streams", inference::streams),
+    ("refusals", inference::refusals),
+    ("gradients", training::gradients),
+    ("updates", training::updates),
+    ("chains", training::chains),
+    ("ranks", training::ranks),
+    ("solvers", solvers::solvers),
+    ("policies", policies::policies),
+    ("tasks", policies::tasks),
+];
+
+fn main() -> Outcome {
+    let names: Vec<String> = std::env::args().skip(1).collect();
+    let mut checks = Checks::default();
+    for (name, part) in PARTS.iter().filter(|(name, _)| names.is_empty() || names.iter().any(|asked| asked == name)) {
+        println!("{name}");
+        if let Err(error) = part(&mut checks) {
+            checks.demand(false, format!("{name}: {error}"));
+        }
+    }
+    checks.end()
+}

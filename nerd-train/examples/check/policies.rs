@@ -1,0 +1,140 @@
+//! PPO on the card: rollouts whose tasks are there are those of tasks on the CPU, and what is learned from them there is what the CPU learns.
+
+use std::sync::Arc;
+
+use nerd_model::pick::Setting;
+use nerd_sim::sampling::stream;
+use nerd_sim::system::System;
+use nerd_tasks::{Episodes, named, names};
+use nerd_train::device::Device;
+use nerd_train::ppo::engine::Engine;
+use nerd_train::ppo::rollout::{Rollout, Running, Taken};
+use nerd_train::ppo::update::{Adam, update};
+use nerd_train::ppo::{Activation, Arena, CudaEngine, Environments, Policy, PpoConfig, Shape, Shared};
+
+use crate::with::{Checks, Outcome, share_of_way};
+
+/// Environments, and steps of a rollout.
+const N: usize = 512;
+const HORIZON: usize = 16;
+/// Numbers that differ by more than this are apart; so many of all may be, since contact now and then falls otherwise.
+const APART: f64 = 1e-4;
+const SHARE: f64 = 0.02;
+
+/// The last minibatch of a pass is smaller; the rate is left alone, since a rounding may carry a divergence across its threshold.
+fn config() -> PpoConfig {
+    PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, epochs: 2, kl: 0.0, ..PpoConfig::default() }
+}
+
+/// Environments and what answers them on the card.
+struct Side<E> {
+    environments: E,
+    engine: CudaEngine,
+    running: Running,
+}
+
+impl<E: Environments> Side<E> {
+    fn new(environments: E, shape: &Shape) -> Outcome<Self> {
+        let running = Running::new(&environments, shape.stack);
+        Ok(Self { environments, engine: CudaEngine::new(shape, &config())?, running })
+    }
+
+    fn roll(&mut self, policy: &Policy, number: usize) -> Outcome<(Rollout, Taken)> {
+        let (law, noise) = ((HORIZON, 0.99, 0.95), (7, (number * HORIZON) as u64));
+        let taken = self.engine.roll(&mut self.environments, &mut self.running, policy, law, noise)?;
+        Ok((self.engine.rollout()?, taken))
+    }
+
+    /// How far apart, as a share of their way, weights are that card and CPU learn from the last rollout.
+    fn learn(&mut self, first: &Policy, config: &PpoConfig) -> Outcome<f64> {
+        let adam = Adam::new(first.flat.len(), 1e-3);
+        let [mut one, mut other] = [(first.clone(), adam.clone()), (first.clone(), adam)];
+        update(&mut one.0, &mut one.1, &self.engine.rollout()?, config, (5, 0));
+        self.engine.update(&mut other.0, &mut other.1, config, (5, 0))?;
+        Ok(share_of_way(&one.0.flat, &other.0.flat, &first.flat))
+    }
+}
+
+/// Episodes of which some will soon run out of time.
+fn episodes(task: &str, arena: &Arena) -> Outcome<Episodes> {
+    let mut episodes = arena.episodes(task, N, 3)?;
+    let length = episodes.task.episode_length() * episodes.task.frames();
+    let mut kept = episodes.snapshot();
+    kept.frames.iter_mut().enumerate().filter(|(env, _)| env % 5 == 0).for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));
+    episodes.restore(&kept)?;
+    Ok(episodes)
+}
+
+fn shape(episodes: &Episodes, stack: usize, activation: Activation, spread_by_state: bool) -> Shape {
+    let (observation, action) = (episodes.task.observation_dim(), episodes.task.action_dim());
+    Shape { observation, stack, action, hidden: vec![64, 32], activation, spread_by_state }
+}
+
+/// Every kind of policy learns the same on the card and on the CPU.
+pub fn policies(checks: &mut Checks) -> Outcome {
+    for (activation, spread_by_state, value_clip) in
+        [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
+    {
+        let host = episodes("cartpole-swingup", &Arena::Judge(Setting::Implicit(4)))?;
+        let shape = shape(&host, 2, activation, spread_by_state);
+        let config = PpoConfig { value_clip, entropy: 0.01, ..config() };
+        let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, &shape)?);
+        side.roll(&policy, 0)?;
+        let apart = side.learn(&policy, &config)?;
+        checks.demand(apart < 1e-2, format!("{activation:?}: weights {apart:.1e} of their way from those that the CPU learns"));
+    }
+    Ok(())
+}
+
+/// Tasks on the card, in a model and in articulated dynamics; and a run that goes on from a snapshot.
+pub fn tasks(checks: &mut Checks) -> Outcome {
+    for name in names() {
+        let task = named(name)?;
+        if task.kernels(&*System::named(task.robot())?, 1).is_ok() {
+            let folder = std::path::Path::new("models").join(task.robot());
+            task_alike(checks, name, &Arena::Model { folder, device: Device::Cuda })?;
+            task_alike(checks, name, &Arena::Card(Setting::Implicit(4)))?;
+        }
+    }
+    Ok(())
+}
+
+fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
+    let host = episodes(task, arena)?;
+    let shape = shape(&host, if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu, false);
+    let policy = Policy::new(shape.clone(), &mut stream(8, 0));
+    let on_card = Shared::new(episodes(task, arena)?, N, &Arc::default())?;
+    let (mut cpu, mut gpu) = (Side::new(host, &shape)?, Side::new(on_card, &shape)?);
+    let title = format!("{task} on {}", arena.title()?);
+    for number in 0..2 {
+        let ((one, told), (other, said)) = (cpu.roll(&policy, number)?, gpu.roll(&policy, number)?);
+        let wide = |numbers: &[f32]| numbers.iter().copied().map(f64::from).collect::<Vec<f64>>();
+        let shares = [
+            share(&one.observations, &other.observations),
+            share(&wide(&one.actions), &wide(&other.actions)),
+            share(&one.values, &other.values),
+            share(&one.advantages, &other.advantages),
+            share(&cpu.running.stack.rows, &gpu.running.stack.rows),
+        ];
+        let near = told.ended.len().abs_diff(said.ended.len()) as f64 <= 1.0 + SHARE * told.ended.len() as f64;
+        let what = format!("{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:.1e?} of them apart");
+        checks.demand(said.solver_seconds.is_some() && near && shares.iter().all(|share| *share <= SHARE), what);
+    }
+    let apart = gpu.learn(&policy, &config())?;
+    checks.demand(apart < 1e-2, format!("{title}: weights {apart:.1e} of their way from those that the CPU learns"));
+    let mut again = Shared::new(arena.episodes(task, N, 3)?, N, &Arc::default())?;
+    again.restore(&gpu.environments.snapshot()?)?;
+    let mut other = Side { running: gpu.running.clone(), ..Side::new(again, &shape)? };
+    let (gone_on, begun_again) = (gpu.roll(&policy, 2)?.0, other.roll(&policy, 2)?.0);
+    let (share, exact) = (share(&gone_on.observations, &begun_again.observations), matches!(arena, Arena::Card(_)));
+    let same = gone_on.observations == begun_again.observations;
+    checks.demand(share <= SHARE && (same || !exact), format!("{title}, gone on from a snapshot: {share:.1e} apart"));
+    Ok(())
+}
+
+/// Share of the numbers that are apart.
+fn share(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let off = a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs()));
+    off.filter(|x| x.is_nan() || *x > APART).count() as f64 / a.len().max(1) as f64
+}

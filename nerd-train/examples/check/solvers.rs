@@ -1,0 +1,131 @@
+//! Solvers whose batch stays on the card: that they move as on the CPU, and that harm to one environment, a full memory or too large a robot
+//! ends in a line.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_model::pick::Setting;
+use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use nerd_train::device::{Device, resident};
+use nerd_train::learner::cuda::Precision;
+
+use crate::with::{Checks, Outcome, largest};
+
+/// Environments of a robot, from random starts.
+fn batch(system: &Arc<System>, scene: &str, n: usize) -> Outcome<Batch> {
+    let mut batch = Batch::new(system, &system.scene(scene)?, n);
+    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(3, env as u64))));
+    Ok(batch)
+}
+
+/// Torques of a frame; of a cable its gripper's alone.
+fn torques(batch: &Batch, frame: usize) -> Vec<f64> {
+    let joints = batch.system.robot.joint_count();
+    let (driven, size) = if joints > 20 { (6, 0.5) } else { (joints, 5.0) };
+    let torque = |k: usize| if k % joints.max(1) < driven { size * ((k + 31 * frame) as f64 * 0.7).sin() } else { 0.0 };
+    (0..batch.len() * joints).map(torque).collect()
+}
+
+pub fn solvers(checks: &mut Checks) -> Outcome {
+    let (ant, lead) = (System::named("ant")?, System::named("lead-pegs")?);
+    let (full, short) = (Precision::F32, Precision::Tf32);
+    // The last: how far from the CPU the median environment may be after thirty frames. Where an edge is met a motion may part; most do not.
+    // TF32 rounds 2^13 times as coarsely.
+    for (setting, precision, system, scene, most) in [
+        (Setting::Accurate, full, &ant, "ground", 1e-4),
+        (Setting::Neural("models/ant".into()), full, &ant, "ground", 1e-4),
+        (Setting::Neural("models/lead-pegs".into()), full, &lead, "pegs", 0.05),
+        (Setting::Neural("models/lead-pegs".into()), short, &lead, "pegs", 0.1),
+        (Setting::Implicit(4), full, &lead, "pegs", 1e-2),
+    ] {
+        let new = || resident(&setting, system, Real::F64, precision);
+        let (mut one, mut all, mut cpu) = (batch(system, scene, 64)?, batch(system, scene, 64)?, batch(system, scene, 64)?);
+        let (mut stepped, mut own) = (new()?, setting.solver(system)?);
+        let frames: Vec<Vec<f64>> = (0..30).map(|frame| torques(&one, frame)).collect();
+        for torques in &frames {
+            stepped.step(&mut one, torques)?;
+            own.step(&mut cpu, torques)?;
+        }
+        new()?.roll(&mut all, &frames.concat(), 30)?;
+        let name = format!("{setting}, {precision:?}");
+        checks
+            .demand(one.states == all.states && one.frames == all.frames, format!("{name}: frames one by one and in a row, the same bits"));
+        let d = system.robot.state_dim();
+        let mut apart: Vec<f64> = one.states.chunks(d).zip(cpu.states.chunks(d)).map(|(a, b)| largest(a, b)).collect();
+        apart.sort_by(f64::total_cmp);
+        checks.demand(apart[32] < most, format!("{name}: {:.1e} from the CPU in the median of 64, {:.1e} at most", apart[32], apart[63]));
+
+        let (mut sound, mut harmed) = (batch(system, scene, 64)?, batch(system, scene, 64)?);
+        harmed.states[41 * d + 9] = f64::NAN;
+        new()?.step(&mut sound, &frames[0])?;
+        let said = new()?.step(&mut harmed, &frames[0]).err().map_or_else(String::new, |e| e.to_string());
+        let others = |b: &Batch| [&b.states[..41 * d], &b.states[42 * d..]].concat();
+        checks
+            .demand(said.contains("environment 41") && others(&sound) == others(&harmed), format!("{name}: one that is no number: {said}"));
+
+        let begin = batch(system, scene, 64)?.state(3).to_vec();
+        one.reset(3, &begin);
+        stepped.reset(3);
+        let (mut fresh, mut other) = (batch(system, scene, 64)?, new()?);
+        for torques in &frames[..3] {
+            stepped.step(&mut one, torques)?;
+            other.step(&mut fresh, torques)?;
+        }
+        checks.demand(one.state(3) == fresh.state(3), format!("{name}: an environment that begins anew, the bits of a fresh one"));
+    }
+    refused(checks, &ant)?;
+    // A cube has no torques to send.
+    let cube = System::named("cube")?;
+    let (mut there, mut here, config) = (batch(&cube, "ground", 4)?, batch(&cube, "ground", 4)?, ArticulatedConfig::accurate(&cube));
+    CudaArticulated::new(config, Real::F64).roll(&mut there, &[], 3)?;
+    let mut solver = Articulated::new(config);
+    (0..3).try_for_each(|_| solver.step(&mut here, &[]))?;
+    let off = largest(&there.states, &here.states);
+    checks.demand(off < 1e-9, format!("cubes, three frames: {off:.1e} from the CPU"));
+    // Hills have no kernels: the network alone is on the device.
+    let (mut there, mut here) = (batch(&ant, "hills", 100)?, batch(&ant, "hills", 100)?);
+    for (device, batch) in [(Device::Cuda, &mut there), (Device::Cpu, &mut here)] {
+        let mut solver = device.neural(Path::new("models/ant"), &ant, None, 100)?;
+        (0..3).try_for_each(|frame| solver.step(batch, &torques(batch, frame)))?;
+    }
+    let off = largest(&there.states, &here.states);
+    checks.demand(off < 1e-4, format!("hills, by the network alone: {off:.1e} from the CPU after 3 frames"));
+    Ok(())
+}
+
+/// A device whose memory others have, and a robot that no thread has room for.
+fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
+    let device = nerd_cuda::Device::open(0, "", &[])?;
+    let (mut taken, mut piece) = (Vec::new(), 1usize << 34);
+    while piece > 1 << 16 {
+        match device.zeros::<u8>(piece) {
+            Ok(memory) => taken.push(memory),
+            Err(_) => piece /= 2,
+        }
+    }
+    let mut many = batch(ant, "ground", 2000)?;
+    let torques = torques(&many, 0);
+    let mut step = || CudaArticulated::new(ArticulatedConfig::accurate(ant), Real::F64).step(&mut many, &torques).err();
+    let said = step().map_or_else(String::new, |e| e.to_string());
+    drop(taken);
+    checks.demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| said.contains(word)), format!("a full memory: {said}"));
+    checks.demand(step().is_none(), "and once there is room".into());
+
+    let link = |k: usize| {
+        format!(
+            r#"<link name="l{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+            <joint name="j{k}" type="revolute"><parent link="{}"/><child link="l{k}"/><axis xyz="0 1 0"/>
+            <limit lower="-3" upper="3" effort="1" velocity="9"/></joint>"#,
+            if k == 0 { "base".into() } else { format!("l{}", k - 1) }
+        )
+    };
+    let text = format!(r#"<robot name="chain"><link name="base"/>{}</robot>"#, (0..400).map(link).collect::<String>());
+    let system = Arc::new(System::bare("chain", &text, false)?);
+    let mut solver = CudaArticulated::new(ArticulatedConfig::accurate(&system), Real::F32);
+    let said =
+        solver.step(&mut Batch::new(&system, &system.scene("free")?, 2), &[0.0; 800]).err().map_or_else(String::new, |e| e.to_string());
+    checks.demand(said.contains("too large") && !said.contains('\n'), format!("400 joints: {said}"));
+    Ok(())
+}

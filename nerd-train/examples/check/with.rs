@@ -1,0 +1,101 @@
+//! What is checked with: numbers, windows, weights, distances.
+
+use std::error::Error;
+
+use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
+use nerd_train::learner::LearnerConfig;
+use nerd_train::windows::{Windows, draw};
+
+pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+
+/// What has been found so far.
+#[derive(Default)]
+pub struct Checks {
+    failed: usize,
+}
+
+impl Checks {
+    pub fn demand(&mut self, right: bool, what: String) {
+        println!("{} {what}", if right { "  " } else { "NO" });
+        self.failed += usize::from(!right);
+    }
+
+    pub fn end(self) -> Outcome {
+        if self.failed == 0 { Ok(()) } else { Err(format!("{} checks failed", self.failed).into()) }
+    }
+}
+
+/// Uniform in +-1, a hash of `i`.
+pub fn noise(stream: u64, i: usize) -> f32 {
+    (draw(stream, 0, i as u64, 1 << 24) as f32 / (1 << 23) as f32) - 1.0
+}
+
+/// So many of them.
+pub fn numbers(stream: u64, n: usize) -> Vec<f32> {
+    (0..n).map(|i| noise(stream, i)).collect()
+}
+
+/// Largest difference, as a share of 1 or of the number; NaN if there is one.
+pub fn largest(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+}
+
+/// The same of f32, as a share of the largest number.
+pub fn apart(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    let scale = b.iter().fold(1e-3f32, |m, x| m.max(x.abs()));
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / scale).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+}
+
+/// How far `a` is from `b`, as a share of the way of `b` from `first`.
+pub fn share_of_way(a: &[f32], b: &[f32], first: &[f32]) -> f64 {
+    let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+    norm(a, b) / norm(b, first)
+}
+
+/// Random inputs; the targets mix the present and the previous token, so that attention has something to find.
+pub fn windows(stream: u64, config: TransformerConfig, trajectories: usize, frames: usize) -> Windows {
+    let (i, o) = (config.inputs, config.outputs);
+    let x = numbers(stream, trajectories * frames * i);
+    let y = (0..trajectories * frames * o).map(|k| {
+        let (token, c) = (k / o, k % o);
+        let before = if token % frames == 0 { 0.0 } else { x[(token - 1) * i + c % i] };
+        x[token * i + c % i] + 0.5 * (2.0 * before).sin() - x[token * i] * x[token * i + i - 1]
+    });
+    Windows { inputs: i, outputs: o, frames, history: config.sequence(), y: y.collect(), x }
+}
+
+/// Weights with no entry at a special value (zero biases, unit norms).
+pub fn weights(config: TransformerConfig) -> Weights {
+    let mut w = Weights::init(config, 1);
+    w.flat.iter_mut().enumerate().for_each(|(i, x)| *x += 0.05 * noise(7, i));
+    w
+}
+
+pub fn settings(batch: usize) -> LearnerConfig {
+    LearnerConfig { batch, clip: 1.0, average: 0.999, seed: 5, huber: None, optimizer: Default::default() }
+}
+
+fn rival(architecture: Architecture, embedding: usize, outputs: usize) -> TransformerConfig {
+    TransformerConfig { architecture, layers: 2, heads: 1, ..TransformerConfig::paper(37, outputs, embedding) }
+}
+
+/// One of each, of odd widths where they can be; a chain.
+pub fn rivals() -> [TransformerConfig; 4] {
+    let [mlp, gru, lstm] = [(Architecture::Mlp, 51), (Architecture::Gru, 45), (Architecture::Lstm, 40)].map(|(of, e)| rival(of, e, 4));
+    [mlp, gru, lstm, TransformerConfig { layers: 8, block: 10, ..rival(Architecture::Chain, 48, 6) }]
+}
+
+/// Shapes with a table and without, wide heads and narrow ones, a band narrower than the sequence, more outputs than lanes; rivals, one
+/// with more outputs than its head has room for; a chain.
+pub fn shapes() -> Vec<TransformerConfig> {
+    let paper = TransformerConfig::paper;
+    let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };
+    let small = TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) };
+    let wide = paper(37, 4, 192);
+    let narrow = rotary(TransformerConfig { heads: 3, ..small }, 20);
+    let all = [wide, paper(6, 14, 384), small, rotary(wide, 32), rotary(wide, 55), rotary(paper(37, 4, 384), 64), narrow];
+    let transformers = all.map(|c| TransformerConfig { layers: c.layers.min(3), ..c });
+    transformers.into_iter().chain(rivals()).chain([TransformerConfig { history: 3, ..rival(Architecture::Mlp, 30, 600) }]).collect()
+}

@@ -1,0 +1,252 @@
+//! [`CudaChainLearner`]: updates of a chain's network through many frames, on the device.
+//!
+//! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last frame on,
+//! `loss and look -> network -> what was said -> network back -> frame back`: activations are made once more in place of being kept. All of it
+//! is one captured graph. The host draws where rollouts begin, and is told which are near enough to be carried on.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use nerd_cuda::Arg::{Double, Int, Long, Ptr};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
+use nerd_model::chain::{Chain, INPUTS, numbers};
+use nerd_model::program::Slot;
+use nerd_model::program::cpu::Loaded;
+use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::articulated::{ArticulatedConfig, Friction};
+use nerd_sim::system::System;
+
+use super::course::{BETA, Course};
+use super::data::Motions;
+use super::device::{ROLLOUT, row, unroll_program};
+use super::draw::draws;
+use super::judge::missed;
+use super::loss::Loss;
+use super::view::View;
+use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
+use crate::ranks::Ranks;
+use crate::windows::Windows;
+
+const KERNELS: [&str; 9] = [
+    "unroll_truths",
+    "unroll_begin",
+    "unroll_look",
+    "unroll_advance",
+    "unroll_behind",
+    "unroll_said",
+    "unroll_back",
+    "unroll_add",
+    "unroll_total",
+];
+const END: &str = "unroll_end";
+/// Recorded states that are sent at a time.
+const SENT: usize = 1 << 16;
+
+/// Trains a chain's network on motions, as [`super::ChainLearner`] does.
+pub struct CudaChainLearner {
+    chain: Chain,
+    config: LearnerConfig,
+    course: Course,
+    mine: Range<usize>,
+    /// Where the last update ended; a run that is gone on with begins all of them anew.
+    ended: Vec<Option<(usize, usize, View)>>,
+    step: u64,
+    way: Way,
+    optimiser: Optimiser,
+    replay: Replay,
+}
+
+/// What rollouts go through, on the device.
+struct Way {
+    network: Network,
+    frames: usize,
+    weight: f64,
+    motions: Recorded,
+    rollouts: Buffer<f64>,
+    /// `[frame][rollout]`.
+    chains: Buffer<f64>,
+    /// Slopes by them, and normals and gaps of a frame.
+    behinds: Buffer<f64>,
+    touches: Buffer<f64>,
+    by_tokens: Buffer<f32>,
+    of_frame: Buffer<f32>,
+    losses: Buffer<f64>,
+    nears: Buffer<i32>,
+}
+
+impl CudaChainLearner {
+    /// Continues `state` as one of `ranks`.
+    ///
+    /// # Errors
+    /// If no motion is as long as a rollout, a scene or the network has no kernels, or the device fails.
+    pub fn new(
+        system: &Arc<System>,
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        course: Course,
+        ranks: &Ranks,
+    ) -> Result<Self, LearnError> {
+        let mismatch = |e: &dyn std::fmt::Display| LearnError::Mismatch(e.to_string());
+        let chain = Chain::of(system).map_err(|e| mismatch(&e))?;
+        config.check().map_err(|e| mismatch(&e))?;
+        course.check()?;
+        let Course { train, scale, frames, .. } = &course;
+        let mine = ranks.part(config.batch);
+        let plan = Plan::of(&state.weights.config, chain.rods)?;
+        let mut network = Network::new(nerd_cuda::ordinal(), plan, mine.len(), precision, true)?;
+        let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
+        let loss = Loss::new(scale, course.velocity, *frames);
+        network.device.add(&unroll_program(&chain, scale, &loss, system, colliders), &[&KERNELS[..], &[END]].concat())?;
+        let d = &network.device;
+        let sums = joined(ranks, d)?;
+        let optimiser = Optimiser::new(d, config, &state, BETA[1], sums)?;
+        let (n, wide) = (mine.len(), numbers(&chain));
+        let way = Way {
+            frames: *frames,
+            weight: 1.0 / (config.batch * frames) as f64,
+            motions: Recorded::on(d, system, &chain, train, colliders)?,
+            rollouts: d.zeros(n * ROLLOUT)?,
+            chains: d.zeros((frames + 1) * n * wide)?,
+            behinds: d.zeros(n * wide)?,
+            touches: d.zeros(n * 4 * chain.rods)?,
+            by_tokens: d.zeros(n * chain.rods * INPUTS)?,
+            of_frame: d.zeros(optimiser.weights.len)?,
+            losses: d.zeros(n)?,
+            nears: d.zeros(n)?,
+            network,
+        };
+        Ok(Self { chain, config, course, ended: vec![None; n], mine, step: state.step, way, optimiser, replay: Replay::default() })
+    }
+
+    /// Where this update's rollouts begin: the host's numbers of each.
+    fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
+        let (frames, through) = (self.way.frames, self.course.train.frames);
+        let draws = draws(&self.chain, &self.course.train, frames, self.config.seed, self.step, self.mine.clone());
+        // Single frames are learned from the truth alone.
+        let mut nears = vec![0; self.ended.len()];
+        if frames > 1 {
+            self.way.network.device.read(&self.way.nears, &mut nears)?;
+        }
+        let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
+        for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
+            let kept = ended.filter(|(_, frame, _)| near != 0 && !draw.anew && frame + frames <= through);
+            let (motion, frame, view) = kept.unwrap_or((draw.motion, draw.frame, draw.view));
+            rows.extend(row(motion, frame, kept.is_none(), &view));
+            *ended = Some((motion, frame + frames, view));
+        }
+        Ok(rows)
+    }
+
+    fn all(&self) -> Result<(), LearnError> {
+        self.way.pass(&self.optimiser)?;
+        let d = &self.way.network.device;
+        self.optimiser.sum(d)?;
+        self.optimiser.update(d, 1.0)
+    }
+}
+
+/// Motions in the device's memory.
+struct Recorded {
+    frames: usize,
+    chains: Buffer<f64>,
+    /// Of the gripper.
+    torques: Buffer<f64>,
+    scenes: Buffer<f64>,
+}
+
+impl Recorded {
+    fn on(d: &Device, system: &System, chain: &Chain, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+        let count = motions.len() * (motions.frames + 1);
+        let truths = d.zeros(count * numbers(chain))?;
+        let states = motions.states();
+        let width = states.len() / count.max(1);
+        for (i, part) in states.chunks(SENT * width).enumerate() {
+            let (sent, rows) = (d.upload(part)?, part.len() / width);
+            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * numbers(chain))), Long(rows as u64)];
+            d.launch("unroll_truths", (rows.div_ceil(64), 1), (64, 1), 0, &args)?;
+            d.wait()?;
+        }
+        let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..6].iter().copied());
+        let torques: Vec<f64> = (0..motions.len()).flat_map(torques).collect();
+        let (settings, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { colliders, ..Reach::default() });
+        let mut scenes = Vec::new();
+        for scene in &motions.scenes {
+            scenes.extend(record(scene, system, &settings, reach).map_err(LearnError::Mismatch)?);
+        }
+        Ok(Self { frames: motions.frames, chains: truths, torques: d.upload(&torques)?, scenes: d.upload(&scenes)? })
+    }
+}
+
+impl Way {
+    /// A block for each rollout, told the rollouts and the motions first.
+    fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+        let Recorded { frames, chains, torques, scenes } = &self.motions;
+        let world = [self.rollouts.ptr, chains.ptr, torques.ptr, scenes.ptr].map(Ptr);
+        self.each(kernel, &[&world[..], &[Int(*frames)], args].concat())
+    }
+
+    fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+        let threads = self.network.plan.tokens.next_multiple_of(32).min(128);
+        self.network.device.launch(kernel, (self.network.rows, 1), (threads, 1), 0, args)
+    }
+
+    /// The gradient of an update, and behind it the loss.
+    fn pass(&self, optimiser: &Optimiser) -> Result<(), DeviceError> {
+        let (net, d, n) = (&self.network, &self.network.device, self.network.rows);
+        let (w, all) = (optimiser.weights.ptr, &optimiser.gradients);
+        let [chains, tokens, said, behinds, touches] =
+            [self.chains.ptr, net.at(Slot(0)), net.predictions().ptr, self.behinds.ptr, self.touches.ptr].map(Ptr);
+        self.along("unroll_begin", &[chains, Int(self.frames)])?;
+        net.fold(w)?;
+        for k in 0..self.frames {
+            self.along("unroll_look", &[chains, Int(k), tokens])?;
+            net.predict(w, n, None)?;
+            self.along("unroll_advance", &[chains, Int(k), said])?;
+        }
+        self.along(END, &[chains, Int(self.frames), Ptr(self.nears.ptr)])?;
+        for k in (0..self.frames).rev() {
+            let later = self.frames - 1 - k;
+            let heard = [Double(self.weight), behinds, Ptr(self.losses.ptr), tokens, touches];
+            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &heard].concat())?;
+            net.windows(w, n)?;
+            self.each("unroll_said", &[chains, Int(k), said, behinds, Ptr(net.slope())])?;
+            net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
+            self.along("unroll_back", &[chains, Int(k), said, touches, Ptr(self.by_tokens.ptr), behinds])?;
+            let p = self.of_frame.len;
+            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
+            d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
+        }
+        d.launch("unroll_total", (1, 1), (256, 1), 0, &[Ptr(self.losses.ptr), Int(n), Ptr(all.at(self.of_frame.len))])
+    }
+}
+
+impl Learner for CudaChainLearner {
+    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+        let rows = self.drawn()?;
+        self.way.network.device.write(&self.way.rollouts, &rows)?;
+        self.optimiser.set_lr(&self.way.network.device, lr)?;
+        self.step += 1;
+        self.replay.run(&self.way.network.device, "update", (), || self.all())
+    }
+
+    fn replace(&mut self, _: usize, _: &Windows) -> Result<(), LearnError> {
+        Err(LearnError::Mismatch("a chain learns from motions, no windows can take their places".into()))
+    }
+
+    fn progress(&mut self) -> Result<Progress, LearnError> {
+        self.optimiser.progress(&self.way.network.device)
+    }
+
+    /// As [`super::ChainLearner`]'s, on the CPU.
+    fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
+        let weights = self.state()?;
+        let network = Loaded::new(weights.weights.config.program(), &weights.average);
+        Ok(missed(&self.chain, &self.course.validation, &network, &self.course.scale, frames) as f32)
+    }
+
+    fn state(&mut self) -> Result<LearnerState, LearnError> {
+        self.optimiser.state(&self.way.network.device)
+    }
+}

@@ -1,0 +1,117 @@
+//! Models and solvers whose frames are on a graphics card.
+
+use std::sync::Arc;
+
+use nerd_model::folder::Model;
+use nerd_model::pick::Setting;
+use nerd_model::transformer::{Architecture, Stream, Weights};
+use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
+use nerd_sim::batch::Batch;
+use nerd_sim::solver::{Capabilities, Solver, StepError};
+use nerd_sim::system::System;
+
+use crate::chain::chain;
+use crate::error::{Error, Result};
+use crate::learner::cuda::{Precision, neural, stream};
+
+pub(super) fn network(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
+    Ok(stream(weights, Precision::F32, envs)?)
+}
+
+/// A model as a solver whose whole frames are on the device. What is not the network of a chain has 64 bits, whatever is asked for. The error
+/// says what of the model has no kernel.
+fn whole(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>, String> {
+    Ok(match model.config.network.architecture {
+        Architecture::Chain => Box::new(chain(model, system, precision)?),
+        _ => Box::new(neural(model, system, real, precision)?),
+    })
+}
+
+/// A solver at one setting whose batch stays on a GPU.
+///
+/// # Errors
+/// A solver that has no kernels; those of [`Model::load`].
+pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
+    if let Setting::Neural(folder) = setting {
+        let whole = whole(Model::load(folder, system, None)?, system, real, precision);
+        return whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())));
+    }
+    let config = setting.articulated(system).ok_or_else(|| Error::Refused(format!("{setting} has no kernels; step it on the CPU")))?;
+    Ok(Box::new(CudaArticulated::new(config, real)))
+}
+
+/// A model as a solver: whole frames on the device, or `alone` where that has no kernels for them.
+pub(super) fn frames(
+    model: Model,
+    system: &Arc<System>,
+    alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
+) -> Result<Box<dyn Solver>> {
+    let is_chain = model.config.network.architecture == Architecture::Chain;
+    match whole(model, system, Real::F32, Precision::F32) {
+        Ok(whole) => {
+            let rest = if is_chain { "all is on the CPU" } else { "the network alone is on the card" };
+            Ok(Box::new(WithFallback { whole, stepped: false, alone: Some(Box::new(alone)), rest, fallback: None }))
+        }
+        Err(why) => {
+            eprintln!("{why}");
+            alone()
+        }
+    }
+}
+
+/// Makes a solver when it is needed.
+type Make = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
+
+/// Whole frames on the card, until a batch asks for what has no kernels (a scene with hills, say): from there on the network alone is there, or
+/// of a chain nothing.
+struct WithFallback {
+    whole: Box<dyn Roll>,
+    /// Whether whole frames went well.
+    stepped: bool,
+    /// Makes the fallback, once.
+    alone: Option<Make>,
+    /// What that is, in words.
+    rest: &'static str,
+    fallback: Option<Box<dyn Solver>>,
+}
+
+impl Solver for WithFallback {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        if let Some(fallback) = &mut self.fallback {
+            return fallback.step(batch, torques);
+        }
+        let why = match self.whole.step(batch, torques) {
+            Err(StepError::Refused(why)) => why,
+            // A robot too large for the card is known when its kernels are made.
+            Err(StepError::Solver(why)) if !self.stepped => why,
+            done => {
+                self.stepped = true;
+                return done;
+            }
+        };
+        // What asks too much of the solver on the card may do so of every one; then that one says it.
+        let Some(alone) = self.alone.take() else { return Err(StepError::Refused(why)) };
+        let mut fallback = alone().map_err(|e| StepError::Solver(format!("{why}; without kernels: {e}")))?;
+        let done = fallback.step(batch, torques);
+        if !matches!(done, Err(StepError::Refused(_))) {
+            eprintln!("from now on {}: {why}", self.rest);
+        }
+        self.fallback = Some(fallback);
+        done
+    }
+
+    fn reset(&mut self, env: usize) {
+        match &mut self.fallback {
+            Some(fallback) => fallback.reset(env),
+            None => self.whole.reset(env),
+        }
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.fallback.as_ref().map_or_else(|| self.whole.capabilities(), |fallback| fallback.capabilities())
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        if self.fallback.is_some() { None } else { self.whole.resident() }
+    }
+}

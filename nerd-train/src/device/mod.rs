@@ -1,0 +1,153 @@
+//! Where networks are computed, and models as solvers there.
+
+#[cfg(feature = "cuda")]
+mod card;
+
+use std::path::Path;
+use std::sync::Arc;
+
+#[cfg(feature = "cuda")]
+pub use card::resident;
+use nerd_model::folder::Model;
+use nerd_model::neural::Neural;
+use nerd_model::pick::learned;
+use nerd_model::transformer::{Architecture, Stream, Weights};
+use nerd_sim::solver::Solver;
+use nerd_sim::system::System;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, refuse};
+
+/// Where networks are computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Device {
+    /// The CPU.
+    #[default]
+    Cpu,
+    /// An NVIDIA GPU (feature `cuda`).
+    Cuda,
+    /// The CPU through burn (feature `burn`).
+    Flex,
+    /// Any card that Vulkan, Metal or DirectX drives, through burn (feature `wgpu`).
+    Wgpu,
+}
+
+impl std::fmt::Display for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(Self::WORDS[*self as usize])
+    }
+}
+
+impl Device {
+    /// Their names, as serde has them.
+    pub const WORDS: &[&str] = &["cpu", "cuda", "flex", "wgpu"];
+
+    /// Refuses a device that this build or machine does not have.
+    pub(crate) fn check(self) -> Result<()> {
+        let (there, feature) = match self {
+            Self::Cpu => return Ok(()),
+            Self::Cuda => (cfg!(feature = "cuda"), "cuda"),
+            Self::Flex => (cfg!(feature = "burn"), "burn"),
+            Self::Wgpu => (cfg!(feature = "wgpu"), "wgpu"),
+        };
+        if !there {
+            refuse!("--device {self} needs a build with `--features {feature}`");
+        }
+        #[cfg(feature = "burn")]
+        if self != Self::Cuda {
+            self.burn()?;
+        }
+        Ok(())
+    }
+
+    /// That of burn.
+    #[cfg(feature = "burn")]
+    pub(crate) fn burn(self) -> Result<nerd_model::BurnDevice> {
+        #[cfg(feature = "wgpu")]
+        if self == Self::Wgpu {
+            use burn::tensor::{DeviceKind, DeviceType};
+            if nerd_model::BurnDevice::enumerate(DeviceType::Wgpu).is_empty() {
+                refuse!("--device wgpu finds no card: install a driver of Vulkan, Metal or DirectX (Mesa's lavapipe is one for the CPU)");
+            }
+            return Ok(nerd_model::BurnDevice::wgpu(DeviceKind::DefaultDevice));
+        }
+        Ok(nerd_model::BurnDevice::flex())
+    }
+
+    /// A network on this device, for so many environments.
+    ///
+    /// # Errors
+    /// If this build or machine has no such device, or it computes no such network.
+    pub fn network(self, weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
+        self.check()?;
+        match self {
+            Self::Cpu => Ok(nerd_model::transformer::packed(weights)),
+            Self::Cuda if weights.config.architecture == Architecture::Chain => {
+                refuse!("--device cuda computes a chain in whole frames only")
+            }
+            #[cfg(feature = "cuda")]
+            Self::Cuda => card::network(weights, envs),
+            #[cfg(feature = "burn")]
+            Self::Flex | Self::Wgpu => {
+                use nerd_model::transformer::{BurnForward, Windowed};
+                Ok(Box::new(Windowed::new(BurnForward::new(weights, &self.burn()?), weights.config)))
+            }
+            #[cfg(not(all(feature = "cuda", feature = "burn")))]
+            _ => refuse!("this build has no --device {self} for {envs} environments"),
+        }
+    }
+
+    /// The model of a folder as a solver of `system` for so many environments; one of `truth`, if that is named.
+    ///
+    /// # Errors
+    /// Those of [`Model::load`] and [`Self::network`].
+    pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
+        self.solver(Model::load(folder, system, truth)?, system, envs, |network| network)
+    }
+
+    /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network,
+    /// around which `wrap` may put something.
+    ///
+    /// # Errors
+    /// Those of [`Self::network`].
+    pub fn solver(
+        self,
+        model: Model,
+        system: &Arc<System>,
+        envs: usize,
+        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream> + Send + 'static,
+    ) -> Result<Box<dyn Solver>> {
+        #[cfg(feature = "cuda")]
+        if self == Self::Cuda {
+            let (own, of) = (model.clone(), system.clone());
+            return card::frames(model, system, move || self.alone(own, &of, envs, wrap));
+        }
+        self.alone(model, system, envs, wrap)
+    }
+
+    /// A model whose network alone is on this device; of a chain that is on the CPU, too.
+    fn alone(
+        self,
+        model: Model,
+        system: &Arc<System>,
+        envs: usize,
+        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
+    ) -> Result<Box<dyn Solver>> {
+        if model.config.network.architecture == Architecture::Chain {
+            return Ok(learned(model, system)?);
+        }
+        let network = self.network(&model.weights, envs)?;
+        Ok(Box::new(Neural::new(model, system, wrap(network))))
+    }
+}
+
+/// The articulated truth on a GPU, in 64 bits.
+pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
+    let config = nerd_sim::articulated::ArticulatedConfig::accurate(system);
+    #[cfg(feature = "cuda")]
+    return Box::new(nerd_sim::articulated::device::CudaArticulated::new(config, nerd_sim::articulated::device::Real::F64));
+    // What needs a card was refused before.
+    #[cfg(not(feature = "cuda"))]
+    Box::new(nerd_sim::articulated::Articulated::new(config))
+}

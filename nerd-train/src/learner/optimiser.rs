@@ -1,0 +1,107 @@
+//! The optimiser of training and PPO on flat vectors: global-norm clip, Adam, moving average of the weights.
+//!
+//! With t the update counted from 1 and g the clipped gradient,
+//! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `w -= lr (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`,
+//! then `a += blend (w - a)`. Entries are independent, so the result does not depend on the number of threads.
+
+use rayon::prelude::*;
+
+use super::{LearnerConfig, LearnerState, Optimizer, muon};
+
+/// Betas of training.
+const BETA: [f64; 2] = [0.9f32 as f64, 0.999f32 as f64];
+const EPSILON: f32 = 1e-8;
+/// Entries one task handles: four vectors of this length fit in a second-level cache.
+const CHUNK: usize = 1 << 14;
+
+/// Global norm `|g|`, summed in f64.
+pub fn norm(gradient: &[f32]) -> f32 {
+    // Partial sums over fixed chunks, added in order: the same bits on any number of threads.
+    let parts: Vec<f64> = gradient.par_chunks(CHUNK).map(|c| c.iter().map(|&g| f64::from(g) * f64::from(g)).sum()).collect();
+    parts.iter().sum::<f64>().sqrt() as f32
+}
+
+/// Share of their distance by which the averaged weights follow the weights after update `step`, counted from 0: the
+/// average's decay d is `(1 + s) / (10 + s)` while that is below `average`; from then on sixteen updates are taken at
+/// once, since in f32 an average stops wherever `blend |w - a|` is below half a unit of its last place: at d = 0.9999
+/// every update, 6e-4 of a weight away from it, which is more than a well-trained network bears.
+pub fn blend(average: f64, step: u64) -> f32 {
+    let growing = (1.0 + step as f64) / (10.0 + step as f64);
+    match (step + 1) % 16 {
+        _ if growing < average => (1.0 - growing) as f32,
+        0 => (1.0 - average.powi(16)) as f32,
+        _ => 0.0,
+    }
+}
+
+/// One update of Adam.
+pub(crate) struct Adam {
+    decay: [f32; 2],
+    gain: [f32; 2],
+    rate: f32,
+    root: f32,
+    scale: f32,
+}
+
+impl Adam {
+    /// Update `t`, counted from 1, by a gradient of norm `norm` that is clipped to `most`.
+    pub fn new(beta: [f64; 2], t: u64, rate: f64, norm: f32, most: f32) -> Self {
+        let corrections = beta.map(|b| 1.0 - b.powf(t as f64));
+        Self {
+            decay: beta.map(|b| b as f32),
+            gain: beta.map(|b| (1.0 - b) as f32),
+            rate: (rate / corrections[0]) as f32,
+            root: corrections[1].powf(-0.5) as f32,
+            scale: clip(norm, most),
+        }
+    }
+
+    /// Makes it of these weights and moments.
+    pub fn step(&self, [w, m, v]: [&mut [f32]; 3], gradient: &[f32]) {
+        let Self { decay, gain, rate, root, scale } = *self;
+        for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
+            let g = g * scale;
+            *m = decay[0] * *m + gain[0] * g;
+            *v = decay[1] * *v + gain[1] * g * g;
+            *w -= rate * *m / (v.sqrt() * root + EPSILON);
+        }
+    }
+}
+
+/// What a gradient of this norm is multiplied by.
+fn clip(norm: f32, most: f32) -> f32 {
+    (most / (norm + 1e-6)).min(1.0)
+}
+
+/// Clips `gradient` (of norm `norm`) to `config.clip`, makes one update of `state` and counts it: Adam for all
+/// entries, or for those that Muon leaves.
+///
+/// # Panics
+/// If `gradient` is shorter than the weights.
+pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
+    step_by(BETA, state, gradient, norm, lr, config);
+}
+
+/// [`step`] with other betas.
+pub(crate) fn step_by(beta: [f64; 2], state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
+    let adam = Adam::new(beta, state.step + 1, lr.into(), norm, config.clip);
+    let blend = blend(config.average, state.step);
+    assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
+    let mine = match config.optimizer {
+        Optimizer::Adam => Vec::from([std::ops::Range { start: 0, end: state.weights.flat.len() }]),
+        Optimizer::Muon => {
+            muon::step(state, (gradient, adam.scale), lr, blend);
+            muon::others(&state.weights.config)
+        }
+    };
+    for range in mine {
+        let weights = state.weights.flat[range.clone()].par_chunks_mut(CHUNK);
+        let moments = state.m[range.clone()].par_chunks_mut(CHUNK).zip(state.v[range.clone()].par_chunks_mut(CHUNK));
+        let averages = state.average[range.clone()].par_chunks_mut(CHUNK);
+        weights.zip(moments).zip(averages).zip(gradient[range].par_chunks(CHUNK)).for_each(|(((w, (m, v)), a), g)| {
+            adam.step([&mut *w, m, v], g);
+            a.iter_mut().zip(&*w).for_each(|(a, w)| *a += blend * (w - *a));
+        });
+    }
+    state.step += 1;
+}

@@ -1,0 +1,132 @@
+//! Records of a run, one JSON object a line, appended while it goes on: `metrics.jsonl`, how it learns, and `sessions.jsonl`, which of its
+//! updates or iterations took how long where.
+//!
+//! Every line of metrics has a `step`, the number of updates done when it was written. A run that continues from `step` updates first drops
+//! the lines it is going to write again (those with a larger `step`), so a file never has two versions of one step, however often the run
+//! was stopped.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use nerd_sim::files::{Claim, claim, share};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::provenance::machine;
+
+/// A folder that this process alone writes.
+///
+/// # Errors
+/// If another one does.
+pub fn claimed(folder: &Path) -> Result<Claim> {
+    claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
+}
+
+/// A folder that processes write together.
+pub(crate) fn shared(folder: &Path) -> Result<Claim> {
+    share(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
+}
+
+/// An open record.
+#[derive(Debug)]
+pub struct Record {
+    path: PathBuf,
+    file: File,
+}
+
+impl Record {
+    /// Opens or creates the metrics of the run in a folder that has done `step` updates, and drops the lines beyond, and one that was cut
+    /// short by a killed process.
+    ///
+    /// # Errors
+    /// If the file cannot be read or written.
+    pub fn metrics(folder: &Path, step: u64) -> Result<Self> {
+        let path = folder.join("metrics.jsonl");
+        if path.exists() {
+            let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
+            let of = |line: &str| serde_json::from_str::<serde_json::Value>(line).ok()?.get("step")?.as_u64();
+            let kept: String = text.lines().filter(|l| of(l).is_some_and(|s| s <= step)).flat_map(|l| [l, "\n"]).collect();
+            nerd_sim::files::write(&path, kept.as_bytes()).map_err(Error::file(&path))?;
+        }
+        Self::append(path)
+    }
+
+    fn append(path: PathBuf) -> Result<Self> {
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(Error::file(&path))?;
+        Ok(Self { path, file })
+    }
+
+    /// Appends one line.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&mut self, line: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string(line).map_err(Error::format(&self.path))?;
+        self.file.write_all(format!("{text}\n").as_bytes()).map_err(Error::file(&self.path))
+    }
+}
+
+/// A time that a run went on for.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Session {
+    /// Updates or iterations done before.
+    pub first: u64,
+    /// And after.
+    pub last: u64,
+    /// Time between.
+    pub seconds: f64,
+    /// Where.
+    pub machine: String,
+    /// On what.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub spent: String,
+}
+
+fn sessions(out: &Path) -> PathBuf {
+    out.join("sessions.jsonl")
+}
+
+impl Session {
+    /// Appends a session to the record of the run in `out`.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn log(out: &Path, first: u64, last: u64, seconds: f64, spent: &str) -> Result<()> {
+        let path = sessions(out);
+        let cut = std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|b| *b != b'\n'));
+        let mut record = Record::append(path)?;
+        if cut {
+            record.file.write_all(b"\n").map_err(Error::file(&record.path))?;
+        }
+        record.write(&Self { first, last, seconds, machine: machine(), spent: spent.into() })
+    }
+
+    /// The sessions of the run in `out`. A line that was cut short by a killed process is left out, with a line that says so.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn all(out: &Path) -> Result<Vec<Self>> {
+        let path = sessions(out);
+        let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
+        let mut all = Vec::new();
+        for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty()) {
+            match serde_json::from_str(line) {
+                Ok(session) => all.push(session),
+                Err(e) => eprintln!("{}, line {}: {e}; the minutes of that session are not counted", path.display(), number + 1),
+            }
+        }
+        Ok(all)
+    }
+
+    /// Whether the run has any.
+    pub fn any(out: &Path) -> bool {
+        sessions(out).exists()
+    }
+
+    /// Minutes of all of them, and the machine of the last one.
+    pub fn sum(all: &[Self]) -> (String, String) {
+        let seconds: f64 = all.iter().map(|s| s.seconds).sum();
+        (format!("{:.1}", seconds / 60.0), all.last().map(|s| s.machine.clone()).unwrap_or_default())
+    }
+}

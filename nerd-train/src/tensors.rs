@@ -1,0 +1,101 @@
+//! The file that runs keep their state in: named vectors as one safetensors file, and words beside them.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use nerd_model::transformer::TensorSpec;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+use crate::error::{Error, Result};
+
+/// Vectors and words, to be written or as they were read.
+#[derive(Default)]
+pub(crate) struct Tensors {
+    path: PathBuf,
+    parts: BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>)>,
+    words: HashMap<String, String>,
+}
+
+impl Tensors {
+    pub fn put_f32(&mut self, name: impl Into<String>, shape: &[usize], x: &[f32]) {
+        self.parts.insert(name.into(), (Dtype::F32, shape.into(), x.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    pub fn put_f64(&mut self, name: impl Into<String>, x: impl IntoIterator<Item = f64>) {
+        let bytes: Vec<u8> = x.into_iter().flat_map(f64::to_le_bytes).collect();
+        self.parts.insert(name.into(), (Dtype::F64, vec![bytes.len() / 8], bytes));
+    }
+
+    pub fn put_u64(&mut self, name: impl Into<String>, x: &[u64]) {
+        self.parts.insert(name.into(), (Dtype::U64, vec![x.len()], x.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    /// All tensors of a network, from its flat vector.
+    pub fn put_network(&mut self, tensors: &[TensorSpec], mut flat: &[f32]) {
+        for tensor in tensors {
+            let entries;
+            (entries, flat) = flat.split_at(tensor.len());
+            self.put_f32(&tensor.name, &tensor.shape, entries);
+        }
+    }
+
+    pub fn put_word(&mut self, name: &str, text: impl Into<String>) {
+        self.words.insert(name.into(), text.into());
+    }
+
+    /// Writes the file, whole or not at all.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        let views = self.parts.iter().map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
+        let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::format(path))?;
+        let bytes = safetensors::serialize(views, Some(self.words.clone())).map_err(Error::format(path))?;
+        nerd_sim::files::write(path, &bytes).map_err(Error::file(path))
+    }
+
+    /// Reads a file.
+    pub fn open(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(Error::file(path))?;
+        let mut file = Self { path: path.into(), ..Self::default() };
+        let wrong = |e: safetensors::SafeTensorError| file.wrong(e.to_string());
+        let words = SafeTensors::read_metadata(&bytes).map_err(wrong)?.1.metadata().clone().unwrap_or_default();
+        let tensors = SafeTensors::deserialize(&bytes).map_err(wrong)?;
+        let part = |(name, view): (String, TensorView)| (name, (view.dtype(), view.shape().to_vec(), view.data().to_vec()));
+        file.parts = tensors.tensors().into_iter().map(part).collect();
+        file.words = words;
+        Ok(file)
+    }
+
+    /// An error about the file.
+    pub fn wrong(&self, reason: impl std::fmt::Display) -> Error {
+        Error::Format { path: self.path.clone(), reason: format!("no training checkpoint: {reason}") }
+    }
+
+    pub fn word(&self, name: &str) -> Result<&str> {
+        self.words.get(name).map(String::as_str).ok_or_else(|| self.wrong(format!("no `{name}` in its metadata")))
+    }
+
+    /// Numbers of this kind, so many of them if a length is given.
+    fn numbers<const N: usize, T>(&self, name: &str, kind: Dtype, length: Option<usize>, read: fn([u8; N]) -> T) -> Result<Vec<T>> {
+        let (dtype, shape, bytes) = self.parts.get(name).ok_or_else(|| self.wrong(format!("no `{name}`")))?;
+        if *dtype != kind || length.is_some_and(|n| n != shape.iter().product::<usize>()) {
+            return Err(self.wrong(format!("`{name}` is {dtype:?} {shape:?}, expected {kind:?} {length:?}")));
+        }
+        Ok(bytes.as_chunks().0.iter().map(|b| read(*b)).collect())
+    }
+
+    pub fn f32(&self, name: &str, length: Option<usize>) -> Result<Vec<f32>> {
+        self.numbers(name, Dtype::F32, length, f32::from_le_bytes)
+    }
+
+    pub fn f64(&self, name: &str, length: Option<usize>) -> Result<Vec<f64>> {
+        self.numbers(name, Dtype::F64, length, f64::from_le_bytes)
+    }
+
+    pub fn u64(&self, name: &str, length: Option<usize>) -> Result<Vec<u64>> {
+        self.numbers(name, Dtype::U64, length, u64::from_le_bytes)
+    }
+
+    /// The flat vector of a network with these tensors.
+    pub fn network(&self, tensors: &[TensorSpec]) -> Result<Vec<f32>> {
+        Ok(tensors.iter().map(|tensor| self.f32(&tensor.name, Some(tensor.len()))).collect::<Result<Vec<_>>>()?.concat())
+    }
+}

@@ -1,0 +1,137 @@
+//! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
+
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said, numbers};
+use nerd_model::device::padded;
+use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::dataset::GenerateConfig;
+use nerd_sim::prelude::*;
+use nerd_train::chain::device::{row, unroll_program};
+use nerd_train::chain::{Loss, Motions, View, join, scales};
+
+use crate::cpp;
+
+const ROLLOUTS: usize = 24;
+/// Frame whose loss is counted, counted from 0; the share of it that the program takes, too.
+const FRAME: usize = 3;
+const WEIGHT: f64 = 0.7;
+
+fn flat(rods: &Rods) -> Vec<f64> {
+    let vectors = rods.along.iter().chain(&rods.rates).flat_map(|v| [v.x, v.y, v.z]);
+    rods.gripper.numbers().chain(vectors).collect()
+}
+
+/// Numbers about 0 of about this size, always the same.
+fn some(n: usize, size: f64) -> Vec<f64> {
+    (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
+}
+
+/// The larger of two; what is no number is the worst.
+fn worse(most: f64, off: f64) -> f64 {
+    if off <= most { most } else { off }
+}
+
+/// Largest difference, as a share of the largest of the expected numbers or of 1.
+fn apart(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));
+    found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest).fold(0.0, worse)
+}
+
+#[test]
+fn kernels_roll_out_and_back_as_the_cpu_does() {
+    let Some(compiler) = cpp::compiler() else {
+        println!("skipped: no compiler of C++ on this machine");
+        return;
+    };
+    let system = System::named("lead-pegs").expect("built in");
+    let chain = Chain::of(&system).expect("a chain");
+    let config = GenerateConfig { transitions: 6 * 60, frames: 60, seed: 3, ..GenerateConfig::default() };
+    let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
+    let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
+    let (normalizer, velocity) = scales(&chain, &motions);
+    let scale = ChainSolver::scale(&normalizer).expect("a chain's");
+    let loss = Loss::new(&scale, velocity, 16);
+    let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
+    let place = tempfile::tempdir().expect("a folder");
+    let made = cpp::compile(compiler, &unroll_program(&chain, &scale, &loss, &system, colliders), place.path(), "unroll");
+
+    let starts: Vec<(usize, usize, View)> = (0..ROLLOUTS).map(|k| (k % 6, 2 * k, View::new(0.4 * k as f64, k % 2 == 0))).collect();
+    let said: Vec<f32> = some(ROLLOUTS * chain.rods * OUTPUTS, 0.3).into_iter().map(|x| x as f32).collect();
+    let by_tokens: Vec<f32> = some(ROLLOUTS * chain.rods * INPUTS, 0.01).into_iter().map(|x| x as f32).collect();
+    let behinds = some(ROLLOUTS * numbers(&chain), 5.0);
+    let head = [ROLLOUTS, motions.len(), motions.frames, FRAME];
+    let mut input: Vec<u8> = head.iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
+    let rows = starts.iter().flat_map(|(motion, frame, view)| row(*motion, *frame, true, view));
+    let (all, settings) = (0..motions.len(), ArticulatedConfig::implicit(1, Friction::Coulomb));
+    let states = all.clone().flat_map(|i| (0..=motions.frames).flat_map(|k| motions.state(i, k).to_vec()).collect::<Vec<_>>());
+    let torques = all.flat_map(|i| (0..motions.frames).flat_map(|k| motions.torques(i, k)[..6].to_vec()).collect::<Vec<_>>());
+    let reach = Reach { colliders, ..Reach::default() };
+    let scenes = motions.scenes.iter().flat_map(|scene| record(scene, &system, &settings, reach).expect("a scene with kernels"));
+    input.extend(rows.chain(states).chain(torques).chain(scenes).flat_map(f64::to_le_bytes));
+    input.extend(said.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
+    input.extend(behinds.iter().flat_map(|x| x.to_le_bytes()));
+    let output = cpp::talk(&made, input);
+    let mut at = 0;
+    let mut next = |count: usize, bytes: usize| {
+        at += count * bytes;
+        &output[at - count * bytes..at]
+    };
+    let doubles = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<_>>();
+    let floats = |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect::<Vec<_>>();
+    let (wide, tokens_wide, said_wide) = (numbers(&chain), chain.rods * padded(INPUTS), chain.rods * OUTPUTS);
+    let (before, after) = (doubles(next(ROLLOUTS * wide, 8)), doubles(next(ROLLOUTS * wide, 8)));
+    let (tokens, judged) = (floats(next(ROLLOUTS * tokens_wide, 4)), doubles(next(2 * ROLLOUTS, 8)));
+    let (slopes, by_said, fronts) =
+        (doubles(next(ROLLOUTS * wide, 8)), floats(next(ROLLOUTS * said_wide, 4)), doubles(next(ROLLOUTS * wide, 8)));
+
+    let (mut worst, mut touching) = ([0.0f64; 7], 0);
+    for (i, (motion, frame, view)) in starts.into_iter().enumerate() {
+        let truth = |k: usize| view.rods(&chain, &chain.rods(motions.state(motion, frame + k)));
+        let (own, torques) = (truth(FRAME), view.torques(&chain, motions.torques(motion, frame + FRAME)));
+        let look = Look::at(&chain, &own, &torques, |place| view.contact(&chain, &motions.scenes[motion], place));
+        let mut told = Vec::new();
+        look.tokens(&chain, &own, &mut told);
+        touching += told.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
+        let of_said = Said { numbers: &said[i * said_wide..][..said_wide], scale: &scale };
+        let moved = chain.advance(&own, &look.glided, of_said);
+        let mut behind = Rods::zeros(chain.rods);
+        let given = &behinds[i * wide..][..wide];
+        behind.gripper.numbers_mut().zip(given).for_each(|(x, g)| *x = *g);
+        let vectors = behind.along.iter_mut().chain(&mut behind.rates).flat_map(|v| v.iter_mut());
+        vectors.zip(&given[12..]).for_each(|(x, g)| *x = *g);
+        let mut all = Rods::zeros(chain.rods);
+        let cost = loss.of(&chain, (&moved, &truth(FRAME + 1)), FRAME + 1, WEIGHT, &mut all);
+        join(&mut all, &behind, 1 + i);
+        let mut front = Rods::zeros(chain.rods);
+        let wanted = chain.advance_back(&own, of_said, &all, &mut front);
+        let mut glided = look.tokens_back(&chain, &own, &by_tokens[i * chain.rods * INPUTS..][..chain.rods * INPUTS], &mut front);
+        glided.numbers_mut().zip(all.gripper.numbers()).for_each(|(x, g)| *x += g);
+        let led = chain.glide_back(&glided);
+        front.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+
+        let seen: Vec<f64> =
+            tokens[i * tokens_wide..][..tokens_wide].chunks(padded(INPUTS)).flat_map(|token| token[..INPUTS].to_vec()).collect();
+        let told: Vec<f64> = told.into_iter().map(f64::from).collect();
+        let wanted: Vec<f64> = wanted.into_iter().map(f64::from).collect();
+        let [a, b, c, d] = [&before, &after, &slopes, &fronts].map(|all| &all[i * wide..][..wide]);
+        let found = [
+            apart(a, &flat(&own)),
+            apart(b, &flat(&moved)),
+            apart(&seen, &told),
+            apart(&judged[2 * i..][..1], &[cost]),
+            apart(c, &flat(&all)),
+            apart(&by_said[i * said_wide..][..said_wide], &wanted),
+            apart(d, &flat(&front)),
+        ];
+        worst.iter_mut().zip(found).for_each(|(worst, found)| *worst = worse(*worst, found));
+        let nodes = |rods: &Rods| chain.nodes(rods)[0].clone();
+        let mean = nodes(&moved).iter().zip(nodes(&truth(FRAME + 1))).map(|(a, b)| (a - b).norm()).sum::<f64>() / chain.rods as f64;
+        assert_eq!(judged[2 * i + 1] != 0.0, mean <= 0.03, "rollout {i} is {mean} m off");
+    }
+    println!(
+        "{touching} ends of rods near a surface; before, after, tokens, loss, its slopes, by what is said, by the chain: {worst:?} off"
+    );
+    let exact = [worst[0], worst[1], worst[3], worst[4], worst[6]].into_iter().fold(0.0, f64::max);
+    assert!(touching > 100 && exact < 1e-9 && worst[2].max(worst[5]) < 1e-6, "{touching}, {worst:?}");
+    assert_eq!(at, output.len());
+}

@@ -1,0 +1,125 @@
+//! What runs is what was trained: led along a recorded trajectory, the learned solver predicts what the training pass does over the
+//! tokens that training makes of the same recording. Also where it is not asked for long, in flight: those frames are tokens in
+//! training, so they are in a rollout. Weights are random. Bound: the network's f32, in units of its targets' deviations.
+
+use std::sync::Arc;
+
+use nerd_core::dynamics::Data;
+use nerd_core::state::wrap_state;
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::folder::Model;
+use nerd_model::neural::Neural;
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+use nerd_model::transformer::{Positions, TransformerConfig};
+use nerd_sim::dataset::{GenerateConfig, Recording, record};
+use nerd_sim::prelude::*;
+use nerd_sim::scene::contacts;
+use nerd_train::prepare::{moments, tokens};
+use nerd_train::windows::Windows;
+
+use crate::common::unlearned;
+
+const FRAMES: usize = 40;
+
+fn recorded(system: &Arc<System>) -> Recording {
+    let config = GenerateConfig { frames: FRAMES, resets: 1.0, seed: 3, ..Default::default() };
+    let mut truth = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
+    record(system, &mut truth, &config, 0, 6).expect("recorded")
+}
+
+fn model(system: &Arc<System>, base: Base, positions: Positions, windows: &Windows) -> Model {
+    let paper = TransformerConfig::paper(windows.inputs, windows.outputs, 24);
+    let network = TransformerConfig { layers: 3, heads: 4, history: 6, block: FRAMES, positions, ..paper };
+    unlearned(system, base, network, moments(windows))
+}
+
+/// Predictions of the training pass `[frame][outputs]` for the normalised tokens of one trajectory.
+fn trained(model: &Model, x: &[f32]) -> Vec<f32> {
+    let c = model.config.network;
+    let network = Loaded::new(c.program(), &model.weights.flat);
+    let pass = |x: &[f32]| network.forward(x, &mut Memory::default(), Pass::Kept(x.len() / c.inputs)).clone();
+    match c.positions {
+        Positions::Rotary => pass(x),
+        // Windows of h tokens, of which the newest counts.
+        Positions::Table => (0..FRAMES)
+            .flat_map(|frame| {
+                let y = pass(&x[(frame + 1).saturating_sub(c.history) * c.inputs..(frame + 1) * c.inputs]);
+                y[y.len() - c.outputs..].to_vec()
+            })
+            .collect(),
+    }
+}
+
+/// Largest difference over all frames in which the solver asks its network, in deviations of the targets; and their number.
+fn apart(robot: &str, scene: &str, base: Base, positions: Positions) -> (f64, usize, usize) {
+    let system = System::named(robot).expect("built in");
+    let recording = recorded(&system);
+    let mut windows = tokens(&system, &recording, 1, base).expect("tokens");
+    windows.history = 6;
+    let model = model(&system, base, positions, &windows);
+    nerd_train::prepare::normalize(&mut windows, &model.normalizer);
+    let (d, joints, n) = (system.robot.state_dim(), system.robot.joint_count(), recording.trajectories);
+    let mut solver = Neural::on_cpu(model.clone(), &system);
+    let mut flight = base.flight(&system);
+    let mut draft = base.draft(&system).transpose().expect("a draft");
+    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    let mut features = Features::new(&system, base);
+    let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), n);
+    let scale: Vec<f64> = model.normalizer.outputs.scale().collect();
+    let expected: Vec<Vec<f32>> = windows.x.chunks_exact(FRAMES * windows.inputs).map(|x| trained(&model, x)).collect();
+    let (mut worst, mut asked, mut silent) = (0.0f64, 0, 0);
+    for frame in 0..FRAMES {
+        let before: Vec<f64> = (0..n).flat_map(|t| recording.states[(t * (FRAMES + 1) + frame) * d..][..d].to_vec()).collect();
+        let torques: Vec<f64> = (0..n).flat_map(|t| recording.torques[(t * FRAMES + frame) * joints..][..joints].to_vec()).collect();
+        batch.states.copy_from_slice(&before);
+        solver.step(&mut batch, &torques).expect("finite");
+        let mut bases = match &mut flight {
+            Some(flight) => flight.step(&before, &batch.scenes, &torques).expect("flies").to_vec(),
+            None => before.clone(),
+        };
+        if let Some(draft) = &mut draft {
+            for (env, state) in bases.chunks_exact_mut(d).enumerate() {
+                let (scene, tau) = (&batch.scenes[env], &torques[env * joints..][..joints]);
+                contacts(&system.robot, scene, state, &mut data, &mut events);
+                draft.step(&system, &scene.gravity, &events, tau, state).expect("drafted");
+            }
+        }
+        for env in 0..n {
+            let (state, from) = (&before[env * d..][..d], &bases[env * d..][..d]);
+            if base.flies() && from == batch.state(env) {
+                silent += 1;
+                continue;
+            }
+            asked += 1;
+            let moments = scale.iter().zip(&model.normalizer.outputs.mean);
+            let change = expected[env][frame * d..].iter().zip(moments);
+            let change: Vec<f64> = change.map(|(y, (s, m))| f64::from(*y) * s + m).collect();
+            let mut wanted = vec![0.0; d];
+            features.apply(state, from, &change, &mut wanted);
+            wrap_state(&system.robot, &mut wanted);
+            let gaps = wanted.iter().zip(batch.state(env)).zip(&scale);
+            worst = gaps.map(|((a, b), s)| (a - b).abs() / s).fold(worst, f64::max);
+        }
+    }
+    (worst, asked, silent)
+}
+
+#[test]
+fn a_rollout_predicts_what_the_training_pass_predicts() {
+    for positions in [Positions::Table, Positions::Rotary] {
+        for (robot, scene, base) in [
+            ("cartpole", "free", Base::State),
+            ("cube", "ground", Base::State),
+            ("cube", "ground", Base::Flight),
+            ("cartpole", "free", Base::Draft(2)),
+            ("cube", "ground", Base::Draft(1)),
+            ("ant", "ground", Base::Draft(2)),
+        ] {
+            let (worst, asked, silent) = apart(robot, scene, base, positions);
+            println!("{robot} on {base:?}, {positions:?}: {worst:.1e} deviations over {asked} predictions, {silent} frames of flight");
+            assert!(asked > 60 && (silent > 30 || !base.flies()), "{robot}: {asked} asked, {silent} not");
+            assert!(worst < 5e-4, "{robot} on {base:?}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Tokens are seen from the robot, wherever it stands, and from no other robot's data.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::state::vector;
+use nerd_model::base::Base;
+use nerd_model::form::Form;
+use nerd_sim::dataset::{GenerateConfig, Recording, generate, read_shard, record, write_shard};
+use nerd_sim::prelude::*;
+use nerd_train::prepare::{read, tokens};
+
+fn recorded(system: &Arc<System>) -> Recording {
+    let config = GenerateConfig { transitions: 320, frames: 20, ..Default::default() };
+    record(system, &mut *Truth::Articulated.solver(system), &config, 0, 16).unwrap()
+}
+
+/// The same motion on the same ground, elsewhere.
+fn moved(system: &System, here: &Recording, by: Vector3<f64>) -> Recording {
+    let (mut there, nq) = (here.clone(), system.robot.nq());
+    for state in there.states.chunks_exact_mut(system.robot.state_dim()) {
+        let (q, qd) = state.split_at_mut(nq);
+        q[..3].iter_mut().zip(&by).for_each(|(p, by)| *p += by);
+        // The velocity of the body's point at the world's origin.
+        let v = by.cross(&vector(&qd[..3]));
+        qd[3..6].iter_mut().zip(&v).for_each(|(x, v)| *x += v);
+    }
+    there.points.chunks_exact_mut(3).for_each(|p| p.iter_mut().zip(&by).for_each(|(p, by)| *p += by));
+    there
+}
+
+#[test]
+fn a_robot_100_km_away_is_seen_as_the_one_at_the_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    for robot in ["ant", "cube"] {
+        let system = System::named(robot).unwrap();
+        let here = recorded(&system);
+        let touching = here.depths.iter().filter(|d| **d < 0.1).count();
+        assert!(touching > 50, "{robot}: {touching} points near the ground, too few to tell");
+        // The Ant's ground is x-z, the cube's x-y.
+        let by = if robot == "ant" { Vector3::new(1e5, 0.0, -1e5) } else { Vector3::new(1e5, -1e5, 0.0) };
+        let path = folder.path().join(robot);
+        write_shard(&path, &moved(&system, &here, by), &Default::default()).unwrap();
+        let there = read_shard(&path).unwrap().0;
+        for form in [Form::default(), Base::Flight.into(), Base::Draft(2).into()] {
+            let (a, b) = (tokens(&system, &here, 1, form).unwrap(), tokens(&system, &there, 1, form).unwrap());
+            // f64 rounds 1e5 m to 1.5e-11 m and the spin's part of v, 1e5 w, likewise: all below the rounding of the tokens.
+            let gap = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f32::max);
+            let (x, y) = (gap(&a.x, &b.x), gap(&a.y, &b.y));
+            assert!(x < 1e-6 && y < 1e-6, "{robot}, {form:?}: tokens {x:.1e}, targets {y:.1e} apart");
+        }
+    }
+}
+
+#[test]
+fn data_of_another_system_are_refused_with_both_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (urdf, toml) = (include_str!("../../../nerd-sim/assets/cartpole.urdf"), include_str!("../../../nerd-sim/assets/cartpole.toml"));
+    let of = |toml: &str| Arc::new(System::from_text("cartpole", urdf, Some(toml)).unwrap());
+    let system = of(toml);
+    let config = GenerateConfig { transitions: 60, frames: 10, shard_trajectories: 4, ..Default::default() };
+    let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+    generate(&system, &mut truth, "paper", &config, folder.path(), &mut |_, _| ()).unwrap();
+    let refused =
+        |system: &Arc<System>, truth: &str| read(system, truth, folder.path(), 1, Form::default()).map(|_| ()).unwrap_err().to_string();
+    assert!(read(&system, "paper", folder.path(), 1, Form::default()).is_ok());
+    let lighter = of(&toml.replacen("armature = 0.01", "armature = 0.02", 1));
+    let error = refused(&lighter, "paper");
+    assert!(error.contains(&system.robot_sha256()) && error.contains(&lighter.robot_sha256()) && error.contains("masses"), "{error}");
+    let error = refused(&of(&toml.replacen("torque = 1500.0", "torque = 1.0", 1)), "paper");
+    assert!(error.contains(&system.sha256()) && error.contains("driven"), "{error}");
+    assert!(refused(&system, "rapier").contains("`paper`, not `rapier`"));
+    // A shard of another system among the right ones.
+    let path = folder.path().join("shard-00001.safetensors");
+    let (recording, mut header) = read_shard(&path).unwrap();
+    header.insert("system_sha256".into(), lighter.sha256());
+    write_shard(&path, &recording, &header).unwrap();
+    let error = refused(&system, "paper");
+    assert!(error.contains("shard-00001") && error.contains(&lighter.sha256()), "{error}");
+}

@@ -1,0 +1,133 @@
+//! Checkpoints, records, schedule and draws.
+
+use std::io::Error;
+
+use nerd_model::transformer::{Storage, TransformerConfig};
+use nerd_sim::files::write_with;
+use nerd_train::checkpoint::{load, save};
+use nerd_train::learner::LearnerConfig;
+use nerd_train::records::Record;
+use nerd_train::schedule::Schedule;
+use nerd_train::trainer::TrainerConfig;
+use nerd_train::windows::draw;
+
+use crate::common::{LEARNER, NETWORK, fresh};
+
+#[test]
+fn an_interrupted_write_leaves_the_old_file_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("last.safetensors");
+    save(&path, &fresh(), "{}").unwrap();
+    let error = write_with(&path, |file| file.write_all(b"half").and(Err(Error::other("disk full")))).unwrap_err();
+    assert!(error.to_string().contains("disk full"), "{error}");
+    assert_eq!(load(&path, &NETWORK).unwrap().0, fresh());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    assert!(save(&path.join("below-a-file.safetensors"), &fresh(), "{}").is_err());
+}
+
+#[test]
+fn what_is_no_checkpoint_of_this_network_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("last.safetensors");
+    assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("last.safetensors"));
+    save(&path, &fresh(), "{}").unwrap();
+    let wide = TransformerConfig { embedding: 32, ..NETWORK };
+    let error = load(&path, &wide).unwrap_err().to_string();
+    assert!(error.contains("\"embedding\":16") && error.contains("\"embedding\":32"), "{error}");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("no training checkpoint"));
+    std::fs::write(&path, fresh().weights.to_bytes(Default::default(), Storage::F32).unwrap()).unwrap();
+    assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("`network`"));
+}
+
+#[test]
+fn a_reopened_record_drops_what_will_be_written_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("metrics.jsonl");
+    let line = |step: u64| serde_json::json!({ "kind": "validation", "step": step, "criterion": 1.0 });
+    let mut metrics = Record::metrics(folder.path(), 0).unwrap();
+    (1..=5).for_each(|step| metrics.write(&line(step)).unwrap());
+    drop(metrics);
+    std::fs::write(&path, std::fs::read_to_string(&path).unwrap() + "{\"kind\":\"tra").unwrap();
+    Record::metrics(folder.path(), 3).unwrap().write(&line(4)).unwrap();
+    let steps: Vec<u64> = std::fs::read_to_string(&path)
+        .unwrap()
+        .lines()
+        .map(|l| serde_json::from_str::<serde_json::Value>(l).unwrap()["step"].as_u64().unwrap())
+        .collect();
+    assert_eq!(steps, [1, 2, 3, 4]);
+}
+
+#[test]
+fn schedule_values() {
+    let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
+    let paper = Schedule::default();
+    close(paper.rate(0, 1000), 1e-3);
+    close(paper.rate(500, 1000), 5.5e-4);
+    close(paper.rate(999, 1000), 1.009e-4);
+    let both = Schedule { warmup: 10, tail: 100, ..paper };
+    close(both.rate(0, 1000), 1e-4);
+    close(both.rate(450, 1000), 5.5e-4);
+    close(both.rate(900, 1000), 1e-4);
+    close(both.rate(999, 1000), 1e-6);
+    close(both.rate(2000, 1000), 0.0);
+}
+
+#[test]
+fn settings_out_of_their_ranges_are_refused_by_name() {
+    let trainer = TrainerConfig::default();
+    let schedule = |start: f64, end: f64| TrainerConfig { schedule: Schedule { start, end, ..trainer.schedule }, ..trainer };
+    trainer.check().expect("the paper's");
+    schedule(1e-3, 0.0).check().expect("a rate that falls to 0");
+    let cases = [
+        (TrainerConfig { updates: 0, ..trainer }, "`updates` is 0"),
+        (TrainerConfig { updates: u64::MAX, ..trainer }, "`updates`"),
+        (TrainerConfig { validation_windows: 0, ..trainer }, "`validation_windows`"),
+        (schedule(-1.0, 0.0), "`rate` is -1"),
+        (schedule(0.0, 0.0), "`rate` is 0, it must be above 0"),
+        (schedule(f64::NAN, 0.0), "`rate` is NaN"),
+        (schedule(f64::INFINITY, 0.0), "`rate` is inf"),
+        (schedule(1e-3, -1e-9), "`last_rate`"),
+    ];
+    for (config, words) in cases {
+        let said = config.check().expect_err(words).to_string();
+        assert!(said.contains(words), "{said} does not say {words}");
+    }
+    let learner = LEARNER;
+    learner.check().expect("usual");
+    let cases = [
+        (LearnerConfig { batch: 0, ..learner }, "`batch` is 0"),
+        (LearnerConfig { batch: usize::MAX, ..learner }, "`batch`"),
+        (LearnerConfig { average: 1.0, ..learner }, "`average` is 1, it must be at least 0 and below 1"),
+        (LearnerConfig { average: f64::NAN, ..learner }, "`average`"),
+        (LearnerConfig { clip: 0.0, ..learner }, "`clip`"),
+        (LearnerConfig { huber: Some(f32::NAN), ..learner }, "`huber`"),
+        (LearnerConfig { huber: Some(0.0), ..learner }, "`huber`"),
+    ];
+    for (config, words) in cases {
+        let said = config.check().expect_err(words).to_string();
+        assert!(said.contains(words), "{said} does not say {words}");
+    }
+}
+
+#[test]
+fn unknown_keys_are_errors() {
+    let known: TrainerConfig = serde_json::from_str(r#"{"updates": 10, "schedule": {"end": 1e-5}}"#).unwrap();
+    assert_eq!((known.updates, known.schedule.start, known.schedule.end), (10, 1e-3, 1e-5));
+    assert!(serde_json::from_str::<TrainerConfig>(r#"{"epochs": 10}"#).is_err());
+    assert!(serde_json::from_str::<TrainerConfig>(r#"{"schedule": {"decay": 1}}"#).is_err());
+}
+
+/// Chi-square over 91 windows and 512 x 400 draws: mean 90, standard deviation 13.4.
+#[test]
+fn draws_are_uniform_and_a_function_of_seed_step_and_row() {
+    let mut counts = [0u32; 91];
+    (0..400).for_each(|step| (0..512).for_each(|row| counts[draw(1, step, row, 91) as usize] += 1));
+    let expected = 400.0 * 512.0 / 91.0;
+    let chi2: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
+    assert!((40.0..150.0).contains(&chi2), "chi-square {chi2:.1} of 90 degrees of freedom");
+    assert_eq!(draw(1, 2, 3, 1000), draw(1, 2, 3, 1000));
+    let same = (0..1000).filter(|&row| draw(1, 2, row, 1000) == draw(2, 2, row, 1000)).count();
+    assert!(same < 10, "{same} of 1000 rows equal under another seed");
+}

@@ -1,0 +1,8 @@
+//! Learners: gradients, updates, and that a run which is stopped and continued is the unbroken one.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod files;
+mod gradients;
+mod resume;
+mod updates;
