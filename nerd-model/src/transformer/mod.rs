@@ -12,7 +12,6 @@ mod windows;
 pub use self::burn::BurnForward;
 pub use crate::program::config::{Architecture, MOST_PARAMETERS, Positions, TransformerConfig};
 pub use crate::program::{Init, TensorSpec};
-pub(crate) use forward::check;
 pub use forward::{Forward, ForwardError};
 pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};

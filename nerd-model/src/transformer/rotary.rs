@@ -53,8 +53,8 @@ struct Work {
     /// Environment of each row, and tokens of it before that.
     rows: Vec<(usize, usize)>,
     tokens: Vec<f32>,
-    /// Of their places, `[row][d / 2]`.
-    turns: Vec<(f32, f32)>,
+    /// Cosines and sines of their places, `[row][2][d / 2]`.
+    turns: Vec<f32>,
     /// Rows that are asked for.
     newest: Vec<usize>,
     shares: Vec<f32>,
@@ -141,7 +141,7 @@ impl Work {
             self.tokens.extend(env.waiting.drain(..));
             for _ in 0..count {
                 env.turn(&network.turn);
-                self.turns.extend(env.place.iter().map(|(cos, sin)| (*cos as f32, *sin as f32)));
+                self.turns.extend(env.place.iter().map(|(cos, _)| *cos as f32).chain(env.place.iter().map(|(_, sin)| *sin as f32)));
                 self.rows.push((i, env.taken));
                 env.taken += 1;
             }
@@ -158,8 +158,8 @@ impl Work {
         let mut mix = |layer: usize, qkv: &mut [f32], mixed: &mut Vec<f32>| {
             mixed.resize(rows.len() * e, 0.0);
             Arch::new().dispatch(|| {
-                let parts = qkv.chunks_exact_mut(3 * e).zip(mixed.chunks_exact_mut(e)).zip(turns.chunks_exact(network.turn.len()));
-                for (((env, before), ((qkv, mixed), turns))) in rows.iter().zip(parts) {
+                let parts = qkv.chunks_exact_mut(3 * e).zip(mixed.chunks_exact_mut(e)).zip(turns.chunks_exact(2 * network.turn.len()));
+                for ((env, before), ((qkv, mixed), turns)) in rows.iter().zip(parts) {
                     let past = &mut envs[*env].past[layer * network.ring..][..network.ring];
                     Ring { history, past, before: *before }.push(qkv, heads, turns, shares, mixed);
                 }

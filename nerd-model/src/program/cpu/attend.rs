@@ -17,8 +17,8 @@ pub struct Attention {
     embedding: usize,
     /// Tokens that a token sees, itself included.
     reach: usize,
-    /// Cosine and sine of each pair at each place, `[tokens][d / 2]`; nothing where nothing is turned.
-    turns: Vec<(f32, f32)>,
+    /// Cosines and sines of the pairs at each place, `[tokens][2][d / 2]`; nothing where nothing is turned.
+    turns: Vec<f32>,
     /// Keys or values of a head on their side, `[d][width]`.
     lying: Vec<f32>,
     #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the backward pass"))]
@@ -29,9 +29,10 @@ impl Attention {
     /// Of windows, see [`super::super::Op::Attend`].
     pub fn shape(&mut self, embedding: usize, heads: usize, tokens: usize, band: Option<usize>, frequencies: &[f64]) {
         (self.embedding, self.heads, self.tokens, self.reach) = (embedding, heads, tokens, band.unwrap_or(tokens));
-        if self.turns.len() != tokens * frequencies.len() {
-            let turn = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
-            self.turns = (0..tokens).flat_map(turn).map(|(sin, cos)| (cos as f32, sin as f32)).collect();
+        if self.turns.len() != 2 * tokens * frequencies.len() {
+            let angles = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
+            let turn = |place| angles(place).map(|(_, cos)| cos as f32).chain(angles(place).map(|(sin, _)| sin as f32));
+            self.turns = (0..tokens).flat_map(turn).collect();
         }
     }
 
@@ -84,7 +85,7 @@ impl Attention {
     #[inline(always)]
     fn turn(&self, qkv: &mut [f32], sign: f32) {
         let (e, d) = (self.embedding, self.embedding / self.heads);
-        for (row, turns) in qkv.chunks_exact_mut(3 * e).zip(self.turns.chunks_exact(d / 2)) {
+        for (row, turns) in qkv.chunks_exact_mut(3 * e).zip(self.turns.chunks_exact(d)) {
             turn(&mut row[..2 * e], turns, sign);
         }
     }
@@ -158,7 +159,7 @@ impl Ring<'_> {
 
     /// Mixed values `[E]` of a new token of `[q k v]`, which takes the place of the oldest; `turns` are cosines and sines of its place.
     #[inline(always)]
-    pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[(f32, f32)], shares: &mut Vec<f32>, out: &mut [f32]) {
+    pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[f32], shares: &mut Vec<f32>, out: &mut [f32]) {
         if self.history == 1 {
             // It sees itself alone.
             return out.copy_from_slice(&qkv[2 * out.len()..]);
@@ -184,13 +185,14 @@ fn width(tokens: usize) -> usize {
     tokens.next_multiple_of(8)
 }
 
-/// Turns the columns m and m + d/2 of every head together, by cosines and sines of a place `[d / 2]`, or (sign -1) back.
+/// Turns the columns m and m + d/2 of every head together, by cosines and sines of a place `[2][d / 2]`, or (sign -1) back.
 #[inline(always)]
-fn turn(heads: &mut [f32], turns: &[(f32, f32)], sign: f32) {
-    let d = 2 * turns.len();
+fn turn(heads: &mut [f32], turns: &[f32], sign: f32) {
+    let d = turns.len();
+    let (cos, sin) = turns.split_at(d / 2);
     for head in heads.chunks_exact_mut(d) {
         let (a, b) = head.split_at_mut(d / 2);
-        for ((a, b), (cos, sin)) in a.iter_mut().zip(b).zip(turns) {
+        for ((a, b), (cos, sin)) in a.iter_mut().zip(b).zip(cos.iter().zip(sin)) {
             (*a, *b) = (*a * cos - *b * sin * sign, *a * sin * sign + *b * cos);
         }
     }
@@ -202,10 +204,7 @@ fn turn(heads: &mut [f32], turns: &[(f32, f32)], sign: f32) {
 fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std::ops::Range<usize>, shares: &mut [f32], out: &mut [f32]) {
     let scale = (query.len() as f32).sqrt().recip();
     sums(shares, query, keys, shares.len());
-    shares[seen.clone()].iter_mut().for_each(|s| *s *= scale);
-    softmax(&mut shares[seen.clone()]);
-    shares[..seen.start].fill(0.0);
-    shares[seen.end..].fill(0.0);
+    softmax(shares, seen.clone(), scale);
     sums(out, &shares[seen], values, apart);
 }
 

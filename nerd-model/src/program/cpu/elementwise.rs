@@ -70,17 +70,24 @@ pub fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
-/// Scores to shares that add up to 1.
+/// Scores, times `scale`, of what is seen to shares that add up to 1, and to 0 elsewhere. A row of whole vectors: what is not seen is
+/// computed with the rest, which costs nothing.
 #[inline(always)]
-pub fn softmax(scores: &mut [f32]) {
-    let most = scores.iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
-    let mut total = 0.0;
+pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
+    for s in scores.iter_mut() {
+        *s *= scale;
+    }
+    let most = scores[seen.clone()].iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
     for s in scores.iter_mut() {
         *s = exp(*s - most);
-        total += *s;
     }
+    let total: f32 = scores[seen.clone()].iter().sum();
     let inverse = 1.0 / total;
-    scores.iter_mut().for_each(|s| *s *= inverse);
+    for s in scores.iter_mut() {
+        *s *= inverse;
+    }
+    scores[..seen.start].fill(0.0);
+    scores[seen.end..].fill(0.0);
 }
 
 /// Adds to `dx` the gradient by the input of [`normalize`], `behind` being the upstream gradient: `(g - mean g - y mean g y) / deviation`.
@@ -139,7 +146,7 @@ mod tests {
             worst_exp = worst_exp.max((f64::from(exp(y)) / f64::from(y).exp() - 1.0).abs());
         }
         let mut shares = [0.0, f32::NAN, 1.0];
-        softmax(&mut shares);
+        softmax(&mut shares, 0..3, 1.0);
         assert!(exp(f32::NAN).is_nan() && erf(f32::NAN).is_nan(), "what is no number stays none");
         assert!(shares.iter().all(|s| s.is_nan()), "{shares:?}");
         assert!(worst_exp < 3e-7, "exp: {worst_exp:.1e} relative");
