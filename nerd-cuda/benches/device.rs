@@ -2,7 +2,7 @@
 
 use criterion::Criterion;
 use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Device, DeviceError, Lane, Op, Precision, ordinal};
+use nerd_cuda::{Replay, Device, DeviceError, Lane, Op, Precision, ordinal};
 
 /// Adds 1 to every number.
 const SOURCE: &str = "extern \"C\" __global__ void add(float* x, int n) {
@@ -29,8 +29,8 @@ fn bench(c: &mut Criterion, device: &Device) -> Result<(), DeviceError> {
     };
     let done = |result: Result<(), DeviceError>| result.and_then(|()| device.wait()).expect("the card works");
     c.bench_function("100 launches", |b| b.iter(|| done(launch())));
-    let graph = device.capture(launch)?;
-    c.bench_function("100 launches in a graph", |b| b.iter(|| done(graph.launch("graph"))));
+    let graph = Replay::<()>::default();
+    c.bench_function("100 launches in a graph", |b| b.iter(|| done(graph.run(device, "graph", (), launch))));
     c.bench_function("4 MiB to the card", |b| b.iter(|| done(device.write(&buffer, &host))));
     c.bench_function("4 MiB from the card", |b| b.iter(|| done(device.read(&buffer, &mut host))));
     let [x, y, z] = [device.zeros::<f32>(SIZE * SIZE)?, device.zeros(SIZE * SIZE)?, device.zeros(SIZE * SIZE)?];
