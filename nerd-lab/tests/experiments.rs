@@ -7,7 +7,7 @@ use nerd_lab::report::Artifact;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use nerd_train::choice::Choice;
+use nerd_lab::choice::Choice;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 
 fn truth() -> Case {

@@ -10,7 +10,7 @@ use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::Moments;
-use nerd_sim::batch::contacts;
+use nerd_sim::scene::contacts;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::{Collider, Plane};
@@ -145,7 +145,7 @@ fn flown(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     let mut flight = Base::Flight.flight(&system).expect("flies");
     let base = flight.step(&state, std::slice::from_ref(&scene), &torques).expect("a frame").to_vec();
     let mut events = Vec::new();
-    contacts(&system, &scene, &state, &mut Data::new(&system.robot), &mut events);
+    contacts(&system.robot, &scene, &state, &mut Data::new(&system.robot), &mut events);
     let mut out = vec![0.0; Features::inputs(&system, Base::Flight)];
     Features::new(&system, Base::Flight).token(&state, &base, &events, &torques, &scene.gravity, &mut out);
     out

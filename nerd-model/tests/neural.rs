@@ -15,7 +15,7 @@ use nerd_model::features::Features;
 use nerd_model::neural::Neural;
 use nerd_model::transformer::Positions;
 use nerd_sim::articulated::Draft;
-use nerd_sim::batch::contacts;
+use nerd_sim::scene::contacts;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 
@@ -163,7 +163,7 @@ fn drafted(draft: &mut Draft, batch: &mut Batch, torques: &[f64]) {
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     for env in 0..batch.len() {
         let mut state = batch.state(env).to_vec();
-        contacts(&system, &batch.scenes[env], &state, &mut data, &mut events);
+        contacts(&system.robot, &batch.scenes[env], &state, &mut data, &mut events);
         let gravity = batch.scenes[env].gravity;
         draft.step(&system, &gravity, &events, &torques[env * joints..][..joints], &mut state).expect("drafted");
         wrap_state(&system.robot, &mut state);
@@ -228,7 +228,7 @@ fn a_token_says_what_its_draft_changes() {
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
         for env in 0..8 {
             let (state, base) = (batch.state(env), after.state(env));
-            contacts(&system, &batch.scenes[env], state, &mut data, &mut events);
+            contacts(&system.robot, &batch.scenes[env], state, &mut data, &mut events);
             let (mut token, mut change) = (vec![0.0f32; Features::inputs(&system, Base::Draft(1))], vec![0.0f32; d]);
             let tau = &torques[env * joints..][..joints];
             features.token(state, base, &events, tau, &batch.scenes[env].gravity, &mut token);

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local};
-use nerd_core::robot::Robot;
 use nerd_core::state::wrap;
 
 use crate::system::System;

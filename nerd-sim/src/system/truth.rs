@@ -73,7 +73,7 @@ impl Truth {
     ///
     /// # Errors
     /// Which joint is in the way, and what can be taken.
-    pub(crate) fn check(self, robot: &Robot) -> Result<(), String> {
+    pub fn check(self, robot: &Robot) -> Result<(), String> {
         match robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
             Some(joint) => Err(format!(
                 "joint `{}` has a spring (stiffness), which `paper` cannot step: its method is explicit; take articulated",

@@ -11,12 +11,12 @@ use crate::with::{Checks, Outcome, apart, numbers, rivals, weights, windows as d
 /// memory of the one before.
 pub fn operations(checks: &mut Checks) -> Outcome {
     for specimen in each().into_iter().chain(networks()) {
-        let Specimen { program, flat, tokens, behind, name } = &specimen;
+        let Specimen { program, flat, tokens, upstream, name } = &specimen;
         let (expected, mut cuda) = (specimen.by_burn(), CudaProgram::new(program.clone(), flat, Precision::F32, WINDOWS, TOKENS)?);
         let mut worst = 0.0f32;
         for _ in 0..2 {
             let said = cuda.forward(tokens)?;
-            let (by_weights, by_tokens) = cuda.backward(behind)?;
+            let (by_weights, by_tokens) = cuda.backward(upstream)?;
             let off = [said, by_weights, by_tokens].iter().zip(&expected).map(|(a, b)| apart(a, b)).collect::<Vec<_>>();
             worst = off.into_iter().fold(worst, |most, x| if x > most || x.is_nan() { x } else { most });
         }

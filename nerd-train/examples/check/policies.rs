@@ -117,7 +117,7 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
             share(&cpu.running.stack.rows, &gpu.running.stack.rows),
         ];
         let near = told.ended.len().abs_diff(said.ended.len()) as f64 <= 1.0 + SHARE * told.ended.len() as f64;
-        let what = format!("{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:.1e?} of them apart");
+        let what = format!("{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:?} of them apart");
         checks.demand(said.solver_seconds.is_some() && near && shares.iter().all(|share| *share <= SHARE), what);
     }
     let apart = gpu.learn(&policy, &config())?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_model::pick::Setting;
-use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
+use nerd_sim::articulated::device::{CudaArticulated, Real};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::device::{Device, resident};

@@ -94,7 +94,7 @@ pub fn updates(checks: &mut Checks) -> Outcome {
         (0..10).try_for_each(|_| cuda.update(1e-3).and_then(|()| cpu.update(1e-3)))?;
         let (a, b) = (cuda.state()?, cpu.state()?);
         let off = [share_of_way(&a.weights.flat, &b.weights.flat, &first), share_of_way(&a.average, &b.average, &first)];
-        let what = format!("{:?}, {optimizer:?}: weights, averages {off:.1e?} of their way from the CPU's", config.architecture);
+        let what = format!("{:?}, {optimizer:?}: weights, averages {off:?} of their way from the CPU's", config.architecture);
         checks.demand(off.iter().all(|off| *off < 0.02), what);
         let mut taken_up = CudaLearner::new(settings, Precision::F32, a, &data, &data)?;
         (0..20).try_for_each(|_| cuda.update(5e-4).and_then(|()| taken_up.update(5e-4)))?;
@@ -121,7 +121,7 @@ pub fn chains(checks: &mut Checks) -> Outcome {
         there.update(1e-4)?;
         let (a, b) = (here.progress()?, there.progress()?);
         let off = [b.loss / a.loss - 1.0, b.gradient_norm / a.gradient_norm - 1.0].map(f32::abs);
-        checks.demand(off[0] < 1e-3 && off[1] < 1e-2, format!("an update through 8 frames: loss {}, off by {off:.1e?}", a.loss));
+        checks.demand(off[0] < 1e-3 && off[1] < 1e-2, format!("an update through 8 frames: loss {}, off by {off:?}", a.loss));
     }
     Ok(())
 }
@@ -138,7 +138,7 @@ pub fn ranks(checks: &mut Checks) -> Outcome {
     let scale = whole.1.iter().map(|g| g.abs()).fold(0.0, f32::max);
     let sums = whole.1.iter().zip(parts[0].1.iter().zip(&parts[1].1)).map(|(whole, (a, b))| (whole - a - b).abs());
     let off = [sums.fold(0.0, f32::max) / scale, ((parts[0].0 + parts[1].0) / whole.0 - 1.0).abs()];
-    checks.demand(off.iter().all(|off| *off < 1e-4), format!("parts of a batch: gradient and loss off by {off:.1e?}"));
+    checks.demand(off.iter().all(|off| *off < 1e-4), format!("parts of a batch: gradient and loss off by {off:?}"));
 
     let ranks = Ranks::join(Place::here()?)?;
     if ranks.world() == 1 {

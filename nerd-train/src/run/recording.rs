@@ -62,7 +62,7 @@ impl RecordConfig {
     /// # Errors
     /// If a policy cannot be read or acts on another robot, or a number means nothing for this robot.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
-        if let Err(reason) = self.truth(system).check(system) {
+        if let Err(reason) = self.truth(system).check(&system.robot) {
             refuse!("--truth: {reason}");
         }
         let Self { frames, hold, resets, seed, .. } = *self;
