@@ -85,7 +85,7 @@ fn one_two_and_four_ranks_make_the_same_run_and_one_goes_on_with_anothers() {
         let mut ranks = start(&small(&out, &["--updates", "40"]), world);
         until(&Path::new(&out).join(kept), &mut ranks[0]);
         ranks.iter_mut().for_each(|rank| drop(rank.kill()));
-        ranks.iter_mut().for_each(|rank| drop(rank.wait().expect("ended")));
+        ranks.iter_mut().for_each(|rank| _ = rank.wait().expect("ended"));
     }
     trained(&small(&out, &["--updates", "40"]));
     let off = off(&losses(out.as_ref()), &expected);
