@@ -13,12 +13,10 @@ use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, normal, start, stream};
-use nerd_tasks::{Snapshot, StepResult};
+use nerd_tasks::StepResult;
 use nerd_train::device::{Device, resident};
 use nerd_train::learner::cuda::Precision;
-use nerd_train::ppo::rollout::{Running, rollout};
-use nerd_train::ppo::update::{Adam, Updated};
-use nerd_train::ppo::{Activation, CudaEngine, Engine, Environments, OnCpu, Policy, PpoConfig, Shape};
+use nerd_train::ppo::{Activation, Adam, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Shape, StreamKey, Updated};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -181,55 +179,27 @@ fn too_large() -> Outcome {
     demand(said.contains("too large") && !said.contains('\n'), format!("400 joints: {said}"))
 }
 
-/// Environments that heed no action, so that whoever acts sees the same: numbers drawn anew, episodes that end at random.
-struct Blind(u64, Vec<f64>);
+/// Environments, numbers of an observation and of an action, observations that are seen, steps.
+const BLIND: [usize; 5] = [128, 18, 7, 2, 33];
 
-/// Environments, numbers of an observation and of an action.
-const BLIND: [usize; 3] = [128, 18, 7];
-
-impl Blind {
-    fn draw(&mut self, n: usize) -> Vec<f64> {
-        self.0 += 1;
-        let mut rng = stream(9, self.0);
-        (0..n).map(|k| 3.0 + normal(&mut rng) * (1.0 + k as f64 % 5.0)).collect()
+/// A rollout in environments that heed no action, so that whoever acts sees the same: numbers drawn anew, episodes that end at random.
+fn blind(engine: &mut dyn Engine, policy: &Policy, config: &PpoConfig, iteration: u64) -> Outcome {
+    let [n, observation, _, stack, steps] = BLIND;
+    let mut rng = stream(9, iteration);
+    let mut draw = |n: usize| (0..n).map(|k| 3.0 + normal(&mut rng) * (1.0 + k as f64 % 5.0)).collect::<Vec<f64>>();
+    let (width, mut actions) = (observation * stack, Vec::new());
+    engine.begin(policy)?;
+    for t in 0..steps {
+        engine.act(&draw(n * width), StreamKey { seed: 5, number: steps as u64 * iteration + t as u64 }, &mut actions)?;
+        if actions.iter().any(|a| a.abs() > 1.0) {
+            return Err(format!("step {t}: an action beyond +-1").into());
+        }
+        let (rewards, ends) = (draw(n), draw(n));
+        let (terminated, truncated) = (ends.iter().map(|x| *x > 6.0).collect(), ends.iter().map(|x| *x < 0.0).collect());
+        let reached = draw(ends.iter().filter(|x| **x < 0.0).count() * width);
+        engine.arrive(&StepResult { rewards, terminated, truncated, ..StepResult::default() }, &reached)?;
     }
-}
-
-impl Environments for Blind {
-    fn count(&self) -> usize {
-        BLIND[0]
-    }
-
-    fn observation_dim(&self) -> usize {
-        BLIND[1]
-    }
-
-    fn action_dim(&self) -> usize {
-        BLIND[2]
-    }
-
-    fn observations(&self) -> &[f64] {
-        &self.1
-    }
-
-    fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
-        assert!(actions.iter().all(|a| a.abs() <= 1.0), "actions are kept within +-1");
-        let (rewards, ends, reached) = (self.draw(BLIND[0]), self.draw(BLIND[0]), self.draw(BLIND[0] * BLIND[1]));
-        let terminated: Vec<bool> = ends.iter().map(|x| *x > 6.0).collect();
-        let truncated = ends.iter().map(|x| *x < 0.0).collect();
-        self.1 = self.draw(BLIND[0] * BLIND[1]);
-        let all = self.1.chunks_mut(BLIND[1]).zip(reached.chunks(BLIND[1])).zip(&ends);
-        all.filter(|(_, x)| (0.0..=6.0).contains(*x)).for_each(|((now, reached), _)| now.copy_from_slice(reached));
-        Ok(StepResult { rewards, terminated, truncated, reached, ..StepResult::default() })
-    }
-
-    fn snapshot(&self) -> Result<Snapshot, StepError> {
-        Ok(Snapshot::default())
-    }
-
-    fn restore(&mut self, _: &Snapshot) -> Result<(), StepError> {
-        Ok(())
-    }
+    Ok(engine.finish(&draw(n * width), config)?)
 }
 
 /// PPO's rollouts and passes over them are the CPU's to rounding, for every kind of policy, also after an update.
@@ -238,9 +208,9 @@ fn learning() -> Outcome {
         [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
         let hidden = vec![128, 64, 32];
-        let shape = Shape { observation: BLIND[1], stack: 2, action: BLIND[2], hidden, activation, spread_by_state };
-        let [environments, ..] = BLIND;
-        let config = PpoConfig { environments, horizon: 33, minibatch: 1000, epochs: 2, value_clip, entropy: 0.01, ..PpoConfig::default() };
+        let [environments, observation, action, stack, horizon] = BLIND;
+        let shape = Shape { observation, stack, action, hidden, activation, spread_by_state };
+        let config = PpoConfig { environments, horizon, minibatch: 1000, epochs: 2, value_clip, entropy: 0.01, ..PpoConfig::default() };
         let first = Policy::new(shape.clone(), &mut stream(8, 0));
         let (mut cpu, mut gpu) = (OnCpu::default(), CudaEngine::new(&shape, &config)?);
         let mut sides = [(first.clone(), Adam::new(first.flat.len(), 1e-3)), (first.clone(), Adam::new(first.flat.len(), 1e-3))];
@@ -248,15 +218,8 @@ fn learning() -> Outcome {
             let before = sides[0].0.clone();
             // Both by the CPU's policy: what one rounding made of the other is not asked again.
             sides[1] = sides[0].clone();
-            let roll = |engine: &mut dyn Engine| -> Outcome {
-                let mut blind = Blind(iteration, Vec::new());
-                blind.1 = blind.draw(BLIND[0] * BLIND[1]);
-                let mut running = Running::new(&blind, 2);
-                rollout(&mut blind, &mut running, engine, &before, (33, 0.99, 0.95), (5, 33 * iteration))?;
-                Ok(())
-            };
-            roll(&mut cpu)?;
-            roll(&mut gpu)?;
+            blind(&mut cpu, &before, &config, iteration)?;
+            blind(&mut gpu, &before, &config, iteration)?;
             let (one, other) = (&cpu.rollout, gpu.rollout()?);
             let single =
                 |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs() / (1.0 + b.abs()))).fold(0.0, f64::max);
@@ -272,12 +235,16 @@ fn learning() -> Outcome {
             let apart = apart.into_iter().fold(0.0, f64::max);
             let what = format!("PPO, {activation:?}: answers, actions, surprise, values and advantages {apart:.1e} from the CPU's");
             demand(sizes && other.observations == one.observations && apart < 1e-4, what)?;
-            let ask = |engine: &mut dyn Engine, (policy, adam): &mut (Policy, Adam)| engine.update(policy, adam, &config, (5, iteration));
+            let ask = |engine: &mut dyn Engine, (policy, adam): &mut (Policy, Adam)| {
+                engine.update(policy, adam, &config, StreamKey { seed: 5, number: iteration })
+            };
             let said = [ask(&mut cpu, &mut sides[0])?, ask(&mut gpu, &mut sides[1])?];
             let [(one, one_adam), (other, other_adam)] = &sides;
             let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
             let apart = norm(&one.flat, &other.flat) / norm(&one.flat, &before.flat);
-            let terms = |u: &Updated| [u.actor_loss, u.critic_loss, u.bounds_loss, u.entropy, u.kl, u.clipped, u.gradient_norm];
+            let terms = |u: &Updated| {
+                [u.terms.actor, u.terms.critic, u.terms.bounds, u.terms.entropy, u.terms.kl, u.terms.clipped, u.gradient_norm]
+            };
             let of_terms = largest(&terms(&said[1]), &terms(&said[0]));
             let moments = |p: &Policy| [&p.seen, &p.returns].map(|m| [&m.mean[..], &m.variance[..], &[m.count][..]].concat()).concat();
             let of_moments = largest(&moments(other), &moments(one));

@@ -9,17 +9,13 @@
 
 use std::error::Error;
 use std::path::Path;
-use std::sync::Arc;
 
 use nerd_model::pick::Setting;
 use nerd_sim::sampling::stream;
 use nerd_sim::system::System;
 use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
-use nerd_train::ppo::engine::Engine;
-use nerd_train::ppo::rollout::{Rollout, Running, Taken};
-use nerd_train::ppo::update::{Adam, update};
-use nerd_train::ppo::{Activation, Arena, CudaEngine, Environments, Policy, PpoConfig, Shape, Shared};
+use nerd_train::ppo::{Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken};
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
@@ -49,31 +45,35 @@ fn main() -> Outcome {
 const LEARNED: f64 = 1e-2;
 
 /// One side of the comparison.
-struct Side<E> {
-    environments: E,
+struct Side {
+    episodes: Episodes,
     engine: CudaEngine,
     running: Running,
 }
 
-impl<E: Environments> Side<E> {
-    fn new(environments: E, shape: &Shape, config: &PpoConfig) -> Outcome<Self> {
-        let running = Running::new(&environments, shape.stack);
-        Ok(Self { environments, engine: CudaEngine::new(shape, config)?, running })
+impl Side {
+    /// Whose episodes are stepped on the card, or by their own solver.
+    fn new(episodes: Episodes, on_card: bool, shape: &Shape, config: &PpoConfig) -> Outcome<Self> {
+        let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, config)?);
+        engine.steps_episodes = on_card;
+        Ok(Self { episodes, engine, running })
     }
 
     /// How far apart, as a share of their way, weights are that card and CPU learn from the last rollout.
     fn learn(&mut self, first: &Policy, config: &PpoConfig) -> Outcome<f64> {
         let adam = Adam::new(first.flat.len(), 1e-3);
         let [mut one, mut other] = [(first.clone(), adam.clone()), (first.clone(), adam)];
-        update(&mut one.0, &mut one.1, &self.engine.rollout()?, config, (5, 0));
-        self.engine.update(&mut other.0, &mut other.1, config, (5, 0))?;
+        let (mut cpu, orders) = (OnCpu::default(), StreamKey { seed: 5, number: 0 });
+        cpu.rollout = self.engine.rollout()?;
+        cpu.update(&mut one.0, &mut one.1, config, orders)?;
+        self.engine.update(&mut other.0, &mut other.1, config, orders)?;
         let norm = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
         Ok(norm(&one.0.flat, &other.0.flat) / norm(&one.0.flat, &first.flat))
     }
 
-    fn roll(&mut self, policy: &Policy, number: usize) -> Outcome<(Rollout, Taken)> {
-        let (law, noise) = ((HORIZON, 0.99, 0.95), (7, (number * HORIZON) as u64));
-        let taken = self.engine.roll(&mut self.environments, &mut self.running, policy, law, noise)?;
+    fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, Taken)> {
+        let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
+        let taken = self.engine.roll(&mut self.episodes, &mut self.running, policy, config, noise)?;
         Ok((self.engine.rollout()?, taken))
     }
 }
@@ -90,24 +90,25 @@ fn episodes(task: &str, arena: &Arena) -> Outcome<Episodes> {
 
 fn both(task: &str, arena: &Arena) -> Outcome {
     // The last minibatch of a pass is smaller; the rate is left alone, since a rounding may carry a divergence across its threshold.
-    let config = PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, epochs: 2, kl: 0.0, ..PpoConfig::default() };
-    let host = episodes(task, arena)?;
-    let stack = if task == "franka-reach-torque" { 3 } else { 1 };
-    let shape = Shape {
-        observation: host.task.observation_dim(),
-        stack,
-        action: host.task.action_dim(),
+    let config = PpoConfig {
+        environments: N,
+        horizon: HORIZON,
+        minibatch: 1000,
+        epochs: 2,
+        kl: 0.0,
+        stack: if task == "franka-reach-torque" { 3 } else { 1 },
         hidden: vec![64, 32],
         activation: Activation::Elu,
-        spread_by_state: false,
+        ..PpoConfig::default()
     };
+    let host = episodes(task, arena)?;
+    let shape = Shape::of(&*host.task, &config);
     let policy = Policy::new(shape.clone(), &mut stream(8, 0));
-    let on_card = Shared::new(episodes(task, arena)?, N, &Arc::default())?;
-    let (mut cpu, mut gpu) = (Side::new(host, &shape, &config)?, Side::new(on_card, &shape, &config)?);
+    let (mut cpu, mut gpu) = (Side::new(host, false, &shape, &config)?, Side::new(episodes(task, arena)?, true, &shape, &config)?);
     let title = format!("{task} on {}", arena.title()?);
     for number in 0..2 {
-        let ((one, told), (other, said)) = (cpu.roll(&policy, number)?, gpu.roll(&policy, number)?);
-        if said.solver_seconds.is_none() {
+        let ((one, told), (other, said)) = (cpu.roll(&policy, &config, number)?, gpu.roll(&policy, &config, number)?);
+        if !gpu.engine.has_episodes() {
             return Err(format!("{title}: it was not rolled on the device").into());
         }
         let numbers = [
@@ -130,11 +131,11 @@ fn both(task: &str, arena: &Arena) -> Outcome {
     if apart.is_nan() || apart > LEARNED {
         return Err(format!("{title}: the device learns otherwise").into());
     }
-    let kept = gpu.environments.snapshot()?;
-    let mut again = Shared::new(arena.episodes(task, N, SEED)?, N, &Arc::default())?;
-    again.restore(&kept)?;
-    let mut other = Side { environments: again, engine: CudaEngine::new(&shape, &config)?, running: gpu.running.clone() };
-    let (gone_on, begun_again) = (gpu.roll(&policy, 2)?.0, other.roll(&policy, 2)?.0);
+    let kept = gpu.engine.snapshot(&gpu.episodes)?;
+    let mut other = Side::new(arena.episodes(task, N, SEED)?, true, &shape, &config)?;
+    other.engine.restore(&mut other.episodes, &kept)?;
+    other.running = gpu.running.clone();
+    let (gone_on, begun_again) = (gpu.roll(&policy, &config, 2)?.0, other.roll(&policy, &config, 2)?.0);
     let (share, most) = share(&gone_on.observations, &begun_again.observations);
     println!("{title}, gone on from a snapshot: {share:.1e} apart, {most:.1e} at most");
     let exact = matches!(arena, Arena::Card(_));
