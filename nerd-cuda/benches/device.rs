@@ -2,7 +2,7 @@
 
 use criterion::Criterion;
 use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Replay, Device, DeviceError, Lane, Op, Precision, ordinal};
+use nerd_cuda::{Device, DeviceError, Lane, Op, Precision, Replay, ordinal};
 
 /// Adds 1 to every number.
 const SOURCE: &str = "extern \"C\" __global__ void add(float* x, int n) {

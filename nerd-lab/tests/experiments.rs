@@ -1,5 +1,6 @@
 //! Experiments: what they refuse, what they say, and what they never overwrite.
 
+use nerd_lab::choice::Choice;
 use nerd_lab::experiments::passive::{Case, Passive, Row, Rows};
 use nerd_lab::experiments::substeps::Substeps;
 use nerd_lab::experiments::{Experiment, conduct};
@@ -7,7 +8,6 @@ use nerd_lab::report::Artifact;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use nerd_lab::choice::Choice;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 
 fn truth() -> Case {

@@ -10,9 +10,9 @@ use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::Moments;
-use nerd_sim::scene::contacts;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::contacts;
 use nerd_sim::scene::{Collider, Plane};
 
 fn forms() -> impl Iterator<Item = Form> {

@@ -15,9 +15,9 @@ use nerd_model::features::Features;
 use nerd_model::neural::Neural;
 use nerd_model::transformer::Positions;
 use nerd_sim::articulated::Draft;
-use nerd_sim::scene::contacts;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::contacts;
 
 const BOUND: f64 = 1e-5;
 

@@ -2,8 +2,8 @@
 
 use nerd_sim::prelude::*;
 use nerd_tasks::body::{Body, observe};
-use nerd_tasks::formula::{About, Formulas, Number, Sight};
-use nerd_tasks::{Episodes, Task};
+use nerd_tasks::formula::{Formulas, Number, Sight};
+use nerd_tasks::{About, Episodes, Task};
 
 /// Run along world -x while facing +x. World up is +y for the Ant.
 struct Backwards;

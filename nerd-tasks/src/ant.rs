@@ -3,8 +3,9 @@
 //! Observation: 29 numbers ([`crate::body::observe`]). Action: torque of eight joints, 1 is 400 N m. Over when the torso's
 //! origin is below 0.3 m; truncated after 500 steps of 1/60 s. Starts: the `reset` ranges of `ant.toml`.
 
+use crate::About;
 use crate::body::{Body, observe};
-use crate::formula::{About, Formulas, Number, Sight};
+use crate::formula::{Formulas, Number, Sight};
 
 /// A task of the Ant, which is its reward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,8 +13,9 @@
 //! of the reference system's code, whose rewards are the ones that were published. Starts: the `reset` ranges of
 //! `anymal.toml`.
 
+use crate::About;
 use crate::body::{Body, observe};
-use crate::formula::{About, Formulas, Number, Sight};
+use crate::formula::{Formulas, Number, Sight};
 
 /// A task of ANYmal, which is the velocity it asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,8 @@
 //! Over when `|x| > 4` m or a velocity passes 10 m/s or 10 rad/s; truncated after 300 steps of 1/60 s. Starts:
 //! `x, x_dot, theta_dot ~ U(-1, 1)`, `theta ~ U(-pi, pi)` (`cartpole.toml`).
 
-use crate::formula::{About, Formulas, Number, Sight};
+use crate::About;
+use crate::formula::{Formulas, Number, Sight};
 
 /// The task; it has no settings.
 #[derive(Clone, Copy, Debug, Default)]

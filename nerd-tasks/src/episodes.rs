@@ -8,13 +8,11 @@ use nerd_sim::sampling::stream;
 use nerd_sim::solver::{Simulation, StepError};
 use rayon::prelude::*;
 
-use crate::memory::Past;
+use crate::snapshot::{MOVED, Past};
 use crate::{Snapshot, Task, View, Work};
 
 /// Environments that one thread looks after in a row.
 const CHUNK: usize = 32;
-/// Numbers that one thread copies at least: of thousands of environments a step moves megabytes.
-pub(crate) const MOVED: usize = 1 << 14;
 /// A coordinate beyond this (m, rad, or their rates) is no motion any more: the episode has failed.
 const FAR: f64 = 1e5;
 
@@ -80,7 +78,7 @@ impl Episodes {
             simulation,
         };
         (0..n).for_each(|env| episodes.restart(env));
-        episodes.observe();
+        episodes.observe(|_| true);
         episodes
     }
 
@@ -140,11 +138,11 @@ impl Episodes {
         let mut result = StepResult { failed: failed.iter().filter(|f| **f).count(), ..Default::default() };
         (0..n).filter(|env| failed[*env]).for_each(|env| self.restart(env));
         self.judge(&failed, &mut result);
-        self.observe();
+        self.observe(|_| true);
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
         (0..n).filter(|env| ended(*env)).for_each(|env| self.restart(env));
-        self.look(ended);
+        self.observe(ended);
         Ok(result)
     }
 
@@ -175,7 +173,7 @@ impl Episodes {
         self.past.read(snapshot, self.torques.len() / self.begun.len().max(1));
         (0..self.begun.len()).for_each(|env| self.simulation.solver.reset(env));
         self.past.replay(&mut self.simulation)?;
-        self.observe();
+        self.observe(|_| true);
         Ok(())
     }
 
@@ -247,12 +245,8 @@ impl Episodes {
         }
     }
 
-    fn observe(&mut self) {
-        self.look(|_| true);
-    }
-
     /// Observes some environments.
-    fn look(&mut self, some: impl Fn(usize) -> bool + Sync) {
+    fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let width = task.observation_dim();
         let chunks = self.observations.par_chunks_mut(CHUNK * width).zip(&mut self.works).enumerate();

@@ -11,7 +11,8 @@
 //! Never over; truncated after 128 steps. Targets: `x ~ U(0.3, 0.7)`, `y ~ U(-0.35, 0.35)`, `z ~ U(0.05, 0.45)`; starts:
 //! the `reset` ranges of `franka.toml`, default pose +- 0.125 rad at rest.
 
-use crate::formula::{About, Formulas, Number, Sight};
+use crate::About;
+use crate::formula::{Formulas, Number, Sight};
 
 /// The task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

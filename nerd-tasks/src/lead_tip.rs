@@ -28,7 +28,7 @@ use nerd_sim::system::System;
 use rand_chacha::ChaCha8Rng;
 
 use crate::drape::{drape, hinges};
-use crate::{Task, View, Work};
+use crate::{About, Task, View, Work};
 
 /// The task; it has no settings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -120,32 +120,8 @@ fn home(system: &System) -> Vector3<f64> {
 }
 
 impl Task for LeadTip {
-    fn name(&self) -> &'static str {
-        "lead-tip"
-    }
-
-    fn robot(&self) -> &'static str {
-        "lead-pegs"
-    }
-
-    fn scene(&self) -> &'static str {
-        "plane"
-    }
-
-    fn observation_dim(&self) -> usize {
-        23 + 6 * SEEN
-    }
-
-    fn action_dim(&self) -> usize {
-        3
-    }
-
-    fn episode_length(&self) -> u64 {
-        100
-    }
-
-    fn frames(&self) -> u64 {
-        3
+    fn about(&self) -> About {
+        About { name: "lead-tip", robot: "lead-pegs", scene: "plane", observation: 23 + 6 * SEEN, action: 3, steps: 100, frames: 3 }
     }
 
     fn goal_dim(&self) -> usize {

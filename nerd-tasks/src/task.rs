@@ -5,10 +5,13 @@ use std::sync::Arc;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_sim::control::Controller;
-use nerd_sim::sampling::{Start, start};
+use nerd_sim::sampling::{Start, hurry, start};
 use nerd_sim::scene::Scene;
 use nerd_sim::system::System;
 use rand_chacha::ChaCha8Rng;
+
+/// Times that a fast start is slowed down by half, at most.
+const HALVINGS: usize = 12;
 
 /// One environment as a task sees it.
 #[derive(Clone, Copy)]
@@ -43,33 +46,30 @@ impl Work {
     }
 }
 
+/// Names and sizes of a task.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct About {
+    /// Name, as on the command line.
+    pub name: &'static str,
+    /// Robot, as [`System::named`] knows it.
+    pub robot: &'static str,
+    /// Scene, as [`System::scene`] knows it.
+    pub scene: &'static str,
+    /// Numbers in an observation.
+    pub observation: usize,
+    /// Numbers in an action, each in [-1, 1].
+    pub action: usize,
+    /// Steps after which an episode is truncated.
+    pub steps: u64,
+    /// Control frames of one step.
+    pub frames: u64,
+}
+
 /// One task, of one environment at a time: [`crate::Episodes`] makes batches of it. All methods are pure, so an episode's
 /// past is its state, its goal and its number of steps.
 pub trait Task: Send + Sync {
-    /// Name, as on the command line.
-    fn name(&self) -> &'static str;
-
-    /// Robot, as [`System::named`] knows it.
-    fn robot(&self) -> &'static str;
-
-    /// Scene, as [`System::scene`] knows it.
-    fn scene(&self) -> &'static str {
-        "free"
-    }
-
-    /// Numbers in an observation.
-    fn observation_dim(&self) -> usize;
-
-    /// Numbers in an action, each in [-1, 1].
-    fn action_dim(&self) -> usize;
-
-    /// Steps after which an episode is truncated.
-    fn episode_length(&self) -> u64;
-
-    /// Control frames of one step; the action stays, [`Self::act`] is asked anew each frame.
-    fn frames(&self) -> u64 {
-        1
-    }
+    /// Its names and sizes.
+    fn about(&self) -> About;
 
     /// Numbers in an episode's goal. The first three of a longer one are a place (m), and shown.
     fn goal_dim(&self) -> usize {
@@ -107,11 +107,63 @@ pub trait Task: Send + Sync {
         false
     }
 
-    /// The task as kernels for a graphics card ([`crate::device`]), in scenes of so many colliders.
+    /// The task as kernels for a graphics card ([`crate::formula`]), in scenes of so many colliders.
     ///
     /// # Errors
     /// Why there are none: of a task that is no [`crate::formula::Formulas`], because nobody wrote them.
     fn kernels(&self, _system: &System, _colliders: usize) -> Result<String, String> {
         Err(format!("task `{}` is not written in formulas (nerd_tasks::formula), so it stays on the CPU", self.name()))
     }
+
+    /// [`About::name`].
+    fn name(&self) -> &'static str {
+        self.about().name
+    }
+
+    /// [`About::robot`].
+    fn robot(&self) -> &'static str {
+        self.about().robot
+    }
+
+    /// [`About::scene`].
+    fn scene(&self) -> &'static str {
+        self.about().scene
+    }
+
+    /// [`About::observation`].
+    fn observation_dim(&self) -> usize {
+        self.about().observation
+    }
+
+    /// [`About::action`].
+    fn action_dim(&self) -> usize {
+        self.about().action
+    }
+
+    /// [`About::steps`].
+    fn episode_length(&self) -> u64 {
+        self.about().steps
+    }
+
+    /// [`About::frames`].
+    fn frames(&self) -> u64 {
+        self.about().frames
+    }
+}
+
+/// A start of a task with velocities that a policy comes to only once it is good ([`hurry`]), and that a model should know before. Where
+/// the task would be over at once it is slowed down by halves until it is not. What ends a task must not depend on its goal: none of an
+/// episode is known here.
+pub fn fast_start(task: &dyn Task, system: &Arc<System>, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut state = task.reset(system, rng);
+    hurry(system, &mut state, rng);
+    let Ok(scene) = system.scene(task.scene()) else { return state };
+    let (goal, mut work) = (vec![0.0; task.goal_dim()], Work::new(system));
+    for _ in 0..HALVINGS {
+        if !task.terminated(View { state: &state, goal: &goal, scene: &scene }, &mut work) {
+            break;
+        }
+        state[system.robot.nq()..].iter_mut().for_each(|rate| *rate *= 0.5);
+    }
+    state
 }

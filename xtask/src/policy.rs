@@ -110,7 +110,7 @@ fn train(args: TrainArgs) -> Result<()> {
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
     let out = args.out.unwrap_or_else(|| format!("out/policies/{task}-{}-{seed}", arena.word()).into());
-    let run = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out };
+    let run = PolicyRun { task, arena, config, seed, until, minutes, out };
     ranks::run(|ranks| {
         if let Some(done) = run.train_among(ranks)? {
             curve::draw(&run.out, &done.title)?;

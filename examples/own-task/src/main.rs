@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nerd_train::nerd_sim::prelude::*;
 use nerd_train::nerd_sim::sampling::{Start, start};
-use nerd_train::nerd_tasks::{ChaCha8Rng, Episodes, Task, View, Work};
+use nerd_train::nerd_tasks::{About, ChaCha8Rng, Episodes, Task, View, Work};
 use nerd_train::ppo::folder::{PolicyConfig, load_for, save};
 use nerd_train::ppo::{PpoConfig, Trainer, play};
 
@@ -15,20 +15,8 @@ use nerd_train::ppo::{PpoConfig, Trainer, play};
 struct Balance;
 
 impl Task for Balance {
-    fn name(&self) -> &'static str {
-        "balance"
-    }
-    fn robot(&self) -> &'static str {
-        "cartpole"
-    }
-    fn observation_dim(&self) -> usize {
-        4
-    }
-    fn action_dim(&self) -> usize {
-        1
-    }
-    fn episode_length(&self) -> u64 {
-        200
+    fn about(&self) -> About {
+        About { name: "balance", robot: "cartpole", scene: "free", observation: 4, action: 1, steps: 200, frames: 1 }
     }
     fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
         start(system, Start::Reset, rng).iter().map(|x| 0.03 * x).collect()

@@ -1,15 +1,15 @@
-//! What the policies of a round earn, in its model and in the truth, and the rule by which that is enough.
+//! What the policies of a round earn, in its model and in the truth.
 
 use std::path::Path;
 
 use nerd_sim::truth::Truth;
+use nerd_train::ppo::{Arena, PolicyRun};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::experiments::games::{Reward, games, gap, gap_error, policy_of};
 use crate::report::write;
-use nerd_train::ppo::{Arena, PolicyRun};
 
 /// Seed of the starts of all games: that of all protocols.
 const STARTS: u64 = 500;
@@ -17,6 +17,8 @@ const STARTS: u64 = 500;
 /// One policy in the model that it was trained in, and in the truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
+    /// Its task.
+    pub task: String,
     /// Its seed.
     pub seed: u64,
     /// Its hash.
@@ -31,15 +33,6 @@ pub struct Gap {
     pub gap_error: Option<f64>,
 }
 
-/// The policies of a task.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TaskGaps {
-    /// The task.
-    pub task: String,
-    /// By seed.
-    pub policies: Vec<Gap>,
-}
-
 /// One round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Round {
@@ -47,8 +40,8 @@ pub struct Round {
     pub round: usize,
     /// Hash of its model.
     pub model: String,
-    /// By task.
-    pub tasks: Vec<TaskGaps>,
+    /// Of its policies, by task and seed.
+    pub gaps: Vec<Gap>,
 }
 
 impl Gap {
@@ -62,6 +55,7 @@ impl Gap {
         let (real, learned) = (play(&Arena::Truth(truth))?, play(&run.arena)?);
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
         let found = Self {
+            task: run.task.clone(),
             seed: run.seed,
             sha256: policy.sha256(),
             gap: finite(gap(Reward::of(&real).mean, Reward::of(&learned).mean)),
@@ -73,44 +67,22 @@ impl Gap {
         Ok(found)
     }
 
-    /// What stands in a policy's run.
+    /// What a policy's run has.
     pub(super) fn read(run: &Path) -> Result<Option<Self>> {
         get(&run.join("gap.json"))
     }
 
     /// Size of the gap; infinite where there is none to speak of.
-    pub fn size(&self) -> f64 {
+    fn size(&self) -> f64 {
         self.gap.map_or(f64::INFINITY, f64::abs)
-    }
-
-    /// In words.
-    pub(super) fn words(&self) -> String {
-        let gap = self.gap.map_or("no gap to speak of".into(), |gap| format!("gap {gap:+.3} %"));
-        format!("reward {:.1} in the truth, {:.1} in the model, {gap}", self.real.mean, self.learned.mean)
-    }
-}
-
-impl TaskGaps {
-    /// Mean size of its gaps (percent).
-    pub fn mean(&self) -> f64 {
-        self.policies.iter().map(Gap::size).sum::<f64>() / self.policies.len() as f64
-    }
-
-    /// Size of its largest gap (percent).
-    pub fn largest(&self) -> f64 {
-        self.policies.iter().map(Gap::size).fold(0.0, f64::max)
-    }
-
-    /// Whether its gaps are below `mean` in the mean, and none is above `most` (percent).
-    pub fn passes(&self, mean: f64, most: f64) -> bool {
-        self.mean() < mean && self.largest() <= most
     }
 }
 
 impl Round {
-    /// Whether every task passes.
-    pub fn passes(&self, mean: f64, most: f64) -> bool {
-        self.tasks.iter().all(|task| task.passes(mean, most))
+    /// Mean and largest size of a task's gaps (percent).
+    pub fn sizes(&self, task: &str) -> [f64; 2] {
+        let sizes: Vec<f64> = self.gaps.iter().filter(|gap| gap.task == task).map(Gap::size).collect();
+        [sizes.iter().sum::<f64>() / sizes.len() as f64, sizes.iter().copied().fold(0.0, f64::max)]
     }
 
     /// That of a round's folder, once it is done.
@@ -129,7 +101,7 @@ fn get<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
         return Ok(None);
     }
     let text = nerd_sim::files::read_text(path).map_err(crate::error::file(path))?;
-    serde_json::from_str(&text).map(Some).map_err(crate::error::format(path))
+    Ok(Some(serde_json::from_str(&text).map_err(crate::error::format(path))?))
 }
 
 fn put(path: &Path, what: &impl Serialize) -> Result<()> {

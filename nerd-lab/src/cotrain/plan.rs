@@ -1,67 +1,99 @@
 //! From settings to a loop: what is refused, what it starts from, and by what it is known.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
 use nerd_tasks::named;
-use serde_json::{Value, json};
-
-use super::{CoTrain, CoTrainConfig};
-use crate::error::{Error, Result, refuse};
-use crate::report::write;
+use nerd_train::bounds::{SEEDS, STARTS, UPDATES};
+use nerd_train::device::Device;
 use nerd_train::difference::between;
 use nerd_train::ppo::{Arena, PpoConfig};
 use nerd_train::run::{Recipe, Run, RunConfig};
-use nerd_train::settings::{Given, Settings};
+use nerd_train::settings::{Given, Settings, settings};
 use nerd_train::shipped;
+use serde_json::{Value, json};
+
+use crate::error::{Result, refuse};
+use crate::report::write;
 
 /// Updates of a training on that nobody says anything about.
-const UPDATES: u64 = 100_000;
+const USUAL: u64 = 100_000;
 
-/// Where the first model comes from.
-pub(super) enum First {
-    /// It is there.
-    Model(PathBuf),
-    /// It is trained from nothing.
-    Recipe(Recipe),
+settings! {
+    /// Policies and model in turn.
+    pub struct CoTrainConfig {
+        /// Folder of the first round's model [default: that of the robot]
+        model: Option<PathBuf> = None, Text;
+        /// Recipe of `train` (its name or a file): models are trained on with the settings of its last run
+        recipe: Option<String> = None, Text;
+        /// TOML with all settings of PPO (see nerd-train/assets/ppo) [default: the task's]
+        config: Option<PathBuf> = None, Text;
+        /// Policies of each task in each round, of seeds never used before
+        seeds: usize = 5, Whole(1..=1000);
+        /// Iterations of a policy [default: those of its settings]
+        iterations: Option<u64> = None, Whole(1..=1_000_000_000);
+        /// Games of each policy, in the model and from the same starts in the truth (the paper: 2048)
+        games: usize = 2048, Whole(STARTS);
+        /// Stop once the sizes of the gaps of every task are below this in the mean (percent)
+        mean: f64 = 1.0, Positive;
+        /// And none is above this (percent)
+        most: f64 = 2.0, Positive;
+        /// Stop after so many rounds
+        rounds: usize = 5, Whole(1..=1000);
+        /// Stop, with all that is done kept, after so many minutes; the same command continues
+        minutes: Option<f64> = None, Positive;
+        /// Updates of each training on [default: those of the recipe's last run; without a recipe 100000]
+        updates: Option<u64> = None, Whole(UPDATES);
+        /// Share of the trajectories of a training on in which policies act, those of all rounds alike
+        policy_share: f64 = 0.5, Number(0.01..=1.0);
+        /// Seed of the first policy; each next one has the next seed, in all rounds
+        seed: u64 = 1000, Whole(SEEDS);
+        /// Where networks are computed (cpu or cuda)
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+    }
 }
 
-impl CoTrain {
+/// The loop, ready to run. All that can be refused has been refused.
+pub(super) struct Plan {
+    pub tasks: Vec<String>,
+    pub config: CoTrainConfig,
+    pub out: PathBuf,
+    pub truth: Truth,
+    /// Folder of the first model.
+    pub model: PathBuf,
+    /// A training on, but for what it starts from and who acts in its data.
+    pub onward: RunConfig,
+    /// By task.
+    pub ppo: Vec<PpoConfig>,
+    started: Instant,
+}
+
+impl Plan {
     /// The loop of these settings; its folder is `out/co-train-ROBOT` if none is named.
-    ///
-    /// # Errors
-    /// If a setting makes no sense, tasks are of two robots, or a file cannot be read.
     pub fn new(tasks: Vec<String>, config: CoTrainConfig, out: Option<PathBuf>) -> Result<Self> {
-        check(&config)?;
         let robot = robot_of(&tasks)?;
-        let system = System::named(robot)?;
+        let system: Arc<System> = System::named(robot)?;
         let out = out.unwrap_or_else(|| format!("out/co-train-{robot}").into());
-        let recipe = config.recipe.as_deref().map(|named| recipe(named, robot, &config, &out)).transpose()?;
-        let model = config.model.as_deref().map(shipped::find);
-        let found = model.as_deref().map(|folder| Model::load(folder, &system, None)).transpose()?.map(|model| model.config);
-        let onward = match (&recipe, &found) {
-            (Some(recipe), _) => recipe.runs.last().cloned(),
-            (None, Some(found)) => Some(RunConfig::onward(found, UPDATES)?),
-            (None, None) => None,
+        let model = shipped::find(config.model.as_deref().unwrap_or(&Path::new("models").join(robot)));
+        let found = Model::load(&model, &system, None)?.config;
+        let mut onward = match &config.recipe {
+            None => RunConfig::onward(&found, USUAL)?,
+            Some(named) => last_of(named, robot)?,
         };
-        let Some(mut onward) = onward else { refuse!("--model or --recipe is needed: the first round needs a model, or a way to one") };
-        let truth = model.as_deref().map_or_else(|| Ok(onward.record.truth(&system)), ModelConfig::truth_of)?;
-        if recipe.is_some() && truth != onward.record.truth(&system) {
-            let (learned, asked) = (truth.name(), onward.record.truth(&system).name());
-            refuse!("--model has learned `{learned}`, --recipe learns `{asked}`: one loop has one truth");
+        let (truth, asked) = (ModelConfig::truth_of(&model)?, onward.record.truth(&system));
+        if config.recipe.is_some() && truth != asked {
+            refuse!("--model has learned `{}`, --recipe learns `{}`: one loop has one truth", truth.name(), asked.name());
         }
         onward.record.truth = Some(truth);
         lengthen(&mut onward, config.updates);
         (onward.device, onward.minutes, onward.finish, onward.data, onward.epsilon) = (config.device, None, false, None, None);
-        (onward.out, onward.from) = (out.clone(), model.clone());
+        (onward.out, onward.from) = (out.clone(), Some(model.clone()));
         // As far as it can be said before there are policies.
-        let next = match (&model, &recipe) {
-            (None, Some(recipe)) => recipe.runs.first(),
-            _ => Some(&onward),
-        };
-        next.map(Run::new).transpose()?;
+        Run::new(&onward)?;
         let arena = Arena::Model { folder: out.clone(), device: config.device };
         let ppo = |task: &String| -> Result<PpoConfig> {
             let mut ppo = PpoConfig::choose(task, &arena, None, config.config.as_deref())?;
@@ -70,48 +102,50 @@ impl CoTrain {
             Ok(ppo)
         };
         let ppo = tasks.iter().map(ppo).collect::<Result<_>>()?;
-        let first = match (model, recipe) {
-            (None, Some(recipe)) => First::Recipe(recipe),
-            (model, _) => First::Model(model.unwrap_or_default()),
-        };
-        Ok(Self { tasks, config, out, system, truth, first, onward, ppo, started: Instant::now() })
+        Ok(Self { tasks, config, out, truth, model, onward, ppo, started: Instant::now() })
     }
 
     /// Refuses to go on with another loop's folder. Limits may change: rounds, minutes, the rule.
-    pub(super) fn hold(&self) -> Result<()> {
-        let CoTrainConfig { seeds, breadth, games, policy_share, seed, .. } = self.config;
-        let first = match &self.first {
-            First::Model(folder) => json!(ModelConfig::read(folder)?.model_sha256),
-            First::Recipe(recipe) => recipe.runs.iter().map(settings_of).collect(),
-        };
+    pub fn hold(&self) -> Result<()> {
+        let CoTrainConfig { seeds, games, policy_share, seed, .. } = self.config;
         let asked = json!({
-            "tasks": self.tasks, "first": first, "onward": settings_of(&self.onward), "ppo": self.ppo, "seeds": seeds, "breadth": breadth,
-            "games": games, "policy-share": policy_share, "seed": seed,
+            "tasks": self.tasks, "first": ModelConfig::read(&self.model)?.model_sha256, "onward": settings_of(&self.onward),
+            "ppo": self.ppo, "seeds": seeds, "games": games, "policy-share": policy_share, "seed": seed,
         });
         let path = self.out.join("co-train.json");
-        if path.exists() {
-            let found = nerd_sim::files::read_text(&path).map_err(crate::error::file(&path))?;
-            // As they are read: a number that is written and read may have another last digit.
-            let said = between(&found, &asked.to_string());
-            if !said.is_empty() {
-                refuse!("{} is of other settings: {said}; use another --out, or its settings", path.display());
-            }
-            return Ok(());
+        if !path.exists() {
+            return write(&path, serde_json::to_string_pretty(&asked).map_err(crate::error::format(&path))?.as_bytes());
         }
-        write(&path, serde_json::to_string_pretty(&asked).map_err(crate::error::format(&path))?.as_bytes())
+        let found = nerd_sim::files::read_text(&path).map_err(crate::error::file(&path))?;
+        // As they are read: a number that is written and read may have another last digit.
+        let apart = between(&found, &asked.to_string());
+        if !apart.is_empty() {
+            refuse!("{} is of other settings: {apart}; use another --out, or its settings", path.display());
+        }
+        Ok(())
+    }
+
+    /// Minutes that are left, if they are limited; none below zero.
+    pub fn left(&self) -> Option<f64> {
+        self.config.minutes.map(|all| (all - self.started.elapsed().as_secs_f64() / 60.0).max(0.0))
     }
 }
 
-/// Each setting within its range.
-fn check(config: &CoTrainConfig) -> Result<()> {
-    let given = config.given();
-    for key in CoTrainConfig::keys() {
-        let (name, value) = (key.name(), given.get(&key.name()).unwrap_or(&Value::Null));
-        if !value.is_null() {
-            key.values.check(value).map_err(|needed| Error::msg(format!("--{name} {value}: {needed}")))?;
-        }
+/// The last run of a recipe of that robot, by its name or from a file.
+fn last_of(named: &str, robot: &str) -> Result<RunConfig> {
+    let (file, given): (_, Given) = (Path::new(named), [("robot".to_string(), robot.into())].into_iter().collect());
+    let recipe = |given: &Given| match file.extension().is_some_and(|e| e == "toml") || file.exists() {
+        true => Recipe::read(file, given),
+        false => Recipe::named(named, given),
+    };
+    let own = recipe(&Given::new())?.runs.first().map_or_else(String::new, |run| run.robot.clone());
+    if !own.is_empty() && own != robot {
+        refuse!("--recipe {named} trains `{own}`, the tasks are of `{robot}`");
     }
-    Ok(())
+    match recipe(&given)?.runs.pop() {
+        Some(last) => Ok(last),
+        None => refuse!("--recipe {named} has no runs"),
+    }
 }
 
 /// The one robot of all tasks.
@@ -128,22 +162,6 @@ fn robot_of(tasks: &[String]) -> Result<&'static str> {
         }
     }
     Ok(robot)
-}
-
-/// A recipe of that robot, by its name or from a file.
-fn recipe(named: &str, robot: &str, config: &CoTrainConfig, out: &Path) -> Result<Recipe> {
-    let file = Path::new(named);
-    let read = |given: &Given| match file.extension().is_some_and(|e| e == "toml") || file.exists() {
-        true => Recipe::read(file, given),
-        false => Recipe::named(named, given),
-    };
-    let own = read(&Given::new())?.runs.first().map_or_else(String::new, |run| run.robot.clone());
-    if !own.is_empty() && own != robot {
-        refuse!("--recipe {named} trains `{own}`, the tasks are of `{robot}`");
-    }
-    let device = serde_json::to_value(config.device).unwrap_or_default();
-    let given = [("robot", robot.into()), ("out", out.join("round-0").display().to_string().into()), ("device", device)];
-    Ok(read(&given.map(|(key, value)| (key.to_string(), value)).into_iter().collect())?)
 }
 
 /// Another number of updates, with as much fresh data for each.

@@ -13,8 +13,7 @@ use crate::report::{Input, Inputs, Table};
 use nerd_train::device::Device;
 use nerd_train::learner::cuda::{CudaLearner, Precision};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState};
-use nerd_train::ppo::clock::Clock;
-use nerd_train::ppo::{Arena, PpoConfig, Shared, Trainer, on_card};
+use nerd_train::ppo::{Arena, PpoConfig, Trainer, on_card};
 use nerd_train::ranks::Ranks;
 use nerd_train::shipped;
 use nerd_train::windows::{Windows, draw};
@@ -90,11 +89,11 @@ impl Cards {
         CudaLearner::among(ranks, configuration, precision, state, data, data).map_err(refused)
     }
 
-    fn trainer(&self, ranks: &Arc<Ranks>, environments: usize) -> Result<Trainer<Shared>> {
+    fn trainer(&self, ranks: &Arc<Ranks>, environments: usize) -> Result<Trainer> {
         let folder = shipped::model_of_task(&self.task, nerd_tasks::named(&self.task)?.robot());
         let arena = Arena::Model { folder, device: Device::Cuda };
         let config = PpoConfig { environments, ..PpoConfig::of(&self.task)? };
-        Ok(on_card(&arena, nerd_tasks::named(&self.task)?, &config, self.seed, ranks, &Clock::default())?)
+        Ok(on_card(&arena, nerd_tasks::named(&self.task)?, &config, self.seed, ranks)?)
     }
 }
 

@@ -2,8 +2,7 @@
 
 use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
-use nerd_train::ppo::rollout::Running;
-use nerd_train::ppo::{Actor, Policy};
+use nerd_train::ppo::{Actor, Policy, Running};
 use nerd_train::progress::bar;
 
 use super::replay::Replay;

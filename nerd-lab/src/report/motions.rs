@@ -13,8 +13,7 @@ use nerd_tasks::{Episodes, named};
 
 use super::replay::Replay;
 use crate::error::Result;
-use nerd_train::ppo::rollout::Running;
-use nerd_train::ppo::{Actor, folder};
+use nerd_train::ppo::{Actor, Running, folder};
 use nerd_train::shipped::{model, root};
 
 /// Seed of motions that no data have.

@@ -147,14 +147,14 @@ impl Number for Text<'_> {
     }
 }
 
-/// An environment that is told of in words of `device/task.cuh`.
-struct Told<'a> {
+/// An environment written in words of `task.cuh`.
+struct Traced<'a> {
     tape: &'a Tape,
     system: &'a System,
     goals: usize,
 }
 
-impl<'a> Sight<Text<'a>> for Told<'a> {
+impl<'a> Sight<Text<'a>> for Traced<'a> {
     fn system(&self) -> &System {
         self.system
     }
@@ -204,11 +204,11 @@ impl<'a> Sight<Text<'a>> for Told<'a> {
 /// # Errors
 /// Where a formula speaks of a number, a link or a point that there is not.
 pub fn written(task: &impl Formulas, system: &System) -> Result<String, String> {
-    let (about, goals, joints) = (task.about(), task.goal().len(), system.robot.joint_count());
+    let (about, goals, joints) = (Formulas::about(task), task.goal().len(), system.robot.joint_count());
     let mut functions = String::new();
-    let mut function = |name: &str, given: &str, say: &dyn Fn(&mut Told)| {
+    let mut function = |name: &str, given: &str, say: &dyn Fn(&mut Traced)| {
         let tape = Tape::default();
-        say(&mut Told { tape: &tape, system, goals });
+        say(&mut Traced { tape: &tape, system, goals });
         if let Some(why) = tape.wrong.take() {
             return Err(format!("task `{}`, `{name}`: {why}", about.name));
         }
@@ -220,25 +220,25 @@ pub fn written(task: &impl Formulas, system: &System) -> Result<String, String> 
     let list = |tape: &Tape, name: &str, numbers: &[Text]| {
         numbers.iter().enumerate().for_each(|(k, x)| tape.say(&format!("{name}[{k}] = {x};")));
     };
-    function("observe", ", double* out", &|told| {
+    function("observe", ", double* out", &|sight| {
         let mut out = vec![Text::Number(0.0); about.observation];
-        task.observe(told, &mut out);
-        list(told.tape, "out", &out);
+        task.observe(sight, &mut out);
+        list(sight.tape, "out", &out);
     })?;
-    function("act", ", const double* action, double* torques", &|told| {
+    function("act", ", const double* action, double* torques", &|sight| {
         let mut torques = vec![Text::Number(0.0); joints];
-        let action: Vec<_> = (0..about.action).map(|k| told.tape.line(&format!("action[{k}]"))).collect();
-        task.act(told, &action, &mut torques);
-        list(told.tape, "torques", &torques);
+        let action: Vec<_> = (0..about.action).map(|k| sight.tape.line(&format!("action[{k}]"))).collect();
+        task.act(sight, &action, &mut torques);
+        list(sight.tape, "torques", &torques);
     })?;
-    function("reward", ", const double* torques, double* out", &|told| {
-        let torques: Vec<_> = (0..joints).map(|k| told.tape.line(&format!("torques[{k}]"))).collect();
-        let reward = task.reward(told, &torques);
-        list(told.tape, "out", &[reward]);
+    function("reward", ", const double* torques, double* out", &|sight| {
+        let torques: Vec<_> = (0..joints).map(|k| sight.tape.line(&format!("torques[{k}]"))).collect();
+        let reward = task.reward(sight, &torques);
+        list(sight.tape, "out", &[reward]);
     })?;
-    function("over", ", double* out", &|told| {
-        let over = task.over(told);
-        list(told.tape, "out", &[over]);
+    function("over", ", double* out", &|sight| {
+        let over = task.over(sight);
+        list(sight.tape, "out", &[over]);
     })?;
     Ok(functions)
 }

@@ -1,16 +1,11 @@
 //! PPO on the card: rollouts whose tasks are there are those of tasks on the CPU, and what is learned from them there is what the CPU learns.
 
-use std::sync::Arc;
-
 use nerd_model::pick::Setting;
 use nerd_sim::sampling::stream;
 use nerd_sim::system::System;
 use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
-use nerd_train::ppo::engine::Engine;
-use nerd_train::ppo::rollout::{Rollout, Running, Taken};
-use nerd_train::ppo::update::{Adam, update};
-use nerd_train::ppo::{Activation, Arena, CudaEngine, Environments, Policy, PpoConfig, Shape, Shared};
+use nerd_train::ppo::{Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken};
 
 use crate::with::{Checks, Outcome, share_of_way};
 
@@ -26,22 +21,24 @@ fn config() -> PpoConfig {
     PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, epochs: 2, kl: 0.0, ..PpoConfig::default() }
 }
 
-/// Environments and what answers them on the card.
-struct Side<E> {
-    environments: E,
+/// Episodes and what answers them on the card.
+struct Side {
+    episodes: Episodes,
     engine: CudaEngine,
     running: Running,
 }
 
-impl<E: Environments> Side<E> {
-    fn new(environments: E, shape: &Shape) -> Outcome<Self> {
-        let running = Running::new(&environments, shape.stack);
-        Ok(Self { environments, engine: CudaEngine::new(shape, &config())?, running })
+impl Side {
+    /// Whose episodes are stepped on the card, or by their own solver.
+    fn new(episodes: Episodes, on_card: bool, shape: &Shape) -> Outcome<Self> {
+        let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, &config())?);
+        engine.steps_episodes = on_card;
+        Ok(Self { episodes, engine, running })
     }
 
     fn roll(&mut self, policy: &Policy, number: usize) -> Outcome<(Rollout, Taken)> {
-        let (law, noise) = ((HORIZON, 0.99, 0.95), (7, (number * HORIZON) as u64));
-        let taken = self.engine.roll(&mut self.environments, &mut self.running, policy, law, noise)?;
+        let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
+        let taken = self.engine.roll(&mut self.episodes, &mut self.running, policy, &config(), noise)?;
         Ok((self.engine.rollout()?, taken))
     }
 
@@ -49,8 +46,10 @@ impl<E: Environments> Side<E> {
     fn learn(&mut self, first: &Policy, config: &PpoConfig) -> Outcome<f64> {
         let adam = Adam::new(first.flat.len(), 1e-3);
         let [mut one, mut other] = [(first.clone(), adam.clone()), (first.clone(), adam)];
-        update(&mut one.0, &mut one.1, &self.engine.rollout()?, config, (5, 0));
-        self.engine.update(&mut other.0, &mut other.1, config, (5, 0))?;
+        let (mut cpu, orders) = (OnCpu::default(), StreamKey { seed: 5, number: 0 });
+        cpu.rollout = self.engine.rollout()?;
+        cpu.update(&mut one.0, &mut one.1, config, orders)?;
+        self.engine.update(&mut other.0, &mut other.1, config, orders)?;
         Ok(share_of_way(&one.0.flat, &other.0.flat, &first.flat))
     }
 }
@@ -78,7 +77,7 @@ pub fn policies(checks: &mut Checks) -> Outcome {
         let host = episodes("cartpole-swingup", &Arena::Judge(Setting::Implicit(4)))?;
         let shape = shape(&host, 2, activation, spread_by_state);
         let config = PpoConfig { value_clip, entropy: 0.01, ..config() };
-        let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, &shape)?);
+        let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape)?);
         side.roll(&policy, 0)?;
         let apart = side.learn(&policy, &config)?;
         checks.demand(apart < 1e-2, format!("{activation:?}: weights {apart:.1e} of their way from those that the CPU learns"));
@@ -103,8 +102,7 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
     let host = episodes(task, arena)?;
     let shape = shape(&host, if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu, false);
     let policy = Policy::new(shape.clone(), &mut stream(8, 0));
-    let on_card = Shared::new(episodes(task, arena)?, N, &Arc::default())?;
-    let (mut cpu, mut gpu) = (Side::new(host, &shape)?, Side::new(on_card, &shape)?);
+    let (mut cpu, mut gpu) = (Side::new(host, false, &shape)?, Side::new(episodes(task, arena)?, true, &shape)?);
     let title = format!("{task} on {}", arena.title()?);
     for number in 0..2 {
         let ((one, told), (other, said)) = (cpu.roll(&policy, number)?, gpu.roll(&policy, number)?);
@@ -118,13 +116,12 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
         ];
         let near = told.ended.len().abs_diff(said.ended.len()) as f64 <= 1.0 + SHARE * told.ended.len() as f64;
         let what = format!("{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:?} of them apart");
-        checks.demand(said.solver_seconds.is_some() && near && shares.iter().all(|share| *share <= SHARE), what);
+        checks.demand(gpu.engine.has_episodes() && near && shares.iter().all(|share| *share <= SHARE), what);
     }
     let apart = gpu.learn(&policy, &config())?;
     checks.demand(apart < 1e-2, format!("{title}: weights {apart:.1e} of their way from those that the CPU learns"));
-    let mut again = Shared::new(arena.episodes(task, N, 3)?, N, &Arc::default())?;
-    again.restore(&gpu.environments.snapshot()?)?;
-    let mut other = Side { running: gpu.running.clone(), ..Side::new(again, &shape)? };
+    let mut other = Side { running: gpu.running.clone(), ..Side::new(arena.episodes(task, N, 3)?, true, &shape)? };
+    other.engine.restore(&mut other.episodes, &gpu.engine.snapshot(&gpu.episodes)?)?;
     let (gone_on, begun_again) = (gpu.roll(&policy, 2)?.0, other.roll(&policy, 2)?.0);
     let (share, exact) = (share(&gone_on.observations, &begun_again.observations), matches!(arena, Arena::Card(_)));
     let same = gone_on.observations == begun_again.observations;

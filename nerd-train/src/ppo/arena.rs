@@ -6,14 +6,12 @@ use std::sync::Arc;
 
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::pick::Setting;
-use nerd_model::transformer::Stream;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::Real;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
-use super::clock::{Clock, Timed};
 use crate::device::Device;
 use crate::error::{Result, refuse};
 #[cfg(feature = "cuda")]
@@ -117,27 +115,14 @@ impl Arena {
     /// # Errors
     /// If the task is unknown, or the model is not of its robot.
     pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
-        self.timed(task, n, seed, &Clock::default())
+        self.part(named(task)?, 0..n, seed)
     }
 
-    /// The same, with the time that its solver takes on a clock.
+    /// Some of the episodes, by their numbers among all, of a task that need not be built in.
     ///
     /// # Errors
     /// As [`Arena::episodes`].
-    pub fn timed(&self, task: &str, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
-        self.host(named(task)?, n, seed, clock)
-    }
-
-    /// The same of a task that need not be built in.
-    ///
-    /// # Errors
-    /// As [`Arena::episodes`].
-    pub fn host(&self, task: Box<dyn Task>, n: usize, seed: u64, clock: &Clock) -> Result<Episodes> {
-        self.part(task, 0..n, seed, clock)
-    }
-
-    /// Some of the episodes, by their numbers among all.
-    pub(crate) fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64, clock: &Clock) -> Result<Episodes> {
+    pub fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64) -> Result<Episodes> {
         let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
@@ -153,16 +138,13 @@ impl Arena {
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
                 let reach = model.config.network.reach();
-                let time = clock.network.clone();
-                let timed = move |network| -> Box<dyn Stream> { Box::new(Timed(network, time)) };
-                (device.solver(model, &system, n, timed)?, reach)
+                (device.solver(model, &system, n, |network| network)?, reach)
             }
             Self::Judge(setting) => (setting.solver(&system)?, 0),
             #[cfg(feature = "cuda")]
             Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F32)?, 0),
             Self::Guest(_, make) => ((make.0)(&system, &batch.scenes[0])?, 0),
         };
-        let solver = Box::new(Timed(solver, clock.solver.clone()));
         let mut episodes = Episodes::part(task, Simulation { batch, solver }, seed, envs.start);
         episodes.remember(memory);
         Ok(episodes)

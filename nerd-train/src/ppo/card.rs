@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::curve;
 use super::folder::{PolicyConfig, save};
-use super::{Environments, Trainer, curve};
+use super::trainer::Trainer;
 use crate::error::Result;
 use crate::provenance::Provenance;
 use crate::records::Session;
 
 /// Writes `<out>/policy`.
-pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer<impl Environments>) -> Result<()> {
+pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer) -> Result<()> {
     let sessions = Session::all(out)?;
     let (minutes, machine) = Session::sum(&sessions);
     let stamp = Provenance::now(trainer.seed);

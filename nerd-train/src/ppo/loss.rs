@@ -8,6 +8,8 @@
 //!   + bounds sum (max(mu - 1.1, 0)^2 + min(mu + 1.1, 0)^2) - entropy sum (s + 1/2 ln 2 pi e)
 //! ```
 
+use serde::{Deserialize, Serialize};
+
 use super::config::PpoConfig;
 
 /// Mean actions beyond this cost.
@@ -17,7 +19,7 @@ const HALF_LN_TAU: f32 = 0.918_938_5;
 
 /// What is known of a step from its rollout.
 #[derive(Clone, Copy)]
-pub struct Past<'a> {
+pub(super) struct Past<'a> {
     /// The action drawn.
     pub action: &'a [f32],
     /// Minus the logarithm of its probability then.
@@ -30,49 +32,52 @@ pub struct Past<'a> {
     pub value: f32,
 }
 
-/// Sums of the terms over steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Terms of the loss: sums over steps, or means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
     /// Of the policy.
+    #[serde(rename = "actor_loss")]
     pub actor: f64,
-    /// Of the value, without its weight.
+    /// Squared error of the normalised value.
+    #[serde(rename = "critic_loss")]
     pub critic: f64,
-    /// Of the bounds, without its weight.
+    /// Of mean actions out of bounds, without its weight.
+    #[serde(rename = "bounds_loss")]
     pub bounds: f64,
-    /// Entropy.
+    /// Entropy of the policy (nats).
     pub entropy: f64,
-    /// Divergence `KL(new, old)` from the policy that was compared with.
+    /// Divergence `KL(new, old)` from the policy that was compared with: that of a pass.
     pub kl: f64,
     /// Steps whose ratio was clipped.
     pub clipped: f64,
 }
 
 impl Terms {
-    /// Adds another sum.
-    pub fn add(&mut self, o: &Self) {
-        let Self { actor, critic, bounds, entropy, kl, clipped } = self;
-        *actor += o.actor;
-        *critic += o.critic;
-        *bounds += o.bounds;
-        *entropy += o.entropy;
-        *kl += o.kl;
-        *clipped += o.clipped;
+    pub(super) fn of([actor, critic, bounds, entropy, kl, clipped]: [f64; 6]) -> Self {
+        Self { actor, critic, bounds, entropy, kl, clipped }
     }
 
-    /// Means.
-    pub fn over(&self, n: f64) -> Self {
-        let Self { actor, critic, bounds, entropy, kl, clipped } = *self;
-        Self { actor: actor / n, critic: critic / n, bounds: bounds / n, entropy: entropy / n, kl: kl / n, clipped: clipped / n }
+    pub(super) fn list(&self) -> [f64; 6] {
+        [self.actor, self.critic, self.bounds, self.entropy, self.kl, self.clipped]
+    }
+
+    pub(super) fn add(&mut self, other: &Self) {
+        let (mine, theirs) = (self.list(), other.list());
+        *self = Self::of(std::array::from_fn(|k| mine[k] + theirs[k]));
+    }
+
+    pub(super) fn over(&self, n: f64) -> Self {
+        Self::of(self.list().map(|x| x / n))
     }
 }
 
 /// `-ln N(action; mu, exp(s)^2)`.
-pub fn surprise(action: &[f32], mu: &[f32], s: &[f32]) -> f32 {
+pub(super) fn surprise(action: &[f32], mu: &[f32], s: &[f32]) -> f32 {
     action.iter().zip(mu).zip(s).map(|((a, mu), s)| 0.5 * ((a - mu) * (-s).exp()).powi(2) + s + HALF_LN_TAU).sum()
 }
 
 /// `KL(N(mu, exp(s)^2), N(mu_old, exp(s_old)^2))`.
-pub fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -> f32 {
+pub(super) fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -> f32 {
     let all = mu.iter().zip(s).zip(old_mu.iter().zip(old_s));
     all.map(|((mu, s), (old_mu, old_s))| {
         let (ratio, far) = (2.0 * (s - old_s), (mu - old_mu) * (-old_s).exp());
@@ -82,7 +87,7 @@ pub fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -> f32 {
 }
 
 /// Loss terms of one step; writes the gradients of `scale` times the loss by mean, value and spread.
-pub fn step(
+pub(super) fn step(
     config: &PpoConfig,
     past: Past,
     (mu, s, v): (&[f32], &[f32], f32),

@@ -5,50 +5,56 @@
 //! Unlike there, moments of observations move after an update, not before it, so that its first ratio is 1. The shipped policies
 //! learned in the order of rl_games.
 //!
-//! Networks are small and environments many, so all of it is plain f32 on the CPU, over the engine of programs ([`nerd_model::program::cpu`]): an update of 65 536
-//! steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are answers and updates. Whatever the number of threads,
+//! Networks are small and environments many, so all of it is plain f32 on the CPU, over the engine of programs ([`nerd_model::program::cpu`]): an update of
+//! 65 536 steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are answers and updates. Whatever the number of threads,
 //! the same seed gives the same bytes.
 //!
-//! [`rollout`] steps, [`gae`] judges, [`update`] learns by [`loss`], all on an [`Engine`]; [`Trainer`] repeats it and keeps all that a run needs
-//! to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
+//! An [`Engine`] steps episodes, judges what came of it (`gae.rs`) and learns from it (`update.rs`, by `loss.rs`); [`Trainer`] repeats
+//! it and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result. Of several processes each has
+//! a share of the environments (`team.rs`).
 
 mod arena;
 mod card;
 mod checkpoint;
-pub mod clock;
 mod config;
+mod cpu;
 #[cfg(feature = "cuda")]
 mod cuda;
 pub mod curve;
-pub mod engine;
-mod environments;
+mod engine;
+mod error;
 pub mod folder;
-pub mod gae;
-pub mod loss;
+mod gae;
+mod loss;
+mod noise;
 mod normalizer;
 mod pilot;
 mod play;
 mod policy;
-pub mod rollout;
+mod rollout;
 mod run;
-mod shared;
 mod stack;
+mod team;
 mod trainer;
-pub mod update;
+mod update;
 
 pub use nerd_model::program::Activation;
 
 pub use arena::{Arena, Guest};
 pub use config::{ConfigError, PpoConfig};
+pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
-pub use cuda::{CudaEngine, World, on_card};
-pub use engine::{Engine, OnCpu};
-pub use environments::Environments;
+pub use cuda::{CudaEngine, on_card};
+pub use engine::Engine;
+pub use error::PpoError;
+pub use loss::Terms;
+pub use noise::StreamKey;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;
 pub use play::{Game, play};
 pub use policy::{Actor, Answer, Policy, Shape};
+pub use rollout::{Ended, Rollout, Running, Stepped, Taken};
 pub use run::{Learned, PolicyRun};
-pub use shared::Shared;
 pub use stack::Stack;
-pub use trainer::{Iteration, PpoError, State, Trainer};
+pub use trainer::{Iteration, State, Trainer};
+pub use update::{Adam, Updated};

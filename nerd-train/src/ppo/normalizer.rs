@@ -28,12 +28,9 @@ impl RunningMoments {
         Self { mean: vec![0.0; columns], variance: vec![1.0; columns], count: 1.0 }
     }
 
-    /// Takes in rows.
-    pub fn update(&mut self, rows: &[f64]) {
-        let (columns, m) = (self.mean.len(), (rows.len() / self.mean.len().max(1)) as f64);
-        if m == 0.0 {
-            return;
-        }
+    /// Of these rows alone.
+    pub(super) fn of(rows: &[f64], columns: usize) -> Self {
+        let n = (rows.len() / columns.max(1)) as f64;
         // Each thread some columns, each column in the order of the rows: the same bits on any number of threads.
         let means = |of: &[f64], square: bool| {
             let mut sums = vec![0.0; columns];
@@ -45,22 +42,31 @@ impl RunningMoments {
                         *s += if square { x * x } else { x };
                     }
                 }
-                sums.iter_mut().for_each(|s| *s /= m);
+                sums.iter_mut().for_each(|s| *s /= n);
             });
             sums
         };
         let mean = means(&vec![0.0; columns], false);
         let variance = means(&mean, true);
-        self.absorb(&mean, &variance, m);
+        Self { mean, variance, count: n }
     }
 
-    /// Takes in m rows of these means and variances.
-    pub(super) fn absorb(&mut self, mean: &[f64], variance: &[f64], m: f64) {
-        let (n, total) = (self.count, self.count + m);
-        for k in 0..mean.len() {
-            let d = mean[k] - self.mean[k];
+    /// Takes in rows.
+    pub fn update(&mut self, rows: &[f64]) {
+        self.absorb(&Self::of(rows, self.mean.len()));
+    }
+
+    /// Takes in the rows of other moments.
+    pub(super) fn absorb(&mut self, other: &Self) {
+        let (n, m) = (self.count, other.count);
+        if m == 0.0 {
+            return;
+        }
+        let total = n + m;
+        for k in 0..self.mean.len() {
+            let d = other.mean[k] - self.mean[k];
             self.mean[k] += d * m / total;
-            self.variance[k] = (n * self.variance[k] + m * variance[k] + d * d * n * m / total) / total;
+            self.variance[k] = (n * self.variance[k] + m * other.variance[k] + d * d * n * m / total) / total;
         }
         self.count = total;
     }

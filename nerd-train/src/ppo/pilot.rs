@@ -14,7 +14,7 @@ use nerd_tasks::{Task, TaskError, View, Work, fast_start, named};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::engine::normal;
+use super::noise::normal;
 use super::policy::{Actor, Policy};
 use super::stack::Stack;
 

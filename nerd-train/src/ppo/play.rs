@@ -1,10 +1,10 @@
 //! Whole episodes under a policy's mean actions.
 
 use nerd_sim::solver::StepError;
+use nerd_tasks::Episodes;
 
-use super::environments::Environments;
 use super::policy::{Actor, Policy};
-use super::rollout::Running;
+use super::rollout::{Ended, Running};
 
 /// One game.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -21,14 +21,14 @@ pub struct Game {
 ///
 /// # Errors
 /// If the solver cannot step.
-pub fn play(policy: &Policy, environments: &mut impl Environments, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
-    let (mut running, actor) = (Running::new(environments, policy.shape.stack), Actor::new(policy.clone()));
-    let (mut games, mut reached) = (vec![None; environments.count()], Vec::new());
+pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
+    let (mut running, actor) = (Running::new(episodes, policy.shape.stack), Actor::new(policy.clone()));
+    let (mut games, mut reached) = (vec![None; episodes.len()], Vec::new());
     let mut misses = vec![Vec::new(); games.len()];
     while games.iter().any(Option::is_none) {
-        let stepped = running.step(environments, &actor.mean(&running.stack.rows), &mut reached)?;
+        let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
         misses.iter_mut().zip(stepped.result.misses).for_each(|(all, miss)| all.push(miss));
-        for (env, reward, length) in stepped.ended {
+        for Ended { env, total: reward, length, .. } in stepped.ended {
             let miss = last_half(&std::mem::take(&mut misses[env]));
             games[env].get_or_insert(Game { reward, length, miss });
         }

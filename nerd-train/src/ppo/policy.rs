@@ -6,12 +6,14 @@
 use nerd_model::program::cpu::{Loaded, Pass};
 use nerd_model::program::{Activation, Program, policy};
 use nerd_model::transformer::Init;
+use nerd_tasks::Task;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::config::PpoConfig;
 use super::normalizer::RunningMoments;
 use crate::ranges::{OutOfRange, within};
 
@@ -37,6 +39,18 @@ pub struct Shape {
 }
 
 impl Shape {
+    /// Of a task's policy under these settings.
+    pub fn of(task: &dyn Task, config: &PpoConfig) -> Self {
+        Self {
+            observation: task.observation_dim(),
+            stack: config.stack,
+            action: task.action_dim(),
+            hidden: config.hidden.clone(),
+            activation: config.activation,
+            spread_by_state: config.spread_by_state,
+        }
+    }
+
     /// Refuses what no policy can have, before any memory is taken for it.
     ///
     /// # Errors

@@ -1,17 +1,19 @@
 //! A policy's training in a folder: PPO in an arena, resumable, with the record, the curve and the best policy it came to.
 //!
-//! The folder holds `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and, drawn at the end, `curve.svg` and `curve.png`
-//! (feature `report`); the same run again continues it. The policy with the largest mean reward is in `OUT/policy`.
+//! The folder holds `metrics.jsonl`, `sessions.jsonl` and `last.safetensors`; the same run again continues it. The policy with the largest
+//! mean reward is in `OUT/policy`.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{Fast, Task, named};
+use nerd_tasks::{Task, named};
 
-use super::clock::{Clock, Split};
-use super::{Arena, PpoConfig, Shared, Trainer, card};
+use super::arena::Arena;
+use super::card;
+use super::config::PpoConfig;
+use super::trainer::{Iteration, Trainer};
 use crate::bounds;
 use crate::difference::between;
 use crate::error::{Error, Result, refuse};
@@ -33,8 +35,6 @@ pub struct PolicyRun {
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
-    /// Whether episodes begin fast ([`nerd_tasks::Fast`]).
-    pub fast: bool,
     /// Stops once the mean reward of the last episodes has reached this.
     pub until: Option<f64>,
     /// Stops, with a checkpoint, after so many minutes.
@@ -64,9 +64,9 @@ pub struct Learned {
 
 /// A run that goes on.
 struct Going {
-    trainer: Trainer<Shared>,
+    trainer: Trainer,
     metrics: Option<Record>,
-    split: Split,
+    spent: Spent,
     failed: usize,
 }
 
@@ -77,11 +77,10 @@ impl PolicyRun {
     /// If task, model or settings cannot be, the folder is another run's or in use, the solver cannot step, or a file cannot be
     /// written.
     pub fn train(&self) -> Result<Learned> {
-        self.lead(&Arc::default())
+        self.learn(&Arc::default())
     }
 
-    /// The same as one of several ranks: each steps its share of the environments. On CPUs rank 0 learns, on cards every rank does; rank 0
-    /// writes. None on the others.
+    /// The same as one of several ranks: each learns from its share of the environments, and rank 0 writes. None on the others.
     ///
     /// # Errors
     /// As [`PolicyRun::train`]; or if another rank is lost.
@@ -90,60 +89,44 @@ impl PolicyRun {
         if world > environments {
             refuse!("{environments} environments: {world} ranks need one each");
         }
-        if self.arena.on_gpu() && world > 1 {
-            return self.side_by_side(ranks);
-        }
-        if ranks.leads() {
-            return self.lead(ranks).map(Some);
-        }
-        let system = System::named(named(&self.task)?.robot())?;
-        self.shared(ranks, &system, &Clock::default())?.serve()?;
-        Ok(None)
-    }
-
-    /// On cards every rank learns, each from its share of the environments; rank 0 writes.
-    fn side_by_side(&self, ranks: &Arc<Ranks>) -> Result<Option<Learned>> {
         #[cfg(feature = "cuda")]
-        nerd_cuda::take(ranks.local()).map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
-        Some(self.lead(ranks)).filter(|done| ranks.leads() || done.is_err()).transpose()
-    }
-
-    /// This rank's share of the environments.
-    fn shared(&self, ranks: &Arc<Ranks>, system: &Arc<System>, clock: &Clock) -> Result<Shared> {
-        let identity = serde_json::json!({ "run": self.identity(system)?, "seed": self.seed, "settings": self.config }).to_string();
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        let how = |theirs: &[u8], ours: &[u8]| between(&text(theirs), &text(ours)) + "; give all ranks the same command";
-        ranks.agree("settings", identity.as_bytes(), how)?;
-        let (task, n) = (named(&self.task)?, self.config.environments);
-        let task = if self.fast { Box::new(Fast::new(task, system)) } else { task };
-        let (part, own) = (ranks.part(n), self.arena.part(task, ranks.part(n), self.seed, clock)?);
-        // Where every rank learns, none tells another what to do.
-        Ok(if self.arena.on_gpu() { Shared::new(own, part.len(), &Arc::default())? } else { Shared::new(own, n, ranks)? })
+        if self.arena.on_gpu() && world > 1 {
+            nerd_cuda::take(ranks.local()).map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
+        }
+        let done = self.learn(ranks)?;
+        Ok(ranks.leads().then_some(done))
     }
 
     /// What a checkpoint is known by: a model is its weights, wherever they are.
     fn identity(&self, system: &System) -> Result<String> {
-        let begun = if self.fast { " from fast starts" } else { "" };
-        Ok(format!("{}{begun} on {}", self.task, self.arena.identity(system)?))
+        Ok(format!("{} on {}", self.task, self.arena.identity(system)?))
     }
 
-    fn lead(&self, ranks: &Arc<Ranks>) -> Result<Learned> {
+    /// Refuses ranks that do something else.
+    fn agree(&self, ranks: &Ranks, system: &System) -> Result<()> {
+        let identity = serde_json::json!({ "run": self.identity(system)?, "seed": self.seed, "settings": self.config }).to_string();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let how = |theirs: &[u8], ours: &[u8]| between(&text(theirs), &text(ours)) + "; give all ranks the same command";
+        Ok(ranks.agree("settings", identity.as_bytes(), how)?)
+    }
+
+    fn learn(&self, ranks: &Arc<Ranks>) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
         self.config.check()?;
         memory(&*task, &self.config)?;
         let (system, solver) = (System::named(task.robot())?, self.arena.title()?);
         let title = format!("{} on {solver}", self.task);
-        let (identity, clock) = (self.identity(&system)?, Clock::default());
-        let episodes = self.shared(ranks, &system, &clock)?;
-        let learners = if self.arena.on_gpu() { ranks.clone() } else { Arc::default() };
-        let mut trainer = Trainer::among(&learners, episodes, self.config.clone(), self.seed)?;
+        let identity = self.identity(&system)?;
+        self.agree(ranks, &system)?;
+        let episodes = self.arena.part(task, ranks.part(self.config.environments), self.seed)?;
+        let mut trainer = Trainer::among(ranks, episodes, self.config.clone(), self.seed)?;
         #[cfg(feature = "cuda")]
         if self.arena.on_gpu() {
-            let engine = super::CudaEngine::among(&trainer.state.policy.shape, &self.config, &learners);
+            let engine = super::CudaEngine::among(&trainer.state.policy.shape, &self.config, ranks);
             trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
         }
-        let leads = learners.leads();
+        let leads = ranks.leads();
         let _claim = leads.then(|| claimed(out)).transpose()?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
@@ -153,18 +136,17 @@ impl PolicyRun {
             }
         }
         let at = [trainer.state.iteration.to_le_bytes().to_vec(), crate::ranks::bytes(&trainer.state.policy.flat)].concat();
-        learners.agree("checkpoint", &at, |_, _| "give all ranks the same --out, in a folder that all of them see".into())?;
+        ranks.agree("checkpoint", &at, |_, _| "give all ranks the same --out, in a folder that all of them see".into())?;
         // Nobody reads any more what the first will write.
-        learners.wait()?;
+        ranks.wait()?;
         let first = trainer.state.iteration;
         let metrics = leads.then(|| Record::metrics(out, first)).transpose()?;
         let bar = bar(&format!("steps of {title}"), trainer.config.iterations * trainer.config.steps() as u64);
-        let mut going = Going { trainer, metrics, split: Split::default(), failed: 0 };
+        let mut going = Going { trainer, metrics, spent: Spent::default(), failed: 0 };
         self.iterate(&mut going, &identity, started, &bar)?;
         bar.finish();
-        let Going { trainer, split, failed, .. } = going;
-        trainer.environments.end()?;
-        let spent = split.words(&clock);
+        let Going { trainer, spent, failed, .. } = going;
+        let spent = spent.words();
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
         let done = Learned { title, policy, reward, iterations, failed, elapsed, spent };
@@ -181,12 +163,12 @@ impl PolicyRun {
 
     /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
     fn iterate(&self, going: &mut Going, identity: &str, started: Instant, bar: &Bar) -> Result<()> {
-        let Going { trainer, metrics, split, failed } = going;
+        let Going { trainer, metrics, spent, failed } = going;
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
             metrics.as_mut().map_or(Ok(()), |metrics| metrics.write(&line))?;
-            split.add(&line, trainer.config.steps());
+            spent.add(&line, trainer.config.steps());
             *failed += line.failed;
             if let (Some(reward), Some(length)) = (line.reward, line.length) {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
@@ -203,6 +185,29 @@ impl PolicyRun {
             }
         }
         Ok(trainer.save(&checkpoint, identity)?)
+    }
+}
+
+/// Seconds of some iterations, and their steps.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spent {
+    rollout: f64,
+    update: f64,
+    steps: f64,
+}
+
+impl Spent {
+    fn add(&mut self, line: &Iteration, steps: usize) {
+        self.rollout += line.rollout_seconds;
+        self.update += line.update_seconds;
+        self.steps += steps as f64;
+    }
+
+    /// In words: steps a second, and shares.
+    fn words(&self) -> String {
+        let all = (self.rollout + self.update).max(1e-9);
+        let [rollout, update] = [self.rollout, self.update].map(|seconds| 100.0 * seconds / all);
+        format!("{:.0} steps/s: rollout {rollout:.0} %, update {update:.0} %", self.steps / all)
     }
 }
 

@@ -4,52 +4,18 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-use nerd_sim::sampling::stream;
-use nerd_sim::solver::StepError;
+use nerd_tasks::Episodes;
 use serde::{Deserialize, Serialize};
 
-use super::config::{ConfigError, PpoConfig};
-use super::engine::{Engine, OnCpu};
-use super::environments::Environments;
+use super::config::PpoConfig;
+use super::cpu::OnCpu;
+use super::engine::Engine;
+use super::error::PpoError;
+use super::noise::StreamKey;
 use super::policy::{Policy, Shape};
 use super::rollout::Running;
 use super::update::{Adam, Updated};
-use crate::error::{Error, part};
-use crate::ranks::{RankError, Ranks};
-
-/// Why a run cannot begin or go on.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PpoError {
-    /// Settings that cannot be.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The solver failed.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// Another rank is gone.
-    #[error(transparent)]
-    Ranks(#[from] RankError),
-    /// A file failed.
-    #[error(transparent)]
-    File(#[from] Error),
-    /// The device that the policy answers and learns on failed.
-    #[error("device: {0}")]
-    Device(String),
-    /// The policy stopped being numbers.
-    #[error("iteration {0}: a weight of the policy is not finite")]
-    NotFinite(u64),
-    /// Environments of another number or shape than the settings say.
-    #[error("{found} environments, the settings ask for {wanted}")]
-    Environments {
-        /// How many there are.
-        found: usize,
-        /// How many should be.
-        wanted: usize,
-    },
-}
-
-part!(PpoError);
+use crate::ranks::Ranks;
 
 /// One iteration; a line of `metrics.jsonl`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -73,17 +39,11 @@ pub struct Iteration {
     pub updated: Updated,
     /// Seconds stepping and asking the policy.
     pub rollout_seconds: f64,
-    /// Seconds of these in which the policy answered, and what it saw and did was kept.
-    #[serde(default)]
-    pub policy_seconds: f64,
-    /// Seconds in which the solver moved, where the rollout was on a device.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub solver_seconds: Option<f64>,
     /// Seconds learning.
     pub update_seconds: f64,
 }
 
-/// Everything but the environments that later iterations depend on.
+/// Everything but the episodes that later iterations depend on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// Iterations done.
@@ -101,9 +61,9 @@ pub struct State {
 }
 
 /// A run.
-pub struct Trainer<E> {
+pub struct Trainer {
     /// Where it learns.
-    pub environments: E,
+    pub episodes: Episodes,
     /// Its settings.
     pub config: PpoConfig,
     /// Its seed.
@@ -116,39 +76,33 @@ pub struct Trainer<E> {
     pub ranks: Arc<Ranks>,
 }
 
-impl<E: Environments> Trainer<E> {
+impl Trainer {
     /// A run from random weights.
     ///
     /// # Errors
     /// If settings and environments do not fit.
-    pub fn new(environments: E, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
-        Self::among(&Arc::default(), environments, config, seed)
+    pub fn new(episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
+        Self::among(&Arc::default(), episodes, config, seed)
     }
 
-    /// The same as one of several ranks that all learn, from this rank's share of the environments. Its engine has to be one of theirs
-    /// (`CudaEngine::among`).
+    /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] has to be one of theirs,
+    /// too.
     ///
     /// # Errors
     /// As [`Trainer::new`].
-    pub fn among(ranks: &Arc<Ranks>, environments: E, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
+    pub fn among(ranks: &Arc<Ranks>, episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
         config.check()?;
         let wanted = ranks.part(config.environments).len();
-        if environments.count() != wanted {
-            return Err(PpoError::Environments { found: environments.count(), wanted });
+        if episodes.len() != wanted {
+            return Err(PpoError::Environments { found: episodes.len(), wanted });
         }
-        let shape = Shape {
-            observation: environments.observation_dim(),
-            stack: config.stack,
-            action: environments.action_dim(),
-            hidden: config.hidden.clone(),
-            activation: config.activation,
-            spread_by_state: config.spread_by_state,
-        };
-        let policy = Policy::new(shape, &mut stream(seed, WEIGHTS));
+        let shape = Shape::of(&*episodes.task, &config);
+        let policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
         let adam = Adam::new(policy.flat.len(), config.rate);
-        let running = Running::new(&environments, config.stack);
+        let running = Running::new(&episodes, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        Ok(Self { environments, config, seed, state, engine: Box::new(OnCpu::default()), ranks: ranks.clone() })
+        let engine = Box::new(OnCpu::among(ranks, config.environments));
+        Ok(Self { episodes, config, seed, state, engine, ranks: ranks.clone() })
     }
 
     /// One rollout and its update.
@@ -156,14 +110,13 @@ impl<E: Environments> Trainer<E> {
     /// # Errors
     /// If the solver fails or the policy stops being finite.
     pub fn iterate(&mut self) -> Result<Iteration, PpoError> {
-        let Self { environments, config, state, engine, .. } = self;
+        let Self { episodes, config, state, engine, .. } = self;
         let started = Instant::now();
         // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
-        let (noise, orders) = (self.seed.wrapping_add(NOISE), self.seed.wrapping_add(ORDERS));
-        let law = (config.horizon, config.gamma, config.lambda);
-        let first = state.iteration * config.horizon as u64;
-        engine.ahead(config, (orders, state.iteration));
-        let taken = engine.roll(environments, &mut state.running, &state.policy, law, (noise, first))?;
+        let noise = StreamKey { seed: self.seed.wrapping_add(NOISE), number: state.iteration * config.horizon as u64 };
+        let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
+        engine.ahead(config, orders);
+        let taken = engine.roll(episodes, &mut state.running, &state.policy, config, noise)?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);
@@ -177,7 +130,7 @@ impl<E: Environments> Trainer<E> {
         if let Some(reward) = reward.filter(|r| state.recent.len() == most && state.best.as_ref().is_none_or(|b| *r > b.0)) {
             state.best = Some((reward, state.policy.clone()));
         }
-        let updated = engine.update(&mut state.policy, &mut state.adam, config, (orders, state.iteration))?;
+        let updated = engine.update(&mut state.policy, &mut state.adam, config, orders)?;
         state.iteration += 1;
         if state.policy.flat.iter().any(|w| !w.is_finite()) {
             return Err(PpoError::NotFinite(state.iteration));
@@ -192,8 +145,6 @@ impl<E: Environments> Trainer<E> {
             rate: state.adam.rate,
             updated,
             rollout_seconds: rolled,
-            policy_seconds: taken.policy_seconds,
-            solver_seconds: taken.solver_seconds,
             update_seconds: started.elapsed().as_secs_f64() - rolled,
         })
     }
@@ -204,6 +155,6 @@ impl<E: Environments> Trainer<E> {
     }
 }
 
-const WEIGHTS: u64 = 0;
+/// Added to the seed, which is that of the weights.
 const NOISE: u64 = 0x6e6f_6973_6500_0000;
 const ORDERS: u64 = 0x6f72_6465_7200_0000;

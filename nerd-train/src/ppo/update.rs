@@ -7,16 +7,19 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_sim::sampling::stream;
 use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::PpoConfig;
 use super::loss::{Past, Terms, divergence, step};
+use super::noise::StreamKey;
+use super::normalizer::RunningMoments;
 use super::policy::{Policy, ROWS};
 use super::rollout::Rollout;
+use super::team::Team;
 use crate::learner::optimiser::{self, norm};
+use crate::ranks::RankError;
 
 /// Least and largest learning rate, and by how much it moves.
 const RATES: [f64; 2] = [1e-6, 1e-2];
@@ -53,39 +56,37 @@ impl Adam {
 /// What an update did, means over all its minibatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Updated {
-    /// Loss of the policy.
-    pub actor_loss: f64,
-    /// Squared error of the normalised value.
-    pub critic_loss: f64,
-    /// Loss of mean actions out of bounds.
-    pub bounds_loss: f64,
-    /// Entropy of the policy (nats).
-    pub entropy: f64,
-    /// Divergence of a pass.
-    pub kl: f64,
-    /// Share of steps whose ratio was clipped.
-    pub clipped: f64,
+    /// Terms of the loss.
+    #[serde(flatten)]
+    pub terms: Terms,
     /// Norm of the gradient before clipping.
     pub gradient_norm: f64,
 }
 
-impl Updated {
-    /// Of means over the minibatches.
-    pub(super) fn new(terms: &Terms, gradient_norm: f64) -> Self {
-        let Terms { actor, critic, bounds, entropy, kl, clipped } = *terms;
-        Self { actor_loss: actor, critic_loss: critic, bounds_loss: bounds, entropy, kl, clipped, gradient_norm }
-    }
-}
-
 /// All passes over one rollout; see [`super::Engine::update`].
-pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, seeds: (u64, u64)) -> Updated {
-    let mut data = begun(policy, rollout);
+pub(super) fn update(
+    policy: &mut Policy,
+    adam: &mut Adam,
+    rollout: &Rollout,
+    config: &PpoConfig,
+    key: StreamKey,
+    team: &Team,
+) -> Result<Updated, RankError> {
+    let mut data = Data::begun(policy, rollout, team)?;
     let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
     let mut learning = Learning::new(policy);
-    for order in orders(data.len(), config, seeds) {
+    for order in orders(config, key) {
         for batch in order.chunks(config.minibatch) {
-            let said = gradient(policy, &learning, &data, batch, config);
-            data.compare_with(batch, &said);
+            let part: Vec<u32>;
+            let own = if team.alone() {
+                batch
+            } else {
+                part = team.own(batch).collect();
+                &part
+            };
+            let mut said = gradient(policy, &learning, &data, own, 1.0 / batch.len() as f32, config);
+            data.compare_with(own, &said);
+            team.sum(&mut said.flat, &mut said.terms)?;
             norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
             learning.load(policy);
             let terms = said.terms.over(batch.len() as f64);
@@ -98,36 +99,23 @@ pub fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &
             }
         }
     }
-    ended(policy, rollout);
-    Updated::new(&sums.over(batches), norms / batches)
+    policy.seen.absorb(&team.pool(RunningMoments::of(&rollout.observations, policy.shape.inputs()))?);
+    Ok(Updated { terms: sums.over(batches), gradient_norm: norms / batches })
 }
 
-/// Takes the returns of a rollout into their moments; the rollout as the network sees it.
-fn begun<'a>(policy: &mut Policy, rollout: &'a Rollout) -> Data<'a> {
-    let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-    // As the network said them: in moments that have moved on, a value would be held to what was never said.
-    let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
-    policy.returns.update(&returns);
-    Data::new(policy, rollout, &returns, values)
-}
-
-/// Takes its observations into theirs.
-fn ended(policy: &mut Policy, rollout: &Rollout) {
-    policy.seen.update(&rollout.observations);
-}
-
-/// The order of n steps in each pass.
-pub(super) fn orders(n: usize, config: &PpoConfig, (seed, iteration): (u64, u64)) -> impl Iterator<Item = Vec<u32>> {
-    let (mut order, epochs) = ((0..n as u32).collect::<Vec<_>>(), config.epochs as u64);
+/// The order of all steps of an iteration in each pass.
+pub(super) fn orders(config: &PpoConfig, StreamKey { seed, number }: StreamKey) -> impl Iterator<Item = Vec<u32>> + use<> {
+    let (n, epochs) = (config.steps(), config.epochs as u64);
+    let mut order = (0..n as u32).collect::<Vec<_>>();
     (0..epochs).map(move |epoch| {
-        let mut rng = stream(seed, iteration * epochs + epoch);
+        let mut rng = StreamKey { seed, number: number * epochs + epoch }.rng();
         (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
         order.clone()
     })
 }
 
 /// A rollout as the network sees it.
-pub struct Data<'a> {
+struct Data<'a> {
     rollout: &'a Rollout,
     inputs: Vec<f32>,
     advantages: Vec<f32>,
@@ -138,21 +126,19 @@ pub struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    /// Normalised by the policy's moments; `returns` in units of reward, `values` as the network said them.
-    pub fn new(policy: &Policy, rollout: &'a Rollout, returns: &[f64], values: Vec<f32>) -> Self {
-        let n = returns.len() as f64;
-        let mean = rollout.advantages.iter().sum::<f64>() / n;
-        let variance = rollout.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / n;
-        let advantages = rollout.advantages.iter().map(|a| ((a - mean) / (variance.sqrt() + 1e-8)) as f32).collect();
+    /// Normalised by the policy's moments, into which the returns are taken.
+    fn begun(policy: &mut Policy, rollout: &'a Rollout, team: &Team) -> Result<Self, RankError> {
+        let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
+        // As the network said them: in moments that have moved on, a value would be held to what was never said.
+        let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
+        policy.returns.absorb(&team.pool(RunningMoments::of(&returns, 1))?);
+        let all = team.pool(RunningMoments::of(&rollout.advantages, 1))?;
+        let (mean, deviation) = (all.mean[0], all.variance[0].sqrt() + 1e-8);
+        let advantages = rollout.advantages.iter().map(|a| ((a - mean) / deviation) as f32).collect();
         let goals = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
         let inputs = policy.seen.all_rows(&rollout.observations);
         let (mean, spread) = (rollout.mean.clone(), rollout.spread.clone());
-        Self { inputs, advantages, goals, values, mean, spread, rollout }
-    }
-
-    /// Steps.
-    fn len(&self) -> usize {
-        self.values.len()
+        Ok(Self { inputs, advantages, goals, values, mean, spread, rollout })
     }
 
     /// From now on these steps are compared with what the policy has just said of them.
@@ -167,20 +153,19 @@ impl<'a> Data<'a> {
 }
 
 /// What one minibatch asks for.
-#[derive(Clone, Debug, Default)]
-pub struct Gradient {
+#[derive(Default)]
+struct Gradient {
     /// Gradient of the mean loss by the policy's parameters.
-    pub flat: Vec<f32>,
-    /// Sums of the loss's terms.
-    pub terms: Terms,
-    /// Mean actions that the policy now has for the steps, `[step][action]`.
-    pub mean: Vec<f32>,
-    /// Logarithms of their spread.
-    pub spread: Vec<f32>,
+    flat: Vec<f32>,
+    /// Sums over the steps.
+    terms: Terms,
+    /// Mean actions that the policy now has for the steps, and logarithms of their spread, `[step][action]`.
+    mean: Vec<f32>,
+    spread: Vec<f32>,
 }
 
 /// A policy's network between two minibatches, whose memory the next one uses again.
-pub struct Learning {
+struct Learning {
     network: Loaded,
     idle: Mutex<Vec<Room>>,
 }
@@ -190,12 +175,11 @@ pub struct Learning {
 struct Room {
     memory: Memory,
     inputs: Vec<f32>,
-    behind: Vec<f32>,
+    upstream: Vec<f32>,
 }
 
 impl Learning {
-    /// Of a policy as it is now.
-    pub fn new(policy: &Policy) -> Self {
+    fn new(policy: &Policy) -> Self {
         let learning = Self { network: policy.network(), idle: Mutex::default() };
         learning.network.turn();
         learning
@@ -211,22 +195,21 @@ impl Learning {
     }
 }
 
-/// Forward and backward over some steps.
-pub fn gradient(policy: &Policy, learning: &Learning, data: &Data, batch: &[u32], config: &PpoConfig) -> Gradient {
+/// Forward and backward over some steps; `scale` is the share of one in the mean loss.
+fn gradient(policy: &Policy, learning: &Learning, data: &Data, batch: &[u32], scale: f32, config: &PpoConfig) -> Gradient {
     let shape = &policy.shape;
     let (a, width, outputs) = (shape.action, shape.inputs(), shape.outputs());
-    let scale = 1.0 / batch.len() as f32;
     let parts = batch.par_chunks(ROWS).map(|rows| {
         let mut room = learning.idle().pop().unwrap_or_default();
-        let Room { memory, inputs, behind } = &mut room;
+        let Room { memory, inputs, upstream } = &mut room;
         inputs.clear();
         rows.iter().for_each(|i| inputs.extend_from_slice(&data.inputs[*i as usize * width..][..width]));
-        behind.clear();
-        behind.resize(rows.len() * outputs, 0.0);
+        upstream.clear();
+        upstream.resize(rows.len() * outputs, 0.0);
         let mut part = Gradient::default();
         let (mut of_spread, mut spreads) = (vec![0.0; a], vec![0.0; shape.spread()]);
         let answers = learning.network.forward(inputs, memory, Pass::Kept(1)).chunks_exact(outputs);
-        for ((i, said), d) in rows.iter().zip(answers).zip(behind.chunks_exact_mut(outputs)) {
+        for ((i, said), d) in rows.iter().zip(answers).zip(upstream.chunks_exact_mut(outputs)) {
             let i = *i as usize;
             let past = Past {
                 action: &data.rollout.actions[i * a..(i + 1) * a],
@@ -246,7 +229,7 @@ pub fn gradient(policy: &Policy, learning: &Learning, data: &Data, batch: &[u32]
             part.mean.extend_from_slice(&said[..a]);
             part.spread.extend_from_slice(s);
         }
-        part.flat = learning.network.backward(1, behind, memory, false).0;
+        part.flat = learning.network.backward(1, upstream, memory, false).0;
         learning.idle().push(room);
         // Of the last tensor, which no step reads.
         let network = part.flat.len() - spreads.len();

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use nerd_lab::cotrain::{CoTrain, CoTrainConfig};
+use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_train::settings::Settings;
 
 use crate::keys::Keys;
@@ -25,8 +25,8 @@ pub struct CoTrainArgs {
 /// Runs the verb.
 pub fn run(args: CoTrainArgs) -> Result<()> {
     let config = CoTrainConfig::default().with(&args.keys.given).map_err(|e| anyhow!(e))?;
-    let done = CoTrain::new(args.tasks, config, args.out)?.run()?;
-    tables(&done.tables);
+    let done = co_train(args.tasks, config, args.out)?;
+    tables(&[done.table]);
     println!("{}", done.said);
     Ok(())
 }

@@ -1,14 +1,12 @@
 //! How fast policies learn in learned simulators on the device.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::report::table::digits;
-use nerd_train::ppo::clock::Clock;
 use nerd_train::ppo::{Arena, PpoConfig, on_card};
 
 /// Iterations that are timed, after two that are not.
@@ -26,8 +24,8 @@ pub struct Learning {
     pub sizes: [usize; 2],
     /// Steps a second of all environments, updates included.
     pub steps: f64,
-    /// Shares of the time: solver, task, policy, update.
-    pub shares: [f64; 4],
+    /// Shares of the time: rollout, update.
+    pub shares: [f64; 2],
     /// Memory of the device that it took (GiB).
     #[serde(default)]
     pub memory: f64,
@@ -36,23 +34,19 @@ pub struct Learning {
 /// Trains for a few iterations in an arena on the device, at the paper's settings but for the number of environments.
 pub(super) fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<Learning> {
     let config = PpoConfig { environments, ..PpoConfig::of(task)? };
-    let (clock, had) = (Clock::default(), free()?);
-    let mut trainer = on_card(arena, nerd_tasks::named(task)?, &config, seed, &Arc::default(), &clock)?;
+    let had = free()?;
+    let mut trainer = on_card(arena, nerd_tasks::named(task)?, &config, seed, &Arc::default())?;
     // Kernels are compiled and memory taken once.
     (0..2).try_for_each(|_| trainer.iterate().map(drop))?;
-    let before = clock.solver.load(Ordering::Relaxed);
-    let (began, mut rollout, mut policy, mut update, mut solver) = (Instant::now(), 0.0, 0.0, 0.0, 0.0);
+    let (began, mut rollout, mut update) = (Instant::now(), 0.0, 0.0);
     for _ in 0..ITERATIONS {
         let line = trainer.iterate()?;
         rollout += line.rollout_seconds;
-        policy += line.policy_seconds;
         update += line.update_seconds;
-        solver += line.solver_seconds.unwrap_or(0.0);
     }
     let all = began.elapsed().as_secs_f64();
-    solver += (clock.solver.load(Ordering::Relaxed) - before) as f64 * 1e-9;
     let memory = (had as f64 - free()? as f64) / f64::from(1 << 30);
-    let shares = [solver, rollout - solver - policy, policy, update].map(|seconds| seconds / all);
+    let shares = [rollout, update].map(|seconds| seconds / all);
     Ok(Learning {
         task: task.into(),
         solver: arena.title()?,

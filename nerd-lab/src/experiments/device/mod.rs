@@ -248,19 +248,8 @@ impl Experiment for OnDevice {
         ];
         let paces = Table::new("pace", &header).with(data.paces.iter().map(Pace::cells)).noted(&note);
         let note = "PPO in the shipped model of the task's robot, and in the analytic solver, updates included: frames, tasks, the policy's answers \
-                    and its updates are all on the device. The solver's share has the torques of actions in it. The paper's settings but for the number of environments.";
-        let header = [
-            "task",
-            "solver",
-            "environments",
-            "steps an iteration",
-            "steps/s",
-            "solver (%)",
-            "task (%)",
-            "policy (%)",
-            "update (%)",
-            "memory (GiB)",
-        ];
+                    and its updates are all on the device. The paper's settings but for the number of environments.";
+        let header = ["task", "solver", "environments", "steps an iteration", "steps/s", "rollout (%)", "update (%)", "memory (GiB)"];
         let learning = Table::new("learning", &header).with(data.learning.iter().map(Learning::cells)).noted(note);
         let note = "PPO in the shipped model of the task's robot, at the paper's settings, all of it on the device, stopped after so long; then 100 \
                     games under mean actions in the truth, on the CPU, and in the model. +-: standard errors.";

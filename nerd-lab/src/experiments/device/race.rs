@@ -47,7 +47,7 @@ pub(super) fn run(task: &str, seconds: f64, seed: u64, runs: &Path) -> Result<Ra
         refuse!("{} holds a run, and a race begins with nothing: remove it, or name another folder of `runs`", out.display());
     }
     let (minutes, steps) = (Some(seconds / 60.0), config.steps() as u64);
-    let learned = PolicyRun { task: task.into(), arena: arena.clone(), config, seed, fast: false, until: None, minutes, out }.train()?;
+    let learned = PolicyRun { task: task.into(), arena: arena.clone(), config, seed, until: None, minutes, out }.train()?;
     let (_, policy) = folder::load(&learned.policy)?;
     let play = |arena: &Arena| games(task, arena, &policy, GAMES, seed);
     let (real, neural) = (play(&Arena::Truth(Truth::Articulated))?, play(&arena)?);

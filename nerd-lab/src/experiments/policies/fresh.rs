@@ -29,7 +29,7 @@ impl Policies {
                 for seed in seeds {
                     let out = self.runs.join(format!("{task}-{word}-{seed}"));
                     let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
-                    runs.push(PolicyRun { task, arena, config, seed: *seed, fast: false, until: None, minutes: None, out });
+                    runs.push(PolicyRun { task, arena, config, seed: *seed, until: None, minutes: None, out });
                 }
             }
         }

@@ -1,6 +1,5 @@
 //! The columns of the stability map.
 
-
 use nerd_sim::prelude::*;
 use nerd_sim::suite::Method;
 

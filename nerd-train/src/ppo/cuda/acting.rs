@@ -5,79 +5,12 @@ use nerd_cuda::{Buffer, DeviceError};
 use nerd_tasks::StepResult;
 
 use super::super::config::PpoConfig;
-use super::super::policy::{Policy, Shape};
+use super::super::noise::StreamKey;
+use super::super::normalizer::RunningMoments;
+use super::super::policy::Policy;
 use super::super::rollout::Rollout;
-use super::CudaEngine;
-use super::roll::Marks;
-use crate::learner::cuda::Network;
-
-/// Parts that sums over all steps are made in.
-const PARTS: usize = 1024;
-
-/// What is kept of a rollout beside what passes read.
-pub(super) struct Kept {
-    pub(super) environments: usize,
-    pub(super) horizon: usize,
-    /// Steps taken.
-    pub(super) step: usize,
-    /// Stacked observations.
-    pub(super) observations: Buffer<f64>,
-    /// Values in units of reward, by step, of the last answer too.
-    values: Buffer<f64>,
-    /// Values of what was reached where time ran out.
-    pub(super) cut: Buffer<f64>,
-    /// Advantages and returns, by step.
-    both: Buffer<f64>,
-    /// What came of each step: rewards, and how it ended (0 not, 1 terminated, 2 truncated). Here until the rollout is over.
-    told: (Vec<f64>, Vec<u8>),
-    pub(super) rewards: Buffer<f64>,
-    pub(super) ends: Buffer<u8>,
-    /// Rows that are not of a step, as told and as the network sees them, and whose they are.
-    pub(super) rows: Buffer<f64>,
-    pub(super) inputs: Buffer<f32>,
-    pub(super) which: Buffer<u32>,
-    /// Actions within their bounds.
-    pub(super) actions: Buffer<f32>,
-    /// Mean and inverse scale of the observations; mean and scale of the returns.
-    seen: [Buffer<f64>; 2],
-    returns: [f64; 2],
-    partial: Buffer<f64>,
-    means: [Buffer<f64>; 2],
-    /// Of a rollout on the device: marks, rows where time ran out with their number by environment, and for how many of each there is room.
-    pub(super) marks: Marks,
-    pub(super) over: Option<(Buffer<f64>, Buffer<u32>)>,
-    pub(super) slots: usize,
-}
-
-impl Kept {
-    pub(super) fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> Result<Self, DeviceError> {
-        let (device, n, steps, width) = (&net.device, environments, environments * config.horizon, shape.inputs());
-        let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
-        Ok(Self {
-            environments: n,
-            horizon: config.horizon,
-            step: 0,
-            observations: numbers(steps * width)?,
-            values: numbers(steps + n)?,
-            cut: numbers(steps)?,
-            both: numbers(2 * steps)?,
-            told: Default::default(),
-            rewards: numbers(steps)?,
-            ends: device.zeros(steps)?,
-            rows: numbers(n * width)?,
-            inputs: device.zeros(n * net.plan.padded)?,
-            which: device.zeros(n)?,
-            actions: device.zeros(n * shape.action)?,
-            seen: [numbers(width)?, numbers(width)?],
-            returns: [0.0, 1.0],
-            partial: numbers(PARTS * columns)?,
-            means: [numbers(columns)?, numbers(columns)?],
-            marks: Marks::new(),
-            over: None,
-            slots: 0,
-        })
-    }
-}
+use super::memory::{Kept, PARTS, Steps};
+use super::{CudaEngine, lost};
 
 /// Values of the network in units of reward: mean and scale.
 fn units(policy: &Policy) -> [f64; 2] {
@@ -92,8 +25,8 @@ impl CudaEngine {
         self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
         self.net.device.write(&self.kept.seen[1], &inverse)?;
         (self.kept.step, self.kept.returns) = (0, units(policy));
-        self.kept.told.0.clear();
-        self.kept.told.1.clear();
+        self.kept.came.0.clear();
+        self.kept.came.1.clear();
         Ok(())
     }
 
@@ -121,12 +54,12 @@ impl CudaEngine {
     }
 
     /// Draws actions where `rows` are seen.
-    pub(super) fn answer(&mut self, rows: &[f64], key: [u8; 32], stream: u64, out: &mut Vec<f64>) -> Result<(), DeviceError> {
+    pub(super) fn answer(&mut self, rows: &[f64], noise: StreamKey, out: &mut Vec<f64>) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
         let (width, a) = (self.shape.inputs(), self.shape.action);
         self.fits("rows", rows.len() == n * width && step < horizon)?;
         self.net.device.write_at(&self.kept.observations, step * n * width, rows)?;
-        self.drawn(step, (key, stream))?;
+        self.drawn(step, noise)?;
         let mut kept = vec![0f32; n * a];
         self.net.device.read(&self.kept.actions, &mut kept)?;
         out.clear();
@@ -134,22 +67,23 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Draws the actions of step t of a rollout, whose observations are there, by the noise of a key and a stream.
-    pub(super) fn drawn(&self, t: usize, (key, stream): ([u8; 32], u64)) -> Result<(), DeviceError> {
+    /// Draws the actions of step t of a rollout, whose observations are there.
+    pub(super) fn drawn(&self, t: usize, noise: StreamKey) -> Result<(), DeviceError> {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
-        self.ask(self.kept.observations.at(first * width), self.steps[0].at(first * self.net.plan.padded), n)?;
+        self.ask(self.kept.observations.at(first * width), self.steps.inputs.at(first * self.net.plan.padded), n)?;
+        let key = noise.rng().get_seed();
         let key = key.as_chunks::<8>().0.iter().map(|word| Long(u64::from_le_bytes(*word)));
-        let [_, _, _, _, surprise, actions, means, spreads] = &self.steps;
+        let Steps { surprise, actions, means, spreads, .. } = &self.steps;
         let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), surprise.at(first)];
         let mut args = vec![Ptr(self.said()), Ptr(self.parameter())];
         args.extend(key);
-        args.push(Long(stream));
+        args.push(Long(noise.number));
         args.extend(self.kept.returns.map(Double));
         args.extend(written.map(Ptr));
         args.extend([self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
         args.extend([n, a, self.shape.outputs()].map(Int));
-        args.push(Long(self.among.as_ref().map_or(0, |among| among.part.start) as u64));
+        args.push(Long(self.team.part.start as u64));
         self.over("act", n, &args)
     }
 
@@ -166,55 +100,57 @@ impl CudaEngine {
             self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
         }
         let ends = result.terminated.iter().zip(&result.truncated);
-        self.kept.told.0.extend_from_slice(&result.rewards);
-        self.kept.told.1.extend(ends.map(|(terminated, truncated)| if *terminated { 1 } else { 2 * u8::from(*truncated) }));
+        self.kept.came.0.extend_from_slice(&result.rewards);
+        self.kept.came.1.extend(ends.map(|(terminated, truncated)| if *terminated { 1 } else { 2 * u8::from(*truncated) }));
         self.kept.step += 1;
         Ok(())
     }
 
     /// Ends the rollout where `rows` are seen: advantages and returns.
-    pub(super) fn judge(&mut self, rows: &[f64], (gamma, lambda): (f64, f64)) -> Result<(), DeviceError> {
+    pub(super) fn judge(&mut self, rows: &[f64], config: &PpoConfig) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
         self.fits("rows", rows.len() == n * self.shape.inputs() && step == horizon)?;
         self.net.device.write(&self.kept.rows, rows)?;
-        self.net.device.write(&self.kept.rewards, &self.kept.told.0)?;
-        self.net.device.write(&self.kept.ends, &self.kept.told.1)?;
-        self.finished((gamma, lambda))
+        self.net.device.write(&self.kept.rewards, &self.kept.came.0)?;
+        self.net.device.write(&self.kept.ends, &self.kept.came.1)?;
+        self.finished(config)
     }
 
     /// Advantages and returns of a rollout that is there, the rows where it ends too.
-    pub(super) fn finished(&self, (gamma, lambda): (f64, f64)) -> Result<(), DeviceError> {
+    pub(super) fn finished(&self, config: &PpoConfig) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, rewards, ends, values, cut, both, .. } = &self.kept;
         let (n, horizon) = (*n, *horizon);
         self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, n)?;
         self.value(0, self.kept.values.at(horizon * n), n)?;
         let all = [rewards.ptr, ends.ptr, values.ptr, cut.ptr, both.ptr].map(Ptr);
-        self.over("gae", n, &[&all[..], &[Int(n), Int(horizon), Double(gamma), Double(lambda)]].concat())
+        self.over("gae", n, &[&all[..], &[Int(n), Int(horizon), Double(config.gamma), Double(config.lambda)]].concat())
     }
 
-    /// Means and variances of columns over all steps.
-    fn moments_of(&self, rows: u64, width: usize) -> Result<[Vec<f64>; 2], DeviceError> {
-        let (n, partial, mut moments) =
-            ((self.kept.horizon * self.kept.environments) as u64, self.kept.partial.ptr, [vec![0.0; width], vec![0.0; width]]);
+    /// Moments of columns over all steps.
+    fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments, DeviceError> {
+        let (n, partial) = (self.kept.horizon * self.kept.environments, self.kept.partial.ptr);
+        let mut moments = [vec![0.0; width], vec![0.0; width]];
         let mut about = 0;
         for (out, moments) in self.kept.means.iter().zip(&mut moments) {
-            self.over("columns", PARTS * width, &[Ptr(rows), Ptr(about), Long(n), Int(width), Int(PARTS), Ptr(partial)])?;
-            self.over("mean", width, &[Ptr(partial), Long(n), Int(width), Int(PARTS), Ptr(out.ptr)])?;
+            self.over("columns", PARTS * width, &[Ptr(rows), Ptr(about), Long(n as u64), Int(width), Int(PARTS), Ptr(partial)])?;
+            self.over("mean", width, &[Ptr(partial), Long(n as u64), Int(width), Int(PARTS), Ptr(out.ptr)])?;
             self.net.device.read(out, moments)?;
             about = out.ptr;
         }
-        self.among.as_ref().map_or(Ok(moments.clone()), |among| among.moments(moments, n as usize))
+        let [mean, variance] = moments;
+        self.team.pool(RunningMoments { mean, variance, count: n as f64 }).map_err(lost)
     }
 
     /// Takes the returns into their moments, and makes of the rollout what the loss asks for.
     pub(super) fn goals(&self, policy: &mut Policy) -> Result<(), DeviceError> {
         let n = self.kept.horizon * self.kept.environments;
-        let [mean, variance] = self.moments_of(self.kept.both.ptr, 2)?;
+        // Of advantages and of returns.
+        let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
         // As the network said them: in moments that have moved on, a value would be held to what was never said.
         let said = units(policy);
-        policy.returns.absorb(&mean[1..], &variance[1..], self.sizes[0] as f64);
+        policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let laws = [[mean[0], variance[0].sqrt() + 1e-8], units(policy), said].concat().into_iter().map(Double);
-        let [_, advantages, goals, values, ..] = &self.steps;
+        let Steps { advantages, goals, values, .. } = &self.steps;
         let mut args = vec![Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
         args.extend(laws);
         args.extend([advantages.ptr, goals.ptr, values.ptr].map(Ptr));
@@ -223,8 +159,7 @@ impl CudaEngine {
 
     /// Takes the observations into their moments.
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<(), DeviceError> {
-        let [mean, variance] = self.moments_of(self.kept.observations.ptr, self.shape.inputs())?;
-        policy.seen.absorb(&mean, &variance, self.sizes[0] as f64);
+        policy.seen.absorb(&self.moments_of(self.kept.observations.ptr, self.shape.inputs())?);
         Ok(())
     }
 
@@ -242,12 +177,12 @@ impl CudaEngine {
             let mut out = vec![0.0; from.len];
             self.net.device.read(from, &mut out).map(|()| out)
         };
-        let [_, _, _, _, surprise, actions, mean, spread] = &self.steps;
+        let Steps { surprise, actions, means, spreads, .. } = &self.steps;
         Ok(Rollout {
             observations: numbers(observations, observations.len)?,
             actions: of_steps(actions)?,
-            mean: of_steps(mean)?,
-            spread: of_steps(spread)?,
+            mean: of_steps(means)?,
+            spread: of_steps(spreads)?,
             surprise: of_steps(surprise)?,
             values: numbers(values, n)?,
             advantages: numbers(both, 2 * n)?.into_iter().step_by(2).collect(),

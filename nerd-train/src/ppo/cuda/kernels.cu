@@ -3,7 +3,7 @@
 
 typedef unsigned long long u64;
 
-struct Scalars {
+struct PassState {
     double rate, sums[6], norms, batches;
     u64 step;
     float scale, used, root;
@@ -87,13 +87,13 @@ extern "C" __global__ void ppo_loss(const float* said, const float* parameter, c
 }
 
 // Sums of the six terms over the blocks, to be added up over cards; and what came of it, as of one block.
-extern "C" __global__ void tell(const double* partial, int blocks, float* sums) {
+extern "C" __global__ void terms_out(const double* partial, int blocks, float* sums) {
     double sum = 0;
     if (threadIdx.x >= 6) return;
     for (int b = 0; b < blocks; b++) sum += partial[b * 6 + threadIdx.x];
     sums[threadIdx.x] = (float)sum;
 }
-extern "C" __global__ void hear(const float* sums, double* partial) {
+extern "C" __global__ void terms_back(const float* sums, double* partial) {
     if (threadIdx.x < 6) partial[threadIdx.x] = sums[threadIdx.x];
 }
 
@@ -111,7 +111,7 @@ extern "C" __global__ void squares(const float* g, u64 n, double* partial) {
 
 // One block of 7 warps: the six terms and the gradient's norm; the factors of Adam, then the learning rate of the next minibatch.
 extern "C" __global__ void ppo_finish(const double* partial, int blocks, const double* squares, int count, int rows, float most, double kl,
-                                  Scalars* s) {
+                                  PassState* s) {
     __shared__ double means[7];
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     double sum = 0;
@@ -133,7 +133,7 @@ extern "C" __global__ void ppo_finish(const double* partial, int blocks, const d
     else if (kl > 0 && means[4] < 0.5 * kl) s->rate = fmin(s->rate * 1.5, 1e-2);
 }
 
-extern "C" __global__ void ppo_adam(float* w, const float* g, float* m, float* v, const Scalars* s, u64 n) {
+extern "C" __global__ void ppo_adam(float* w, const float* g, float* m, float* v, const PassState* s, u64 n) {
     const u64 i = INDEX;
     if (i >= n) return;
     const float d = g[i] * s->scale;

@@ -1,8 +1,9 @@
-//! [`CudaEngine`]: a policy that answers and learns on a GPU. Where episodes are a [`World`] there, whole rollouts are made without leaving it; else
-//! environments tell what they show and what came of the actions.
+//! [`CudaEngine`]: a policy that answers and learns on a GPU. Where episodes have kernels there, too ([`World`]), whole rollouts are made
+//! without leaving it; else environments say what they show and what came of the actions. Of several ranks each has a card: it computes the
+//! steps of a minibatch that are its own, gradients are added up, and every card makes the same step.
 
 mod acting;
-mod among;
+mod memory;
 mod pass;
 mod roll;
 mod world;
@@ -10,33 +11,32 @@ mod world;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::{Arg, Buffer, DeviceError, Precision, Replay};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Precision, Replay, Sums};
 use nerd_sim::articulated::device::RANDOM;
-use nerd_sim::sampling::stream;
-use nerd_tasks::{StepResult, Task};
+use nerd_sim::solver::StepError;
+use nerd_tasks::{Episodes, Snapshot, StepResult, Task};
 
 use super::arena::Arena;
-use super::clock::Clock;
 use super::config::PpoConfig;
-use super::engine::Engine;
-use super::environments::Environments;
+use super::engine::{Engine, rollout};
+use super::error::PpoError;
+use super::noise::StreamKey;
 use super::policy::{Policy, Shape};
-use super::rollout::{Running, Taken, rollout};
-use super::shared::Shared;
-use super::trainer::{PpoError, Trainer};
+use super::rollout::{Running, Taken};
+use super::team::Team;
+use super::trainer::Trainer;
 use super::update::{self, Adam, Updated};
 use crate::error::{Error, Result};
 use crate::learner::cuda::{Network, Plan};
-use crate::ranks::Ranks;
-use acting::Kept;
-use among::Among;
-use pass::Scalars;
-pub use world::World;
+use crate::progress::tell;
+use crate::ranks::{RankError, Ranks};
+use memory::{Kept, PassState, Steps};
+use world::World;
 
 const SOURCE: [&str; 3] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu")];
 const KERNELS: [&str; 14] = [
-    "tell",
-    "hear",
+    "terms_out",
+    "terms_back",
     "ppo_gather",
     "ppo_loss",
     "squares",
@@ -53,19 +53,24 @@ const KERNELS: [&str; 14] = [
 /// Threads of a block, and blocks of the gradient norm's first stage.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;
-/// Of the loss, behind a gradient that is added up over cards.
+/// Terms of the loss, after a gradient that is added up over cards.
 const TERMS: usize = 6;
+/// No step: where a minibatch has fewer of this card than there is room for.
+const NONE: u32 = u32::MAX;
+/// Deviations by which a card's steps in a minibatch may be more than its share.
+const FAR: f64 = 8.0;
 
 /// The order of each pass, as it is drawn.
 type Orders = Receiver<Result<Vec<u32>, String>>;
 
 /// Memory on a GPU for rollouts and updates of one shape.
 pub struct CudaEngine {
+    /// Whether episodes that have kernels are stepped on the card.
+    pub steps_episodes: bool,
     net: Network,
     shape: Shape,
     kept: Kept,
-    /// Of a rollout, by step: inputs, advantages, goals, values, surprise; actions, means and spreads.
-    steps: [Buffer<f32>; 8],
+    steps: Steps,
     /// Steps of an iteration, and of a minibatch, of all cards; and rows of a minibatch for which there is room here.
     sizes: [usize; 2],
     rows: usize,
@@ -76,14 +81,18 @@ pub struct CudaEngine {
     squares: Buffer<f64>,
     weights: Buffer<f32>,
     gradient: Buffer<f32>,
+    /// Adam's.
     moments: [Buffer<f32>; 2],
-    scalars: Buffer<Scalars>,
+    state: Buffer<PassState>,
     /// A pass, by its settings.
     replay: Replay<PpoConfig>,
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
-    orders: Option<(PpoConfig, (u64, u64), Orders)>,
-    /// Where other cards take part.
-    among: Option<Among>,
+    orders: Option<(PpoConfig, StreamKey, Orders)>,
+    team: Team,
+    /// Over the cards of several ranks.
+    sums: Option<Sums>,
+    /// The episodes on the card, once they have been asked for; none of those that cannot be there.
+    world: Option<Option<World>>,
 }
 
 impl CudaEngine {
@@ -100,37 +109,60 @@ impl CudaEngine {
     /// # Errors
     /// As [`CudaEngine::new`]; if NCCL is missing or fails, or another rank is gone.
     pub fn among(shape: &Shape, config: &PpoConfig, ranks: &Arc<Ranks>) -> Result<Self, DeviceError> {
-        let (part, sizes) = (ranks.part(config.environments), sizes(config));
-        let rows = if ranks.world() > 1 { Among::room(&part, config) } else { sizes[1] };
+        let (team, sizes) = (Team::new(ranks, config.environments), sizes(config));
+        let (own, rows) = (team.part.len(), room(&team, config));
         // An observation is a window of one token.
         let plan = Plan::new(shape.program(), 1, false)?;
         let (padded, parameters) = (plan.padded, plan.parameters());
-        let mut net = Network::new(nerd_cuda::ordinal(), plan, rows.max(part.len()), Precision::F32, true)?;
+        let mut net = Network::new(nerd_cuda::ordinal(), plan, rows.max(own), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &KERNELS)?;
-        let device = &net.device;
-        let among = if ranks.world() > 1 { Some(Among::join(device, config, ranks)?) } else { None };
-        let (n, a, zeros) = (part.len() * config.horizon, shape.action, |len: usize| device.zeros::<f32>(len));
-        let [one, all] = [1, a].map(|width| n * width);
-        let steps = [zeros(n * padded)?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(one)?, zeros(all)?, zeros(all)?, zeros(all)?];
+        let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
         Ok(Self {
-            kept: Kept::new(&net, shape, config, part.len())?,
-            steps,
+            steps_episodes: true,
+            kept: Kept::new(&net, shape, config, own)?,
+            steps: Steps::new(device, n, padded, shape.action)?,
             sizes,
             rows,
             order: device.zeros(n.max(rows * sizes[0].div_ceil(sizes[1])))?,
-            spread: zeros(rows * a)?,
-            terms: device.zeros(6 * rows.div_ceil(THREADS))?,
+            spread: zeros(rows * shape.action)?,
+            terms: device.zeros(TERMS * rows.div_ceil(THREADS))?,
             squares: device.zeros(SQUARES)?,
             weights: zeros(parameters)?,
             gradient: zeros(parameters + TERMS)?,
             moments: [zeros(parameters)?, zeros(parameters)?],
-            scalars: device.zeros(1)?,
+            state: device.zeros(1)?,
             replay: Replay::default(),
             orders: None,
-            among,
+            sums: joined(device, &team)?,
+            team,
+            world: None,
             shape: shape.clone(),
             net,
         })
+    }
+
+    /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
+    fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
+        if !self.steps_episodes {
+            return Ok(None);
+        }
+        if let Some(known) = self.world.take() {
+            return Ok(known);
+        }
+        match World::new(episodes) {
+            Err(StepError::Refused(why)) => {
+                tell(format_args!("{why}; what is seen goes to the card once a step, and actions come back"));
+                Ok(None)
+            }
+            // The solver's own kernels: it says more when it steps.
+            Err(StepError::Solver(_)) => Ok(None),
+            other => other,
+        }
+    }
+
+    /// Whether the episodes are on the card.
+    pub fn has_episodes(&self) -> bool {
+        matches!(self.world, Some(Some(_)))
     }
 
     /// A kernel over so many entries.
@@ -153,17 +185,9 @@ impl CudaEngine {
 ///
 /// # Errors
 /// If task, arena or settings cannot be, or the device fails.
-pub fn on_card(
-    arena: &Arena,
-    task: Box<dyn Task>,
-    config: &PpoConfig,
-    seed: u64,
-    ranks: &Arc<Ranks>,
-    clock: &Clock,
-) -> Result<Trainer<Shared>> {
-    let part = ranks.part(config.environments);
-    let own = arena.part(task, part.clone(), seed, clock)?;
-    let mut trainer = Trainer::among(ranks, Shared::new(own, part.len(), &Arc::default())?, config.clone(), seed)?;
+pub fn on_card(arena: &Arena, task: Box<dyn Task>, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Trainer> {
+    let episodes = arena.part(task, ranks.part(config.environments), seed)?;
+    let mut trainer = Trainer::among(ranks, episodes, config.clone(), seed)?;
     let engine = CudaEngine::among(&trainer.state.policy.shape, config, ranks);
     trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
     Ok(trainer)
@@ -174,67 +198,106 @@ fn sizes(config: &PpoConfig) -> [usize; 2] {
     [config.steps(), config.minibatch.min(config.steps())]
 }
 
+/// Steps of a minibatch of all cards for which this one has room.
+fn room(team: &Team, config: &PpoConfig) -> usize {
+    let (all, share) = (config.minibatch.min(config.steps()) as f64, team.part.len() as f64 / team.all as f64);
+    ((all * share + FAR * (all * share * (1.0 - share)).sqrt()) as usize + if team.alone() { 0 } else { 8 }).min(all as usize)
+}
+
+/// This card's steps in an order of all, minibatch by minibatch, each filled up to its room.
+fn own(team: &Team, order: &[u32], config: &PpoConfig) -> Result<Vec<u32>, String> {
+    let room = room(team, config);
+    let mut mine = Vec::with_capacity(order.len().div_ceil(config.minibatch) * room);
+    for batch in order.chunks(config.minibatch) {
+        let before = mine.len();
+        mine.extend(team.own(batch));
+        let found = mine.len() - before;
+        if found > room {
+            return Err(format!("a minibatch has {found} steps of this card, there is room for {room}: take larger ones"));
+        }
+        mine.resize(before + room, NONE);
+    }
+    Ok(mine)
+}
+
+/// Joins the cards of the other ranks.
+fn joined(device: &Device, team: &Team) -> Result<Option<Sums>, DeviceError> {
+    if team.alone() {
+        return Ok(None);
+    }
+    let ranks = &team.ranks;
+    let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
+    let id = ranks.share(0, || id).map_err(lost)?;
+    Sums::join(device, &id, ranks.rank(), ranks.world()).map(Some)
+}
+
+fn lost(error: RankError) -> DeviceError {
+    DeviceError(error.to_string())
+}
+
 fn failed(error: DeviceError) -> PpoError {
     PpoError::Device(error.to_string())
 }
 
 impl Engine for CudaEngine {
-    fn ahead(&mut self, config: &PpoConfig, seeds: (u64, u64)) {
+    fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
         // Orders are drawn while the device rolls, as they are needed.
         let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
-        let (part, own_config) = (self.among.as_ref().map(|among| among.part.clone()), config.clone());
+        let (team, settings) = (self.team.clone(), config.clone());
         std::thread::spawn(move || {
-            let own = |order: Vec<u32>| match &part {
-                Some(part) => Among::own(part, &order, &own_config),
-                None => Ok(order),
-            };
+            let own = |order: Vec<u32>| if team.alone() { Ok(order) } else { own(&team, &order, &settings) };
             // Who no longer listens needs no more of them.
-            let _ = update::orders(own_config.steps(), &own_config, seeds).try_for_each(|order| give.send(own(order)));
+            let _ = update::orders(&settings, key).try_for_each(|order| give.send(own(order)));
         });
-        self.orders = Some((config.clone(), seeds, orders));
+        self.orders = Some((config.clone(), key, orders));
     }
 
     fn roll(
         &mut self,
-        environments: &mut dyn Environments,
+        episodes: &mut Episodes,
         running: &mut Running,
         policy: &Policy,
-        law: (usize, f64, f64),
-        noise: (u64, u64),
+        config: &PpoConfig,
+        noise: StreamKey,
     ) -> Result<Taken, PpoError> {
-        let on_device = environments.on_device()?;
-        self.among.as_ref().map_or(Ok(()), |among| among.alike(on_device.is_some())).map_err(failed)?;
-        let taken = match on_device {
-            Some(world) => self.stay(world, running, policy, law, noise)?,
-            None => rollout(environments, running, self, policy, law, noise)?,
+        let mut world = self.world(episodes)?;
+        let others = self.team.exchange(vec![u64::from(world.is_some())])?;
+        if others.iter().any(|other| *other != others[0]) {
+            let wrong = "some ranks have their episodes on the card, others do not: give all of them cards with as much free memory";
+            return Err(PpoError::Device(wrong.into()));
+        }
+        let taken = match world.as_mut().zip(episodes.simulation.solver.resident()) {
+            Some(world) => self.stay(world, running, policy, config, noise)?,
+            None => rollout(self, episodes, running, policy, config, noise)?,
         };
-        self.among.as_ref().map_or(Ok(taken.clone()), |among| among.together(taken)).map_err(failed)
+        self.world = Some(world);
+        Ok(self.team.together(taken)?)
     }
 
     fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
         self.take(policy).map_err(failed)
     }
 
-    fn act(&mut self, rows: &[f64], (seed, step): (u64, u64), actions: &mut Vec<f64>) -> Result<(), PpoError> {
-        self.answer(rows, stream(seed, step).get_seed(), step, actions).map_err(failed)
+    fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<(), PpoError> {
+        self.answer(rows, noise, actions).map_err(failed)
     }
 
     fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), PpoError> {
         self.keep(result, reached).map_err(failed)
     }
 
-    fn finish(&mut self, rows: &[f64], law: (f64, f64)) -> Result<(), PpoError> {
-        self.judge(rows, law).map_err(failed)
+    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<(), PpoError> {
+        self.judge(rows, config).map_err(failed)
     }
 
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, seeds: (u64, u64)) -> Result<Updated, PpoError> {
+    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated, PpoError> {
         let found = sizes(config);
         if found != self.sizes {
             let text = format!("made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
             return Err(PpoError::Device(text));
         }
-        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != seeds) {
-            self.ahead(config, seeds);
+        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
+            self.ahead(config, key);
         }
         let mut learn = || {
             self.goals(policy)?;
@@ -244,5 +307,13 @@ impl Engine for CudaEngine {
             Ok(updated)
         };
         learn().map_err(failed)
+    }
+    fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
+        self.world.iter().flatten().next().map_or_else(|| Ok(episodes.snapshot()), World::snapshot)
+    }
+
+    fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
+        self.world = None;
+        episodes.restore(snapshot)
     }
 }

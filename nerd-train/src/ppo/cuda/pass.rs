@@ -9,29 +9,18 @@ use super::super::config::PpoConfig;
 use super::super::loss::Terms;
 use super::super::policy::Policy;
 use super::super::update::{Adam, Updated};
+use super::memory::{PassState, Steps};
 use super::{CudaEngine, SQUARES, THREADS};
-
-/// Mirror of the struct in `kernels.cu`.
-#[repr(C)]
-#[derive(Clone, Copy, Default)]
-pub(super) struct Scalars {
-    rate: f64,
-    sums: [f64; 6],
-    norms: f64,
-    batches: f64,
-    step: u64,
-    factors: [f32; 4],
-}
 
 impl CudaEngine {
     /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.
     fn minibatch(&self, (first, rows): (usize, usize), whole: usize, config: &PpoConfig) -> Result<(), DeviceError> {
         let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
         let entries = rows * net.plan.padded;
-        let inputs = [self.steps[0].ptr, order, net.at(Slot(0))].map(Ptr);
+        let inputs = [self.steps.inputs.ptr, order, net.at(Slot(0))].map(Ptr);
         self.over("ppo_gather", entries, &[&inputs[..], &[Long(entries as u64), Int(net.plan.padded)]].concat())?;
         net.windows(w, rows)?;
-        let [_, advantages, goals, values, surprise, actions, means, spreads] = &self.steps;
+        let Steps { advantages, goals, values, surprise, actions, means, spreads, .. } = &self.steps;
         let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
         let written = [means.ptr, spreads.ptr, net.slope(), self.spread.ptr, self.terms.ptr];
         let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
@@ -41,15 +30,25 @@ impl CudaEngine {
         if !self.shape.spread_by_state {
             net.sum_rows(self.spread.ptr, (rows, a), Some(self.gradient.at(self.weights.len - a)), None)?;
         }
-        let blocks = self.joined(rows.div_ceil(THREADS))?;
+        let blocks = self.sum(rows.div_ceil(THREADS))?;
         let n = Long(self.weights.len as u64);
         self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
         let (terms, squares) = ([Ptr(self.terms.ptr), Int(blocks)], [Ptr(self.squares.ptr), Int(SQUARES)]);
-        let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl), Ptr(self.scalars.ptr)];
+        let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl), Ptr(self.state.ptr)];
         self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &[&terms[..], &squares[..], &rest[..]].concat())?;
         let [m, v] = &self.moments;
-        let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, self.scalars.ptr].map(Ptr);
+        let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, self.state.ptr].map(Ptr);
         self.over("ppo_adam", self.weights.len, &[&vectors[..], &[n]].concat())
+    }
+
+    /// Adds up gradients and loss terms of all cards; the number of blocks that terms are in then.
+    fn sum(&self, blocks: usize) -> Result<usize, DeviceError> {
+        let Some(sums) = &self.sums else { return Ok(blocks) };
+        let tail = Ptr(self.gradient.at(self.weights.len));
+        self.net.device.launch("terms_out", (1, 1), (32, 1), 0, &[Ptr(self.terms.ptr), Int(blocks), tail])?;
+        sums.sum(&self.net.device, &self.gradient)?;
+        self.net.device.launch("terms_back", (1, 1), (32, 1), 0, &[tail, Ptr(self.terms.ptr)])?;
+        Ok(1)
     }
 
     /// All minibatches of one pass, as a graph from the second pass of the same settings on.
@@ -58,7 +57,7 @@ impl CudaEngine {
             let steps = config.steps();
             (0..steps).step_by(config.minibatch).enumerate().try_for_each(|(k, first)| {
                 let whole = config.minibatch.min(steps - first);
-                let rows = if self.among.is_some() { (k * self.rows, self.rows) } else { (first, whole) };
+                let rows = if self.sums.is_some() { (k * self.rows, self.rows) } else { (first, whole) };
                 self.minibatch(rows, whole, config)
             })
         })
@@ -74,7 +73,7 @@ impl CudaEngine {
     ) -> Result<Updated, DeviceError> {
         self.net.device.write(&self.moments[0], &adam.m)?;
         self.net.device.write(&self.moments[1], &adam.v)?;
-        self.net.device.write(&self.scalars, &[Scalars { rate: adam.rate, step: adam.step, ..Default::default() }])?;
+        self.net.device.write(&self.state, &[PassState { rate: adam.rate, step: adam.step, ..Default::default() }])?;
         let mut passes = 0;
         for order in orders {
             self.net.device.write(&self.order, &order.map_err(DeviceError)?)?;
@@ -85,14 +84,13 @@ impl CudaEngine {
             return Err(DeviceError(format!("the orders of {passes} of {} passes were drawn", config.epochs)));
         }
         let (d, [m, v]) = (&self.net.device, &self.moments);
-        let mut scalars = [Scalars::default()];
+        let mut state = [PassState::default()];
         d.read(&self.weights, &mut policy.flat)?;
         d.read(m, &mut adam.m)?;
         d.read(v, &mut adam.v)?;
-        d.read(&self.scalars, &mut scalars)?;
-        let [Scalars { rate, sums, norms, batches, step, .. }] = scalars;
+        d.read(&self.state, &mut state)?;
+        let [PassState { rate, sums, norms, batches, step, .. }] = state;
         (adam.rate, adam.step) = (rate, step);
-        let [actor, critic, bounds, entropy, kl, clipped] = sums;
-        Ok(Updated::new(&Terms { actor, critic, bounds, entropy, kl, clipped }.over(batches), norms / batches))
+        Ok(Updated { terms: Terms::of(sums).over(batches), gradient_norm: norms / batches })
     }
 }

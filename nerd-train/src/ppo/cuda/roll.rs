@@ -1,17 +1,15 @@
 //! A rollout that never leaves the device: the policy answers, the task acts, the solver moves, the task judges, step after step.
 
-use nerd_cuda::{DeviceError, Event, Lane};
+use nerd_cuda::{DeviceError, Lane};
 use nerd_sim::articulated::device::Resident;
-use nerd_sim::sampling::stream;
 
+use super::super::config::PpoConfig;
+use super::super::error::PpoError;
+use super::super::noise::StreamKey;
 use super::super::policy::Policy;
 use super::super::rollout::{Ended, Running, Taken};
-use super::super::trainer::PpoError;
-use super::world::{Steps, World};
+use super::world::{Places, World};
 use super::{CudaEngine, failed};
-
-/// Marks of a step: the policy has answered, the solver has moved, the task has judged.
-pub(super) type Marks = Vec<[Event; 3]>;
 
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is.
@@ -20,31 +18,27 @@ impl CudaEngine {
         (world, resident): (&mut World, &mut dyn Resident),
         running: &mut Running,
         policy: &Policy,
-        (horizon, gamma, lambda): (usize, f64, f64),
-        (seed, first): (u64, u64),
+        config: &PpoConfig,
+        noise: StreamKey,
     ) -> Result<Taken, PpoError> {
+        let horizon = config.horizon;
         let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
         self.fits("a rollout's rows and steps", right).map_err(failed)?;
         self.take(policy).map_err(failed)?;
-        self.ready(running, horizon, world.cuts(horizon)).map_err(failed)?;
-        let key = stream(seed, 0).get_seed();
+        self.ready(running, world.cuts(horizon)).map_err(failed)?;
         for t in 0..horizon {
-            self.step((world, resident), running.stack.depth(), t, (key, first + t as u64)).map_err(failed)?;
+            let noise = StreamKey { number: noise.number + t as u64, ..noise };
+            self.step((world, resident), running.stack.depth(), t, noise).map_err(failed)?;
         }
         let failures = world.end(resident)?;
-        let taken = Taken { failed: failures, ended: self.told(running).map_err(failed)?, ..Default::default() };
-        self.finished((gamma, lambda)).map_err(failed)?;
-        let [policy_seconds, solver_seconds] = self.spent().map_err(failed)?;
-        Ok(Taken { policy_seconds, solver_seconds: Some(solver_seconds), ..taken })
+        let taken = Taken { failed: failures, ended: self.ended(running).map_err(failed)? };
+        self.finished(config).map_err(failed)?;
+        Ok(taken)
     }
 
-    /// Memory for rows and marks of this length; rows as they are.
-    fn ready(&mut self, running: &Running, horizon: usize, slots: usize) -> Result<(), DeviceError> {
+    /// Memory for rows where time runs out; rows as they are.
+    fn ready(&mut self, running: &Running, slots: usize) -> Result<(), DeviceError> {
         let d = &self.net.device;
-        if self.kept.marks.len() != horizon {
-            let timer = || d.timer();
-            self.kept.marks = (0..horizon).map(|_| Ok([timer()?, timer()?, timer()?])).collect::<Result<_, DeviceError>>()?;
-        }
         let rows = running.stack.rows.len();
         if self.kept.over.as_ref().is_none_or(|(over, _)| over.len < slots * rows) {
             self.kept.over = Some((d.zeros(slots * rows)?, d.zeros(self.kept.environments)?));
@@ -61,14 +55,14 @@ impl CudaEngine {
         (world, resident): (&mut World, &mut dyn Resident),
         depth: usize,
         t: usize,
-        noise: ([u8; 32], u64),
+        noise: StreamKey,
     ) -> Result<(), DeviceError> {
         let (n, width) = (self.kept.environments, self.shape.inputs());
         self.drawn(t, noise)?;
         let last = t + 1 == self.kept.horizon;
         let next = if last { self.kept.rows.ptr } else { self.kept.observations.at((t + 1) * n * width) };
         let [cut, cuts] = self.kept.over.as_ref().map_or([0; 2], |(rows, counts)| [rows.ptr, counts.ptr]);
-        let to = Steps {
+        let to = Places {
             rows: self.kept.observations.at(t * n * width),
             next,
             cut,
@@ -76,9 +70,9 @@ impl CudaEngine {
             rewards: self.kept.rewards.at(t * n),
             ends: self.kept.ends.at(t * n),
         };
-        let [acted, moved, judged] = &self.kept.marks[t];
+        let [acted, judged] = &self.kept.marks;
         self.net.device.mark(Lane::Main, acted)?;
-        world.step(resident, self.kept.actions.ptr, depth, to, [acted, moved, judged])?;
+        world.step(resident, self.kept.actions.ptr, depth, to, [acted, judged])?;
         self.net.device.after(Lane::Main, judged)?;
         self.kept.step = t + 1;
         Ok(())
@@ -86,7 +80,7 @@ impl CudaEngine {
 
     /// What came of the steps; episodes that ended, with their returns and lengths. Values of states where time ran out are where advantages
     /// look for them.
-    fn told(&mut self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
+    fn ended(&mut self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
         let (n, steps) = (self.kept.environments, self.kept.horizon * self.kept.environments);
         let (mut rewards, mut ends) = (vec![0.0; steps], vec![0u8; steps]);
         self.net.device.read(&self.kept.rewards, &mut rewards)?;
@@ -96,12 +90,7 @@ impl CudaEngine {
         let mut cuts = vec![0; n];
         for (i, (reward, end)) in rewards.iter().zip(&ends).enumerate() {
             let env = i % n;
-            running.rewards[env] += reward;
-            running.lengths[env] += 1.0;
-            if *end > 0 {
-                ended.push(Ended { step: i / n, env, total: running.rewards[env], length: running.lengths[env] });
-                (running.rewards[env], running.lengths[env]) = (0.0, 0.0);
-            }
+            ended.extend(running.count(i / n, env, *reward, *end > 0));
             if *end == 2 {
                 cut[cuts[env]][env] = i as u32;
                 cuts[env] += 1;
@@ -114,18 +103,5 @@ impl CudaEngine {
             self.value(self.kept.which.ptr, self.kept.cut.ptr, n)?;
         }
         Ok(ended)
-    }
-
-    /// Seconds of the rollout in which the policy answered, and in which the solver moved.
-    fn spent(&self) -> Result<[f64; 2], DeviceError> {
-        let (d, marks) = (&self.net.device, &self.kept.marks);
-        let mut spent = [0.0; 2];
-        for (k, [acted, moved, _]) in marks.iter().enumerate() {
-            if let Some([.., judged]) = k.checked_sub(1).map(|k| &marks[k]) {
-                spent[0] += d.seconds(judged, acted)?;
-            }
-            spent[1] += d.seconds(acted, moved)?;
-        }
-        Ok(spent)
     }
 }

@@ -4,7 +4,7 @@ use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event, Lane};
 use nerd_sim::articulated::device::{BLOCK, Resident, failed};
 use nerd_sim::sampling::stream;
-use nerd_sim::solver::{Fault, StepError};
+use nerd_sim::solver::{Fault, Simulation, StepError};
 use nerd_tasks::{Episodes, Snapshot};
 
 /// Mirror of `World` in `task.cuh`.
@@ -21,7 +21,7 @@ struct Fields {
 
 /// Where results of a step go: rows before it and after it, rows where time ran out and how many there are of each environment, rewards, ends.
 #[derive(Clone, Copy)]
-pub(super) struct Steps {
+pub(super) struct Places {
     pub(super) rows: u64,
     pub(super) next: u64,
     pub(super) cut: u64,
@@ -31,7 +31,7 @@ pub(super) struct Steps {
 }
 
 /// Episodes of one task on a device.
-pub struct World {
+pub(super) struct World {
     device: Device,
     fields: Buffer<Fields>,
     goals: Buffer<f64>,
@@ -61,15 +61,17 @@ struct Past {
 }
 
 impl World {
-    /// Takes episodes over where they stand.
+    /// Takes episodes over where they are; none where their solver is elsewhere.
     ///
     /// # Errors
     /// What of task, scene or robot has no kernel; or that there is not enough memory.
-    pub(in super::super) fn new(episodes: &Episodes, resident: &mut dyn Resident) -> Result<Self, StepError> {
-        let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
+    pub(super) fn new(episodes: &mut Episodes) -> Result<Option<Self>, StepError> {
+        let (kept, most, (seed, first), task) = (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
+        let Simulation { batch, solver } = &mut episodes.simulation;
+        let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
         let colliders = batch.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = episodes.task.kernels(system, colliders).map_err(StepError::Refused)?;
+        let text = task.kernels(system, colliders).map_err(StepError::Refused)?;
         resident.hold(batch)?;
         let memory = resident.memory();
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };
@@ -77,7 +79,6 @@ impl World {
             let device = Device::open(nerd_cuda::ordinal(), &text, &["task_act", "task_judge"])?;
             let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
-            let (seed, first) = episodes.draws();
             let mut key = [0; 4];
             let words = stream(seed, 0).get_seed();
             key.iter_mut().zip(words.as_chunks::<8>().0).for_each(|(word, bytes)| *word = u64::from_le_bytes(*bytes));
@@ -86,17 +87,17 @@ impl World {
             at[..5].copy_from_slice(&world);
             at[5..].copy_from_slice(&[held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr]);
             let fields = Fields { at, key, first: first as u64, counts: counts.ptr, n: n as i32 };
-            let (most, sizes) = (episodes.remembered(), [kept.states.len(), n * system.robot.joint_count()]);
+            let sizes = [kept.states.len(), n * system.robot.joint_count()];
             let past = Past { most, states: device.zeros(most * sizes[0])?, torques: device.zeros(most * sizes[1])?, sizes, count: 0 };
             let turns = [device.event()?, device.event()?];
             let fields = device.upload(&[fields])?;
-            let (step, length, states) = (episodes.task.frames(), episodes.task.episode_length().max(1), kept.states.clone());
+            let (step, length, states) = (task.frames(), task.episode_length().max(1), kept.states.clone());
             Ok(Self { fields, goals, frames, begun, _failed: failed, counts, past, turns, states, step, length, n, device })
         };
         // Kernels of the task that do not compile, or no memory beside the solver: then tasks are elsewhere, and why is said.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept).map_err(failed)?;
-        Ok(world)
+        Ok(Some(world))
     }
 
     /// How often at most one environment runs out of time in so many steps.
@@ -108,14 +109,14 @@ impl World {
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, &[&[Ptr(self.fields.ptr)], args].concat())
     }
 
-    /// One step under actions on the device, after the work that `acted` marks; `moved` and `judged` mark the solver's and its own.
+    /// One step under actions on the device, after the work that `acted` marks; `judged` marks its own.
     pub(super) fn step(
         &mut self,
         resident: &mut dyn Resident,
         actions: u64,
         depth: usize,
-        to: Steps,
-        [acted, moved, judged]: [&Event; 3],
+        to: Places,
+        [acted, judged]: [&Event; 2],
     ) -> Result<(), DeviceError> {
         self.device.after(Lane::Main, acted)?;
         for frame in 0..self.step {
@@ -126,13 +127,12 @@ impl World {
                 device.after(Lane::Main, &self.turns[0])?;
             }
             resident.frame()?;
-            let end = if frame + 1 == self.step { moved } else { &self.turns[1] };
             if let Some((device, _)) = resident.held() {
-                device.mark(Lane::Main, end)?;
+                device.mark(Lane::Main, &self.turns[1])?;
             }
-            self.device.after(Lane::Main, end)?;
+            self.device.after(Lane::Main, &self.turns[1])?;
         }
-        let Steps { rows, next, cut, cuts, rewards, ends } = to;
+        let Places { rows, next, cut, cuts, rewards, ends } = to;
         self.launch("task_judge", &[Ptr(rows), Ptr(next), Ptr(cut), Ptr(cuts), Int(depth), Ptr(rewards), Ptr(ends)])?;
         self.device.mark(Lane::Main, judged)
     }
@@ -153,7 +153,7 @@ impl World {
     }
 
     /// What later steps depend on, as it was when the last rollout ended.
-    pub(in super::super) fn snapshot(&self) -> Result<Snapshot, StepError> {
+    pub(super) fn snapshot(&self) -> Result<Snapshot, StepError> {
         let d = &self.device;
         let mut kept = Snapshot { states: self.states.clone(), frames: vec![0; self.n], begun: vec![0; self.n], ..Default::default() };
         kept.goals.resize(self.goals.len, 0.0);

@@ -1,12 +1,11 @@
 //! The kernels of PPO's rollouts against the CPU's engine, without a device: their text is compiled as C++ and run on the CPU.
 
-#[path = "../../nerd-sim/tests/cpp/mod.rs"]
-mod cpp;
-
 use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::{normal, stream};
 use nerd_tasks::StepResult;
-use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, RunningMoments, Shape};
+use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, PpoConfig, RunningMoments, StreamKey};
+
+use crate::cpp;
 
 /// Environments, numbers of an observation and of an action (odd, so that the two numbers of a draw can be of two rows), steps.
 const N: usize = 37;
@@ -79,8 +78,7 @@ struct Rolled {
 fn rolled() -> Rolled {
     let mut rng = stream(2, 0);
     let mut draw = |n: usize, by: f64| -> Vec<f64> { (0..n).map(|k| 0.5 * k as f64 % 3.0 + by * normal(&mut rng)).collect() };
-    let shape = Shape { observation: SEEN, stack: 1, action: A, hidden: vec![8], activation: Activation::Elu, spread_by_state: false };
-    let mut policy = Policy::new(shape, &mut stream(1, 0));
+    let mut policy = crate::policy(SEEN, 1, A, &[8], Activation::Elu);
     let inner = policy.flat.len() - A;
     policy.flat[inner..].copy_from_slice(&[0.2, -0.4, 0.1]);
     policy.seen.update(&draw(200 * SEEN, 2.0));
@@ -89,7 +87,9 @@ fn rolled() -> Rolled {
     let (mut rewards, mut ends, mut cut) = (Vec::new(), Vec::new(), vec![f64::NAN; N * HORIZON]);
     engine.begin(&policy).expect("the CPU");
     for t in 0..HORIZON {
-        engine.act(&draw(N * SEEN, 4.0), (NOISE.0, NOISE.1 - STEP as u64 + t as u64), &mut actions).expect("the CPU");
+        engine
+            .act(&draw(N * SEEN, 4.0), StreamKey { seed: NOISE.0, number: NOISE.1 - STEP as u64 + t as u64 }, &mut actions)
+            .expect("the CPU");
         if t == STEP {
             kept.clone_from(&actions);
         }
@@ -105,7 +105,7 @@ fn rolled() -> Rolled {
         ends.extend(ended);
     }
     let rows = draw(N * SEEN, 4.0);
-    engine.finish(&rows, LAW).expect("the CPU");
+    engine.finish(&rows, &PpoConfig { gamma: LAW.0, lambda: LAW.1, ..PpoConfig::default() }).expect("the CPU");
     let last = policy.values(&policy.answer(&rows));
     Rolled { engine, rewards, ends, cut, last, kept, policy }
 }
@@ -125,7 +125,7 @@ fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
 fn kernels_answer_and_judge_as_the_cpu_does() {
     let Some(compiler) = cpp::compiler() else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let text = MAIN.replace("#include KERNELS", &(RANDOM.to_string() + include_str!("../src/ppo/cuda/acting.cu")));
+    let text = MAIN.replace("#include KERNELS", &(RANDOM.to_string() + include_str!("../../src/ppo/cuda/acting.cu")));
     let made = cpp::compile(compiler, &text, folder.path(), "acting");
     let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
     let (r, steps) = (&engine.rollout, N * HORIZON);

@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::stream;
-use nerd_train::ppo::{Activation, Policies, Policy, Shape};
+use nerd_train::ppo::{Activation, Policies, Policy};
 
 /// A policy that pulls all joints one way, hardly noisy.
 fn one_way(task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
@@ -15,8 +14,7 @@ fn one_way(task: &str, observation: usize, action: usize, stack: usize) -> (Stri
 
 /// The same, so strongly.
 fn by(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
-    let shape = Shape { observation, stack, action, hidden: vec![4], activation: Activation::Relu, spread_by_state: false };
-    let mut policy = Policy::new(shape, &mut stream(0, 0));
+    let mut policy = crate::policy(observation, stack, action, &[4], Activation::Relu);
     policy.flat.fill(0.0);
     let (outputs, end) = (action + 1, policy.flat.len() - action);
     policy.flat[end - outputs..end - 1].fill(pull);

@@ -1,16 +1,15 @@
 //! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
 
-#[path = "../../nerd-sim/tests/cpp/mod.rs"]
-mod cpp;
-
 use std::sync::Arc;
 
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
 use nerd_sim::solver::Fault;
-use nerd_tasks::formula::{About, Formulas, Number, Sight, written};
-use nerd_tasks::{Episodes, StepResult, named, names};
+use nerd_tasks::formula::{Formulas, Number, Sight, written};
+use nerd_tasks::{About, Episodes, StepResult, named, names};
+
+use crate::cpp;
 
 const N: usize = 64;
 const SEED: u64 = 9;
@@ -116,7 +115,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
                 continue;
             }
         };
-        let made = cpp::compile(compiler, &(text + include_str!("../src/device/alone.cuh")), folder.path(), name);
+        let made = cpp::compile(compiler, &(text + include_str!("alone.cuh")), folder.path(), name);
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
         let said = run(&made, &episodes, &actions, &before, 2);

@@ -1,8 +1,10 @@
-//! Policies against the textbook in f64: what shipped ones say, and gradients of the loss.
+//! Policies against the textbook in f64: what shipped ones say, gradients of the loss; and their folders and settings.
 
-use nerd_train::ppo::rollout::Rollout;
-use nerd_train::ppo::update::{Data, Learning, gradient};
-use nerd_train::ppo::{Activation, Policy, PpoConfig, Shape, folder};
+use nerd_sim::sampling::stream;
+use nerd_sim::truth::Truth;
+use nerd_tasks::{named, names};
+use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, Policy, PpoConfig, Rollout, RunningMoments, Shape, StreamKey, folder};
+use rand::RngExt;
 
 #[test]
 fn gradients_are_those_of_the_loss_written_down_in_f64() {
@@ -11,9 +13,9 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
         [(Activation::Tanh, false, 0.2), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
         let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, spread_by_state };
-        let mut rng = nerd_sim::sampling::stream(3, 0);
-        let mut draw = move || f64::from(rand::RngExt::random::<f32>(&mut rng)) * 2.0 - 1.0;
-        let mut policy = Policy::new(shape.clone(), &mut nerd_sim::sampling::stream(1, 1));
+        let mut rng = stream(3, 0);
+        let mut draw = move || f64::from(rng.random::<f32>()) * 2.0 - 1.0;
+        let mut policy = Policy::new(shape, &mut stream(1, 1));
         policy.flat.iter_mut().for_each(|w| *w += 0.3 * draw() as f32);
         let n = 40;
         let mut numbers = |n: usize, scale: f64| (0..n).map(|_| scale * draw()).collect::<Vec<f64>>();
@@ -28,18 +30,29 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
             values: numbers(n, 0.4),
             advantages: numbers(n, 1.0),
         };
-        let config = PpoConfig { entropy: 0.02, bounds: 0.3, critic: 2.0, value_clip, ..PpoConfig::default() };
-        let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-        let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
-        let data = Data::new(&policy, &rollout, &returns, values);
-        let batch: Vec<u32> = (0..n as u32).step_by(2).collect();
-        let found = gradient(&policy, &Learning::new(&policy), &data, &batch, &config).flat;
+        // One minibatch of all steps, whose gradient is not clipped: it is ten times Adam's first moment.
+        let config = PpoConfig {
+            environments: n,
+            horizon: 1,
+            minibatch: n,
+            epochs: 1,
+            entropy: 0.02,
+            bounds: 0.3,
+            critic: 2.0,
+            value_clip,
+            gradient_norm: 1e6,
+            ..PpoConfig::default()
+        };
+        let (mut engine, mut learned, mut adam) = (OnCpu::default(), policy.clone(), Adam::new(policy.flat.len(), 1e-3));
+        engine.rollout = rollout.clone();
+        engine.update(&mut learned, &mut adam, &config, StreamKey { seed: 0, number: 0 }).expect("the CPU");
+        let found: Vec<f32> = adam.m.iter().map(|m| 10.0 * m).collect();
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
         for k in 0..params.len() {
             let at = |h: f64| {
                 let mut moved = params.clone();
                 moved[k] += h;
-                loss(&moved, &policy, &rollout, &returns, &batch, &config)
+                loss(&moved, &policy, &learned.returns, &rollout, &config)
             };
             let by_difference = (at(1e-5) - at(-1e-5)) / 2e-5;
             let gap = (f64::from(found[k]) - by_difference).abs() / (1.0 + by_difference.abs());
@@ -98,14 +111,13 @@ fn shipped_policies_say_what_their_weights_say_in_f64() {
     assert!(count > 0, "no policies are shipped");
 }
 
-/// The loss as the header of `loss.rs` has it, without a thought for speed.
-fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u32], c: &PpoConfig) -> f64 {
+/// The loss as the header of `loss.rs` has it, without a thought for speed; returns are in moments that they have been taken into.
+fn loss(flat: &[f64], policy: &Policy, moments: &RunningMoments, r: &Rollout, c: &PpoConfig) -> f64 {
     let shape = &policy.shape;
     let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
     let spread = (r.advantages.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / r.advantages.len() as f64).sqrt();
-    let normal = |x: f64| policy.returns.normalize(0, x);
     let mut total = 0.0;
-    for i in batch.iter().map(|i| *i as usize) {
+    for i in 0..r.values.len() {
         let x = said(flat, policy, &r.observations[3 * i..3 * i + 3]);
         let free = flat.len() - 2;
         let s: Vec<f64> = (0..2).map(|k| if shape.spread_by_state { x[3 + k] } else { flat[free + k] }).collect();
@@ -120,10 +132,50 @@ fn loss(flat: &[f64], policy: &Policy, r: &Rollout, returns: &[f64], batch: &[u3
         let ratio = (f64::from(r.surprise[i]) - surprise).exp();
         let advantage = (r.advantages[i] - mean) / spread;
         let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
-        let (v, goal, old) = (x[2], normal(returns[i]), normal(r.values[i]));
+        let (v, goal, old) = (x[2], moments.normalize(0, r.advantages[i] + r.values[i]), policy.returns.normalize(0, r.values[i]));
         let near = old + (v - old).clamp(-0.2, 0.2);
         let held = if c.value_clip > 0.0 { (near - goal).powi(2) } else { 0.0 };
         total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max(held) + others;
     }
-    total / batch.len() as f64
+    total / r.values.len() as f64
+}
+
+#[test]
+fn every_task_has_settings_and_a_policy_survives_its_folder() {
+    let temporary = tempfile::tempdir().expect("temporary folder");
+    for name in names() {
+        let (task, ppo) = (named(name).expect("registered"), PpoConfig::of(name).expect("settings"));
+        let shape = Shape::of(&*task, &ppo);
+        let mut policy = Policy::new(shape.clone(), &mut stream(0, 0));
+        policy.seen.update(&(0..shape.observation * shape.stack * 3).map(|k| k as f64).collect::<Vec<_>>());
+        let provenance = Default::default();
+        let solver = Truth::default().name();
+        let config = folder::PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
+        folder::save(temporary.path(), &config, &policy, "# A card\n").expect("written");
+        assert_eq!(folder::load(temporary.path()).expect("read"), (config.clone(), policy.clone()), "{name}");
+        let refusal = |config: &folder::PolicyConfig, policy: &Policy| {
+            folder::save(temporary.path(), config, policy, "# A card\n").expect("written");
+            folder::load(temporary.path()).expect_err("cannot be").to_string()
+        };
+        let mut wide = config.clone();
+        wide.shape.hidden = vec![usize::MAX, usize::MAX];
+        let said = {
+            let json = serde_json::to_string(&wide).expect("JSON");
+            std::fs::write(temporary.path().join("config.json"), json).expect("written");
+            folder::load(temporary.path()).expect_err("cannot be").to_string()
+        };
+        assert!(said.contains("`hidden` is 18446744073709551615"), "{name}: {said}");
+        let mut none = policy.clone();
+        none.flat[1] = f32::NAN;
+        assert!(refusal(&config, &none).contains("no finite number"), "{name}");
+        let mut none = policy;
+        none.seen.variance[0] = -1.0;
+        assert!(refusal(&config, &none).contains("below 0"), "{name}");
+    }
+    assert!(names().into_iter().all(|task| PpoConfig::small(task).is_ok()) && PpoConfig::small("cartpole-juggle").is_err());
+    let wrong = |text: &str| PpoConfig::from_text(text).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(wrong("environments = 1\nhurry = true").contains("hurry"));
+    let zero = "environments = 0\nhorizon = 1\niterations = 1\nminibatch = 1\nepochs = 1\nhidden = []\n";
+    assert!(wrong(zero).contains("environments"), "{}", wrong(zero));
+    assert!(PpoConfig::of("juggle").is_err());
 }

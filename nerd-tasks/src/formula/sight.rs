@@ -25,20 +25,20 @@ pub trait Sight<N> {
 }
 
 /// On the CPU: links and distances are found when they are first asked for.
-pub(super) struct Seen<'a> {
+pub(super) struct Direct<'a> {
     view: View<'a>,
     work: &'a mut Work,
     placed: bool,
     near: bool,
 }
 
-impl<'a> Seen<'a> {
+impl<'a> Direct<'a> {
     pub(super) fn new(view: View<'a>, work: &'a mut Work) -> Self {
         Self { view, work, placed: false, near: false }
     }
 }
 
-impl Sight<f64> for Seen<'_> {
+impl Sight<f64> for Direct<'_> {
     fn system(&self) -> &System {
         &self.work.system
     }

@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nerd_model::pick::Setting;
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_train::device::Device;
-use nerd_train::ppo::{Arena, Environments, Game, Policies, Policy, PolicyRun, PpoConfig, Trainer, folder, play};
+use nerd_train::ppo::{Arena, Game, Policies, Policy, PolicyRun, PpoConfig, Trainer, folder, play};
 use nerd_train::run::{Run, RunConfig, Variant};
+
+use crate::episodes;
 
 const TASK: &str = "lead-tip";
 
@@ -20,14 +21,14 @@ fn config(text: &str) -> PpoConfig {
 
 /// Games of a policy on `articulated` at few substeps.
 fn games(policy: &Policy, n: usize) -> Vec<Game> {
-    let mut episodes = Arena::Judge(Setting::Implicit(1)).episodes(TASK, n, 500).expect("episodes");
+    let mut episodes = episodes(TASK, n, 500);
     play(policy, &mut episodes, &mut |_| ()).expect("finite physics")
 }
 
 #[test]
 fn a_short_run_earns_more_and_comes_nearer() {
     let config = config("environments = 32\nhorizon = 50\niterations = 24\n");
-    let episodes = Arena::Judge(Setting::Implicit(1)).episodes(TASK, config.environments, 0).expect("episodes");
+    let episodes = episodes(TASK, config.environments, 0);
     let mut trainer = Trainer::new(episodes, config.clone(), 0).expect("a run");
     let mean = |policy: &Policy| {
         let games = games(policy, 16);
@@ -66,7 +67,7 @@ fn a_policy_is_trained_in_a_model_of_the_lead_and_judged_in_its_truth() {
     let config = config("environments = 4\nhorizon = 100\niterations = 2\n");
     let run = |iterations: u64| {
         let (task, config, out) = (TASK.into(), PpoConfig { iterations, ..config.clone() }, temporary.path().join("policy"));
-        PolicyRun { task, arena: arena.clone(), config, seed: 0, fast: false, until: None, minutes: None, out }.train().expect("trains")
+        PolicyRun { task, arena: arena.clone(), config, seed: 0, until: None, minutes: None, out }.train().expect("trains")
     };
     run(1);
     let learned = run(2);
@@ -84,8 +85,8 @@ fn a_policy_is_trained_in_a_model_of_the_lead_and_judged_in_its_truth() {
 #[test]
 fn only_a_task_that_speaks_of_success_counts_misses() {
     for (task, spoken) in [(TASK, true), ("cartpole-swingup", false)] {
-        let mut episodes = Arena::Judge(Setting::Implicit(1)).episodes(task, 2, 0).expect("episodes");
-        let actions = vec![0.0; 2 * Environments::action_dim(&episodes)];
+        let mut episodes = episodes(task, 2, 0);
+        let actions = vec![0.0; 2 * episodes.task.action_dim()];
         let misses = episodes.step(&actions).expect("finite physics").misses;
         assert!(misses.len() == 2 && misses.iter().all(|miss| miss.is_some() == spoken), "{task}: {misses:?}");
     }
@@ -95,7 +96,7 @@ fn only_a_task_that_speaks_of_success_counts_misses() {
 fn policies_of_the_lead_act_in_its_data() {
     let mut trainer = {
         let config = config("environments = 2\nhorizon = 4\niterations = 1\n");
-        let episodes = Arena::Judge(Setting::Implicit(1)).episodes(TASK, 2, 0).expect("episodes");
+        let episodes = episodes(TASK, 2, 0);
         Trainer::new(episodes, config, 0).expect("a run")
     };
     trainer.iterate().expect("learns");

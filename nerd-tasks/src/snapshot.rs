@@ -8,7 +8,8 @@ use std::collections::VecDeque;
 use nerd_sim::solver::{Simulation, StepError};
 use rayon::prelude::*;
 
-use crate::episodes::MOVED;
+/// Numbers that one thread copies at least: of thousands of environments a step moves megabytes.
+pub(crate) const MOVED: usize = 1 << 14;
 
 /// Everything of [`crate::Episodes`] that later steps depend on; row-major over n environments.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,0 +1,29 @@
+//! The trait of a task that is written in formulas.
+
+use super::{Number, Sight};
+use crate::About;
+
+/// A task in formulas. Its episodes begin by the robot's own `reset` ranges.
+pub trait Formulas: Send + Sync {
+    /// Its names and sizes.
+    fn about(&self) -> About;
+
+    /// Ranges of the numbers of an episode's goal, `[low, high)`, drawn in this order before the start.
+    fn goal(&self) -> &'static [[f64; 2]] {
+        &[]
+    }
+
+    /// Writes the observation.
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]);
+
+    /// Writes the joint torques (N m or N) of an action, which is in [-1, 1].
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]);
+
+    /// Reward for arriving here; `torques` acted in the last frame.
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N;
+
+    /// Whether being here ends the episode: 1 or 0.
+    fn over<N: Number>(&self, _sight: &mut impl Sight<N>) -> N {
+        N::from(0.0)
+    }
+}

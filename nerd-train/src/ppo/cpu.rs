@@ -1,0 +1,104 @@
+//! [`OnCpu`]: a policy that answers and learns on the CPU, alone or as one of several ranks.
+
+use std::sync::Arc;
+
+use nerd_tasks::{Episodes, StepResult};
+use rayon::prelude::*;
+
+use super::config::PpoConfig;
+use super::engine::{Engine, rollout};
+use super::error::PpoError;
+use super::gae::{Transitions, advantages};
+use super::loss::surprise;
+use super::noise::{StreamKey, drawn};
+use super::policy::{Actor, Policy};
+use super::rollout::{Rollout, Running, Taken};
+use super::team::Team;
+use super::update::{Adam, Updated, update};
+use crate::ranks::Ranks;
+
+/// On the CPU, which does not fail.
+#[derive(Default)]
+pub struct OnCpu {
+    /// The rollout so far.
+    pub rollout: Rollout,
+    team: Team,
+    actor: Option<Actor>,
+    rewards: Vec<f64>,
+    terminated: Vec<bool>,
+    truncated: Vec<bool>,
+    /// Values of the states reached where time ran out, in their order.
+    cut: Vec<f64>,
+}
+
+impl OnCpu {
+    /// With this rank's share of so many environments, beside the other ranks.
+    pub fn among(ranks: &Arc<Ranks>, environments: usize) -> Self {
+        Self { team: Team::new(ranks, environments), ..Self::default() }
+    }
+}
+
+impl Engine for OnCpu {
+    fn roll(
+        &mut self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<Taken, PpoError> {
+        let taken = rollout(self, episodes, running, policy, config, noise)?;
+        Ok(self.team.together(taken)?)
+    }
+
+    fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
+        self.actor = Some(Actor::new(policy.clone()));
+        self.rollout.clear();
+        [&mut self.rewards, &mut self.cut].into_iter().for_each(Vec::clear);
+        [&mut self.terminated, &mut self.truncated].into_iter().for_each(Vec::clear);
+        Ok(())
+    }
+
+    fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<(), PpoError> {
+        let Some(actor) = &self.actor else { return Ok(()) };
+        let (answer, r, width) = (actor.answer(rows), &mut self.rollout, actor.policy.shape.action);
+        let drawn = drawn(&answer, noise, self.team.part.start * width);
+        let said = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
+        r.surprise.par_extend(said.map(|((a, mu), s)| surprise(a, mu, s)));
+        r.observations.extend_from_slice(rows);
+        r.values.extend(actor.policy.values(&answer));
+        r.mean.extend(answer.mean);
+        r.spread.extend(answer.spread);
+        actions.clear();
+        actions.extend(drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))));
+        r.actions.extend(drawn);
+        Ok(())
+    }
+
+    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), PpoError> {
+        let Some(actor) = &self.actor else { return Ok(()) };
+        self.cut.extend(actor.policy.values(&actor.answer(reached)));
+        self.rewards.extend_from_slice(&result.rewards);
+        self.terminated.extend_from_slice(&result.terminated);
+        self.truncated.extend_from_slice(&result.truncated);
+        Ok(())
+    }
+
+    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<(), PpoError> {
+        let Some(actor) = &self.actor else { return Ok(()) };
+        let last = actor.policy.values(&actor.answer(rows));
+        let (n, values) = (last.len(), &self.rollout.values);
+        let mut next: Vec<f64> = values.iter().skip(n).chain(&last).copied().collect();
+        // Where time ran out, the state reached is not the one that the next answer is about.
+        let over = next.iter_mut().zip(&self.truncated).filter_map(|(value, over)| over.then_some(value));
+        over.zip(&self.cut).for_each(|(value, cut)| *value = *cut);
+        let Self { rewards, terminated, truncated, .. } = self;
+        let steps = Transitions { rewards, values, next: &next, terminated, truncated };
+        self.rollout.advantages = advantages(&steps, n, config.gamma, config.lambda);
+        Ok(())
+    }
+
+    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated, PpoError> {
+        Ok(update(policy, adam, &self.rollout, config, orders, &self.team)?)
+    }
+}

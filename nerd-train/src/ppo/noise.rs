@@ -1,0 +1,77 @@
+//! Noise on actions: normal numbers from ChaCha8 streams, so that what is drawn depends on seeds and numbers alone.
+
+use nerd_sim::sampling::stream;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::policy::Answer;
+
+/// A ChaCha8 stream of a seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StreamKey {
+    /// The seed.
+    pub seed: u64,
+    /// Which of its streams.
+    pub number: u64,
+}
+
+impl StreamKey {
+    /// The stream from its beginning.
+    pub(super) fn rng(self) -> ChaCha8Rng {
+        stream(self.seed, self.number)
+    }
+}
+
+/// Actions around their means. Noise is one stream; these actions have its numbers from `first` on, and a thread's part of them begins
+/// where those before it would end.
+pub(super) fn drawn(answer: &Answer, key: StreamKey, first: usize) -> Vec<f32> {
+    const PART: usize = 4096;
+    let mut out = vec![0.0; answer.mean.len()];
+    let said = answer.mean.par_chunks(PART).zip(answer.spread.par_chunks(PART));
+    out.par_chunks_mut(PART).zip(said).enumerate().for_each(|(part, (out, (mean, spread)))| {
+        let (number, mut rng, mut spare) = (first + part * PART, key.rng(), None);
+        // Numbers are drawn in twos, of four words each.
+        rng.set_word_pos(2 * (number & !1) as u128);
+        if number % 2 == 1 {
+            normal(&mut rng, &mut spare);
+        }
+        for ((a, mu), s) in out.iter_mut().zip(mean).zip(spread) {
+            *a = mu + s.exp() * normal(&mut rng, &mut spare);
+        }
+    });
+    out
+}
+
+/// A standard normal number (Box and Muller), two at a time.
+pub(super) fn normal(rng: &mut ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
+    if let Some(x) = spare.take() {
+        return x;
+    }
+    let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
+    let (radius, (sin, cos)) = ((-2.0 * u.ln()).sqrt(), (std::f64::consts::TAU * v).sin_cos());
+    *spare = Some((radius * sin) as f32);
+    (radius * cos) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_drawn_in_parts_is_that_of_one_stream() {
+        let (n, key) = (10_001, StreamKey { seed: 3, number: 9 });
+        let answer = |of: std::ops::Range<usize>| Answer {
+            mean: vec![0.5; of.len()],
+            spread: of.map(|k| (k as f32 * 0.01).sin()).collect(),
+            value: Vec::new(),
+        };
+        let (all, mut rng, mut spare) = (answer(0..n), key.rng(), None);
+        let one: Vec<f32> = all.mean.iter().zip(&all.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
+        for first in [0, 4000, 4001] {
+            let parts = drawn(&answer(first..n), key, first);
+            let apart = one[first..].iter().zip(&parts).position(|(a, b)| a != b);
+            assert_eq!(apart, None, "the first number that differs, from {first} on");
+        }
+    }
+}

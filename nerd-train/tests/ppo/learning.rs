@@ -1,0 +1,205 @@
+//! Moments and stacks by hand, problems whose answers are known, runs that go on to the bit.
+
+use nerd_sim::prelude::*;
+use nerd_tasks::{About, ChaCha8Rng, Episodes, Task, View, Work, named};
+use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, PpoConfig, Running, RunningMoments, Stack, StreamKey, Trainer, play};
+use rand::RngExt;
+
+use crate::{common, config, episodes, policy};
+
+#[test]
+fn moments_in_pieces_are_the_moments_of_the_whole() {
+    let rows: Vec<f64> = (0..600).map(|k| ((k * k) as f64).sin() * 3.0 + f64::from(k % 2 == 0) * 100.0).collect();
+    let (mut whole, mut pieces) = (RunningMoments::new(2), RunningMoments::new(2));
+    whole.update(&rows);
+    rows.chunks(34).for_each(|c| pieces.update(c));
+    for (k, x) in rows.iter().enumerate().take(2) {
+        assert!((whole.mean[k] - pieces.mean[k]).abs() < 1e-9, "{whole:?} {pieces:?}");
+        assert!((whole.variance[k] / pieces.variance[k] - 1.0).abs() < 1e-9, "{whole:?} {pieces:?}");
+        assert!((whole.restore(k, whole.normalize(k, *x)) - x).abs() < 1e-9);
+    }
+    assert_eq!(whole.normalize(0, 1e9), 5.0, "outliers are kept in bounds");
+}
+
+#[test]
+fn a_stack_holds_the_newest_and_the_differences_before_it() {
+    let mut stack = Stack::new(3, 1, &[1.0, 10.0]);
+    let mut reached = Vec::new();
+    stack.push(&[2.0, 20.0], &[0, 1], |_| false, &[2.0, 20.0], &mut reached);
+    assert_eq!(stack.rows, [2.0, 1.0, 0.0, 20.0, 10.0, 0.0]);
+    stack.push(&[3.0, 30.0], &[1], |env| env == 1, &[3.0, 70.0], &mut reached);
+    assert_eq!(reached, [30.0, 10.0, 10.0], "the state reached by who was asked for, before the next episode");
+    assert_eq!(stack.rows, [3.0, 1.0, 1.0, 70.0, 0.0, 0.0]);
+}
+
+/// A point on a line, moved by at most 0.1 a step: the cart of a Cartpole that nothing else moves. Cut off after `length` steps, begins at
+/// one of two places.
+struct Point {
+    length: u64,
+    starts: [f64; 2],
+    reward: fn(f64) -> f64,
+}
+
+impl Task for Point {
+    fn about(&self) -> About {
+        About { name: "point", robot: "cartpole", scene: "free", observation: 1, action: 1, steps: self.length, frames: 1 }
+    }
+
+    fn reset(&self, _: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        vec![self.starts[usize::from(rng.random::<bool>())], 0.0, 0.0, 0.0]
+    }
+
+    fn observe(&self, view: View, _: &mut Work, out: &mut [f64]) {
+        out[0] = view.state[0];
+    }
+
+    fn act(&self, _: View, action: &[f64], _: &mut Work, torques: &mut [f64]) {
+        torques.copy_from_slice(&[action[0], 0.0]);
+    }
+
+    fn reward(&self, view: View, _: &[f64], _: &mut Work) -> f64 {
+        (self.reward)(view.state[0])
+    }
+}
+
+/// What moves it.
+struct Slide;
+
+impl Solver for Slide {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        for env in 0..batch.len() {
+            batch.state_mut(env)[0] += 0.1 * torques[2 * env];
+            batch.frames[env] += 1;
+        }
+        Ok(())
+    }
+}
+
+fn points(n: usize, length: u64, starts: [f64; 2], reward: fn(f64) -> f64) -> Episodes {
+    let system = System::named("cartpole").expect("built in");
+    let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
+    Episodes::new(Box::new(Point { length, starts, reward }), Simulation { batch, solver: Box::new(Slide) }, 1)
+}
+
+#[test]
+fn a_point_learns_to_go_home() {
+    let config = PpoConfig { environments: 64, horizon: 32, minibatch: 512, ..config("") };
+    let mut trainer = Trainer::new(points(64, 30, [1.0, -1.0], |x| -x * x), config, 5).expect("fits");
+    for _ in 0..40 {
+        trainer.iterate().expect("goes on");
+    }
+    let games = play(&trainer.state.policy, &mut points(64, 30, [1.0, -1.0], |x| -x * x), &mut |_| ()).expect("plays");
+    let mean = games.iter().map(|g| g.reward).sum::<f64>() / 64.0;
+    // At full speed: -(0.9^2 + 0.8^2 + .. + 0.1^2) = -2.85; standing still loses 30.
+    println!("mean return {mean:.3}, best possible -2.85");
+    assert!((-3.1..-2.84).contains(&mean), "mean return {mean}, best possible -2.85, standing still -30");
+}
+
+/// The policy that learns from a rollout is the one that acted in it, so the first ratio is 1 and nothing parts them yet.
+#[test]
+fn the_first_ratio_of_an_update_is_one() {
+    // One minibatch in one pass, and bounds that nothing but rounding keeps.
+    let config = PpoConfig { environments: 32, minibatch: 512, epochs: 1, clip: 1e-4, ..config("") };
+    let mut policy = policy(1, 1, 1, &[16], Activation::Tanh);
+    // Far from what a fresh policy has seen, so that moments taken in too early would change every answer.
+    let mut episodes = points(32, 30, [4.0, -2.0], |x| -x * x);
+    let mut adam = Adam::new(policy.flat.len(), 1e-3);
+    let (mut running, mut engine) = (Running::new(&episodes, 1), OnCpu::default());
+    for iteration in 0..3 {
+        let noise = StreamKey { seed: 7, number: iteration * 16 };
+        engine.roll(&mut episodes, &mut running, &policy, &config, noise).expect("steps");
+        let before = policy.seen.clone();
+        let updated = engine.update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration }).expect("learns").terms;
+        println!("iteration {iteration}: KL {:.1e}, clipped {}, actor loss {:.1e}", updated.kl, updated.clipped, updated.actor);
+        assert!(updated.kl.abs() < 1e-6, "iteration {iteration}: KL {:.1e} before anything was learned", updated.kl);
+        assert_eq!(updated.clipped, 0.0, "iteration {iteration}: ratios beyond 1 +- 1e-4");
+        // Minus the mean of the normalised advantages, which is 0, if every ratio is 1.
+        assert!(updated.actor.abs() < 1e-5, "iteration {iteration}: actor loss {:.1e}", updated.actor);
+        assert!(policy.seen != before, "the rollout's observations are in no moments");
+    }
+}
+
+#[test]
+fn what_time_cuts_off_keeps_its_value() {
+    // Reward 1 for ever is worth 1 / (1 - gamma) = 10, however soon episodes are cut off; without bootstrapping it would be
+    // at most 4.1 in episodes of five steps.
+    let config = PpoConfig { gamma: 0.9, ..config("") };
+    let mut trainer = Trainer::new(points(16, 5, [1.0, -1.0], |_| 1.0), config, 2).expect("fits");
+    for _ in 0..120 {
+        trainer.iterate().expect("goes on");
+    }
+    let policy = &trainer.state.policy;
+    let value = policy.values(&policy.answer(&[1.0, 0.95, -1.0]));
+    println!("values {value:?}, should be 10");
+    assert!(value.iter().all(|v| (9.0..11.0).contains(v)), "values {value:?}, should be 10");
+}
+
+#[test]
+fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let file = folder.path().join("last.safetensors");
+    let config = PpoConfig { environments: 24, minibatch: 100, stack: 2, ..config("") };
+    let cartpole = |n: usize| episodes("cartpole-swingup", n, 11);
+    let begin = || Trainer::new(cartpole(24), config.clone(), 9).expect("fits");
+    let steps = |run: &mut Trainer, n: usize| (0..n).for_each(|_| drop(run.iterate().expect("goes on")));
+    let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    // Solvers stay on one thread, so a run begins and ends inside its pool.
+    let whole = pool(1).install(|| {
+        let mut run = begin();
+        steps(&mut run, 25);
+        run.state
+    });
+    let broken = pool(3).install(|| {
+        let mut run = begin();
+        steps(&mut run, 12);
+        run.save(&file, "this run").expect("written");
+        run = begin();
+        assert!(run.resume(&file, "another run").is_err(), "another run's file is refused");
+        run.resume(&file, "this run").expect("its own file");
+        steps(&mut run, 13);
+        run.state
+    });
+    assert!(whole.recent.len() > 24, "episodes ended: {}", whole.recent.len());
+    assert!(whole == broken, "the runs differ");
+    let mut other = Trainer::new(cartpole(24), config.clone(), 8).expect("fits");
+    assert!(other.resume(&file, "this run").is_err(), "another seed's file is refused");
+    assert!(Trainer::new(cartpole(3), config, 8).is_err(), "three environments, where 24 are asked for");
+}
+
+#[test]
+fn a_learned_solver_goes_on_too() {
+    // A network of windows to the bit. One that keeps keys and values adds them up in the order of their slots, which depends
+    // on when an environment was last cleared: equal to rounding, 6e-6 rad/s where it was measured.
+    use nerd_model::{base::Base, neural::Neural, transformer::Positions};
+    for (name, base, positions, allowed) in [
+        ("cartpole-swingup", Base::State, Positions::Table, 0.0),
+        ("ant-run", Base::ExactFlight, Positions::Rotary, 1e-5),
+        ("anymal-side", Base::Draft(1), Positions::Rotary, 1e-5),
+    ] {
+        let task = || named(name).expect("registered");
+        let system = System::named(task().robot()).expect("built in");
+        let begin = |remembered: bool| {
+            let model = common::model(&system, base, positions);
+            let network = model.config.network;
+            let batch = Batch::new(&system, &system.scene(task().scene()).expect("known"), 3);
+            let mut episodes = Episodes::new(task(), Simulation::new(batch, Neural::on_cpu(model, &system)), 4);
+            episodes.remember(if remembered { network.history * network.layers } else { 0 });
+            episodes
+        };
+        let actions = |step: usize| (0..3 * task().action_dim()).map(|i| ((i * 5 + step) as f64).sin()).collect::<Vec<_>>();
+        let gap = |remembered: bool| {
+            let mut whole = begin(remembered);
+            for step in 0..70 {
+                whole.step(&actions(step)).expect("steps");
+            }
+            let mut again = begin(remembered);
+            again.restore(&whole.snapshot()).expect("its own");
+            let (a, b) = (whole.step(&actions(70)).expect("steps"), again.step(&actions(70)).expect("steps"));
+            a.reached.iter().zip(&b.reached).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let (with, without) = (gap(true), gap(false));
+        println!("{name}: {with:.1e}, without its past {without:.1e}");
+        assert!(with <= allowed, "{name}: {with:.1e} between the states reached");
+        assert!(without > 10.0 * allowed.max(1e-6), "{name}: its past plays no part ({without:.1e}), so nothing is shown");
+    }
+}

@@ -1,0 +1,35 @@
+//! PPO: what it learns, policies and their folders, policies in data, the kernels of its rollouts, several ranks.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../../../nerd-sim/tests/cpp/mod.rs"]
+mod cpp;
+mod kernels;
+mod lead;
+mod learning;
+mod pilot;
+mod policy;
+mod ranks;
+
+use nerd_model::pick::Setting;
+use nerd_sim::sampling::stream;
+use nerd_tasks::Episodes;
+use nerd_train::ppo::{Activation, Arena, Policy, PpoConfig, Shape};
+
+/// Small settings, but for what a text says.
+fn config(text: &str) -> PpoConfig {
+    let usual = "environments = 16\nhorizon = 16\niterations = 10\nminibatch = 128\nepochs = 4\nhidden = [16]\n";
+    PpoConfig::from_text(&format!("{usual}{text}")).expect("good settings")
+}
+
+/// A policy of random weights.
+fn policy(observation: usize, stack: usize, action: usize, hidden: &[usize], activation: Activation) -> Policy {
+    let shape = Shape { observation, stack, action, hidden: hidden.into(), activation, spread_by_state: false };
+    Policy::new(shape, &mut stream(1, 0))
+}
+
+/// Episodes on the reference's preset, or of the lead at one substep.
+fn episodes(task: &str, n: usize, seed: u64) -> Episodes {
+    let setting = if task == "lead-tip" { Setting::Implicit(1) } else { Setting::Paper };
+    Arena::Judge(setting).episodes(task, n, seed).expect("episodes")
+}
