@@ -1,4 +1,4 @@
-//! What tasks of the Ant and of ANYmal see of a floating root. World up is +y, forward is +x, +z is to the right.
+//! Observations of a free base for the tasks of Ant and ANYmal. World up is +y, forward is +x, +z is to the right.
 
 use crate::formula::{Number, Sight};
 

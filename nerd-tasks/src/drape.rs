@@ -36,7 +36,7 @@ pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f6
     along(low)
 }
 
-/// Angles (rad) of the two hinges of each rod, about z and then y, that give rods these directions behind a gripper at home.
+/// Angles (rad) of the two hinges of each rod, about z and then y, that give rods these directions after a gripper at home.
 pub fn hinges(along: &[Vector3<f64>]) -> Vec<f64> {
     let mut axes = Matrix3::identity();
     let mut angles = Vec::with_capacity(2 * along.len());

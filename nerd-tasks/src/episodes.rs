@@ -25,7 +25,7 @@ pub struct StepResult {
     pub terminated: Vec<bool>,
     /// Episodes that ran out of time. The state they were in has a value yet: see `reached`.
     pub truncated: Vec<bool>,
-    /// Observations `[env][observation_dim]` of the states reached, before ended episodes began anew.
+    /// Observations `[env][observation_dim]` of the states reached, before ended episodes restarted.
     pub reached: Vec<f64>,
     /// [`crate::Task::miss`] of the states reached; none of one that the solver could not go on with.
     pub misses: Vec<Option<f64>>,
@@ -33,7 +33,7 @@ pub struct StepResult {
     pub failed: usize,
 }
 
-/// Episodes of one task in every environment of a simulation; ended ones begin anew at once.
+/// Episodes of one task in every environment of a simulation; ended ones restart at once.
 pub struct Episodes {
     /// The task.
     pub task: Box<dyn Task>,
@@ -88,7 +88,7 @@ impl Episodes {
         self.past.most = frames;
     }
 
-    /// Its seed, and the number of its first environment: with [`Snapshot::begun`] they are what is drawn next.
+    /// Its seed, and the number of its first environment: with [`Snapshot::begun`] they determine the next draws.
     pub fn draws(&self) -> (u64, usize) {
         (self.seed, self.first)
     }
@@ -199,7 +199,7 @@ impl Episodes {
         });
     }
 
-    /// One frame. An environment that cannot be stepped is marked and begun anew; the others have been stepped. One that fails in
+    /// One frame. An environment that cannot be stepped is marked and restarted; the others have been stepped. One that fails in
     /// the first frame of an episode is an error.
     fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
         self.past.push(&self.simulation.batch.states, &self.torques);
@@ -208,7 +208,7 @@ impl Episodes {
         self.goals.chunks_exact_mut(width.max(1)).for_each(|goal| self.task.advance(goal));
         if let Err(error) = stepped {
             for fault in error.faults()? {
-                // A start that cannot be stepped would begin anew for ever.
+                // A start that cannot be stepped would restart for ever.
                 if fault.frame == 0 && !failed[fault.env] {
                     return Err(StepError::Environments(vec![fault]));
                 }

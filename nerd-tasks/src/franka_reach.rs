@@ -2,7 +2,7 @@
 //! commanding joint positions or torques. World up is +z, there is no gravity; m, rad, s.
 //!
 //! Observation: seven joint angles, position of the end effector, target (13). The end effector is a point of link 7, the
-//! base stands at the world's origin. With e its distance vector to the target and eps = 1e-4,
+//! base is at the world's origin. With e its distance vector to the target and eps = 1e-4,
 //!
 //! ```text
 //! R = -d + 1 / (exp(50 d) + exp(-50 d) + eps) + 1 / (exp(300 d) + exp(-300 d) + eps),   d = |e|
@@ -18,7 +18,7 @@ use crate::formula::{Formulas, Number, Sight};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrankaReach {
     /// Action: change of the joint angles, 1 is 0.03125 rad from where the joint is, through the position law of
-    /// `franka.toml`, `tau = clamp(kp (target - q) - kd qd, gain)`, reckoned anew in each of a step's two frames of 1/120 s.
+    /// `franka.toml`, `tau = clamp(kp (target - q) - kd qd, gain)`, computed in each of a step's two frames of 1/120 s.
     Position,
     /// Action: torque of seven joints, 1 is 87 N m at the first four and 12 N m at the others; a step is one frame of 1/120 s.
     /// Velocities are not observed, so a policy needs more than one observation.

@@ -11,13 +11,13 @@
 //! lead can be drawn but not pushed, so the target never turns back, and begins ahead of the tip. How much of the lead lies on the floor is
 //! the policy's to choose: the tip follows the more sharply, the higher the gripper.
 //!
-//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. Each frame their springs are asked to go so far
-//! beyond where they are that they reach it, within [`BOX`]. Heights and speeds are those of the cable's training data, and the gripper points
-//! the way it does there. Where on the floor that happens is nothing that a learned cable sees.
+//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. Each frame their springs are asked to go so
+//! far beyond where they are that they reach it, within [`BOX`]. Heights, speeds and the gripper's direction are those of the cable's
+//! training data; a learned cable does not see where on the floor it is.
 //!
-//! Observation: 71 numbers in world axes: tip from target, and its velocity from the target's (6); the target's velocity, and its way in the
-//! next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead, the tip the last, each
-//! with its velocity, from the gripper (48). Never over; truncated after 100 steps of 3 frames of 1/60 s.
+//! Observation: 71 numbers in world axes: tip from target, and its velocity from the target's (6); the target's velocity, and its way in
+//! the next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead, the tip the
+//! last, each with its velocity, from the gripper (48). Never over; truncated after 100 steps of 3 frames of 1/60 s.
 
 use nalgebra::{Vector2, Vector3};
 use nerd_core::dynamics::{kinematics, point_position, velocities};
@@ -45,8 +45,8 @@ const FRAME: f64 = 1.0 / 60.0;
 const AHEAD: [u64; 3] = [15, 30, 60];
 /// Velocity of the gripper at an action of 1 (m/s). In the data it goes through 0.3 m and more in 0.3 to 1.5 s.
 const FASTEST: f64 = 0.4;
-/// Where the gripper is led, from home (m). In one frame of twenty of the data it is higher; the sides are as wide as the longest of lines asks
-/// for.
+/// Where the gripper is led, from home (m). In one frame of twenty of the data it is higher; the sides are as wide as the longest of
+/// lines asks for.
 const BOX: [Range; 3] = [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
 /// Distance (m) from the target in which an episode has succeeded.
 const NEAR: f64 = 0.02;
@@ -76,7 +76,7 @@ fn place(goal: &[f64], frames: f64) -> Vector2<f64> {
     let way = speed * (t - RISE * (1.0 - (-t / RISE).exp()));
     let turn = std::f64::consts::TAU / length;
     let off = slope / turn * ((turn * way + phase).sin() - phase.sin());
-    // Towards the gripper, which stands at the other end of the heading.
+    // Towards the gripper, which is at the other end of the heading.
     let ahead = -Vector2::new(heading.cos(), heading.sin());
     Vector2::new(x, y) + ahead * way + Vector2::new(-ahead.y, ahead.x) * off
 }
@@ -173,7 +173,7 @@ impl Task for LeadTip {
     fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
         torques.fill(0.0);
         for (k, joint) in work.system.robot.joints().enumerate().take(3) {
-            // A critically damped spring of pulse w that is led so far ahead, anew each frame, goes at that speed.
+            // A critically damped spring of frequency w moves at that speed if its target is set this far ahead in every frame.
             let w = (joint.stiffness / joint.armature).sqrt();
             let ahead = FASTEST * action[k].clamp(-1.0, 1.0) * (FRAME + (w * FRAME).exp_m1() / w) / (w * FRAME);
             torques[k] = joint.stiffness * (view.state[k] + ahead).clamp(BOX[k].low, BOX[k].high);

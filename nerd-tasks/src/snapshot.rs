@@ -1,7 +1,7 @@
-//! What a run of episodes needs to go on later as if it had never stopped, whatever solver it runs on.
+//! What is saved of running episodes so that they continue exactly, on any solver.
 //!
-//! An analytic solver needs the states alone. A learned one remembers the last frames, and its memory is a function of them:
-//! so the last frames are kept, and [`Past::replay`] steps the solver through them again.
+//! An analytic solver needs the states only. A learned one's memory is a function of the last frames, so these are saved and
+//! [`Past::replay`] steps the solver through them again.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ pub struct Snapshot {
     pub frames: Vec<u64>,
     /// Goals `[n][goal_dim]`.
     pub goals: Vec<f64>,
-    /// Episodes begun in each environment, `[n]`; with the seed they are what is drawn next.
+    /// Episodes started in each environment, `[n]`; with the seed they determine the next draws.
     pub begun: Vec<u64>,
     /// States before each of the last frames, oldest first, `[frames][n][q, qd]`.
     pub past_states: Vec<f64>,
@@ -61,7 +61,7 @@ impl Past {
         frames.for_each(|(s, t)| self.frames.push_back((s.to_vec(), t.to_vec())));
     }
 
-    /// Steps the solver through the frames kept, the last of which ends where `simulation` stands.
+    /// Steps the solver through the frames kept, the last of which ends in `simulation`'s state.
     pub(crate) fn replay(&self, simulation: &mut Simulation) -> Result<(), StepError> {
         let (states, frames) = (simulation.batch.states.clone(), simulation.batch.frames.clone());
         for (k, (before, torques)) in self.frames.iter().enumerate() {
@@ -70,7 +70,7 @@ impl Past {
             // Frames of an earlier episode are stepped, too; the first of the present one makes the solver forget them.
             let count = |now: &u64| now.checked_sub(ago).unwrap_or(u64::MAX / 2 - ago);
             simulation.batch.frames = frames.iter().map(count).collect();
-            // Who failed then fails now, and was begun anew behind it.
+            // What failed then fails now, and was restarted after it.
             if let Err(error) = simulation.step(torques) {
                 error.faults()?;
             }

@@ -1,4 +1,4 @@
-//! The trait: what a policy sees, does, is rewarded for, and when it is over. Words are Gymnasium's.
+//! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub struct View<'a> {
     pub state: &'a [f64],
     /// What this episode asks for, [`Task::goal_dim`] numbers; empty for most tasks.
     pub goal: &'a [f64],
-    /// What the robot stands in.
+    /// The scene.
     pub scene: &'a Scene,
 }
 
@@ -110,7 +110,7 @@ pub trait Task: Send + Sync {
     /// The task as kernels for a graphics card ([`crate::formula`]), in scenes of so many colliders.
     ///
     /// # Errors
-    /// Why there are none: of a task that is no [`crate::formula::Formulas`], because nobody wrote them.
+    /// If there are none, as for a task without [`crate::formula::Formulas`].
     fn kernels(&self, _system: &System, _colliders: usize) -> Result<String, String> {
         Err(format!("task `{}` is not written in formulas (nerd_tasks::formula), so it stays on the CPU", self.name()))
     }

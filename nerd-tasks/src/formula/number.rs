@@ -1,8 +1,8 @@
-//! What formulas are written in.
+//! The number type of formulas.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A real number, or what stands for one. Truths are numbers, too: 1 or 0.
+/// A real number, or its text. Comparisons are numbers, too: 1 or 0.
 pub trait Number:
     Copy + From<f64> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {

@@ -1,4 +1,4 @@
-//! What formulas may ask about one environment.
+//! What formulas can read of one environment.
 
 use nerd_core::dynamics::{kinematics, point_position};
 use nerd_sim::scene::contacts;

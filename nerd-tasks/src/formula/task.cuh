@@ -4,7 +4,7 @@ constexpr int STATE = NQ + NV;
 // A coordinate beyond this is no motion any more.
 constexpr double FAR = 1e5;
 
-// All environments, row by row. `begun` and the seed's key tell what is drawn next; `memory` counts what a learned solver remembers of each.
+// All environments, row by row. `begun` and the seed's key determine the next draws; `memory` counts what a learned solver remembers of each.
 struct World {
     double *states, *goals, *torques;
     const double* scenes;
@@ -31,7 +31,7 @@ BIG void restart(const World& w, int env) {
     if (w.memory) w.memory[env] = 0;
 }
 
-// Counts a frame, or begins anew what could not be stepped.
+// Counts a frame, or restarts what could not be stepped.
 FN void counted(const World& w, int env) {
     if (!w.faults[env]) { w.frames[env]++; return; }
     if (w.frames[env] == 0 && !w.failed[env]) w.counts[1] = 1 + env;
@@ -46,7 +46,7 @@ FN Seen seen(const World& w, int env, Work& work, bool asks) {
     return s;
 }
 
-// Torques of a frame; what stands before it is kept where `past` is.
+// Torques of a frame; the state before it is kept if there is a `past`.
 FN void act(const World& w, int env, const float* actions, bool later, double* past_states, double* past_torques) {
     if (later) counted(w, env);
     Work work;

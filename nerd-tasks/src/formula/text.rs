@@ -1,4 +1,4 @@
-//! Formulas written down: every step is a line of C.
+//! Formulas as text: every operation is a line of C.
 
 use std::cell::{Cell, RefCell};
 use std::fmt::Write;
@@ -8,7 +8,7 @@ use nerd_sim::system::System;
 
 use super::{Formulas, Number, Sight};
 
-/// The lines so far, and what they ask of whoever runs them.
+/// The lines so far, and what they need of their caller.
 #[derive(Debug, Default)]
 pub struct Tape {
     lines: RefCell<String>,

@@ -1,4 +1,4 @@
-//! Where a policy acts: a truth, or a model of one.
+//! The simulator that a policy acts in: a truth, or a model of one.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -42,7 +42,7 @@ pub enum Arena {
         /// Where its network is computed.
         device: Device,
     },
-    /// An analytic solver that nobody learned from. The reference simulator's preset acts on its own robot, `NAME-paper`.
+    /// An analytic solver that is not a truth. The reference simulator's preset acts on its own robot, `NAME-paper`.
     Judge(Setting),
     /// An analytic solver that keeps its batch on a GPU.
     #[cfg(feature = "cuda")]

@@ -1,4 +1,4 @@
-//! What a policy's folder says of it.
+//! The card of a policy.
 
 use std::collections::BTreeMap;
 use std::path::Path;

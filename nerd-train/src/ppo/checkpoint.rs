@@ -1,8 +1,8 @@
 //! A run on disk: one safetensors file, replaced as a whole, from which it goes on to the bit, in a streaming network's
 //! simulator to its rounding (see `nerd_tasks::Episodes::remember`).
 //!
-//! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is in it. What belongs to environments is
-//! in their order among those of all ranks, so a run may go on with another number of ranks.
+//! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is stored. What belongs to
+//! environments is in their order among those of all ranks, so a run may go on with another number of ranks.
 
 use std::ops::Range;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Hyper-parameters: what rl_games calls `a2c_continuous`, with the paper's values for every task.
+//! Hyper-parameters, as of rl_games' `a2c_continuous`, with the paper's values for every task.
 
 use nerd_model::program::Activation;
 use nerd_tasks::TaskError;
@@ -25,7 +25,7 @@ pub struct PpoConfig {
     pub hidden: Vec<usize>,
     /// Between them.
     pub activation: Activation,
-    /// Observations that the network sees, the newest first; more than one stands in for memory.
+    /// Observations that the network sees, the newest first; more than one serve as memory.
     pub stack: usize,
     /// Whether the spread of actions is an output of the network; else it is a parameter.
     pub spread_by_state: bool,

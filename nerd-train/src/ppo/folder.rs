@@ -1,8 +1,8 @@
 //! A policy is a folder: `config.json`, `policy.safetensors` and a card, `README.md`.
 //!
-//! The weights stand by name, `layerK.weight` `[in, out]` and `layerK.bias`; the last layer's outputs are mean action, value
-//! and, if it is no parameter of its own (`log_std`), the logarithm of the spread. `observation.mean` and
-//! `observation.variance` normalise what goes in, `return.mean` and `return.variance` what the value is in.
+//! Weights are named `layerK.weight` `[in, out]` and `layerK.bias`; the last layer's outputs are mean action, value and, unless it is a
+//! parameter (`log_std`), the logarithm of the spread. `observation.mean` and `observation.variance` normalise inputs, `return.mean` and
+//! `return.variance` the value.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -69,7 +69,7 @@ pub fn load(folder: &Path) -> Read<(PolicyConfig, Policy)> {
     read(folder, |config| check(config, &*nerd_tasks::named(&config.task).map_err(|e| e.to_string())?))
 }
 
-/// Reads the folder of a policy of this task, whoever wrote it.
+/// Reads the folder of a policy of this task, built-in or not.
 ///
 /// # Errors
 /// If a file is absent or not what it should be, or the policy is of another task.

@@ -3,14 +3,14 @@
 //! for: see [`PpoConfig::value_clip`]), a learning rate that follows the divergence, and values in place of what time-outs cut off.
 //!
 //! Unlike there, moments of observations move after an update, not before it, so that its first ratio is 1. The shipped policies
-//! learned in the order of rl_games.
+//! were trained in the order of rl_games.
 //!
-//! Networks are small and environments many, so all of it is plain f32 on the CPU, over the engine of programs ([`nerd_model::program::cpu`]): an update of
-//! 65 536 steps costs tenths of a second on two cores. Where the simulator is on a GPU, so are answers and updates. Whatever the number of threads,
-//! the same seed gives the same bytes.
+//! Networks are small and environments many, so all of it is plain f32 on the CPU, over the engine of programs
+//! ([`nerd_model::program::cpu`]): an update of 65 536 steps costs tenths of a second on two cores. Where the simulator is on a GPU, so
+//! are answers and updates. Whatever the number of threads, the same seed gives the same bytes.
 //!
-//! An [`Engine`] steps episodes, judges what came of it (`gae.rs`) and learns from it (`update.rs`, by `loss.rs`); [`Trainer`] repeats
-//! it and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result. Of several processes each has
+//! An [`Engine`] steps episodes, judges what came of it (`gae.rs`) and learns from it (`update.rs`, by `loss.rs`); [`Trainer`] repeats it
+//! and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result. Of several processes each has
 //! a share of the environments (`team.rs`).
 
 mod arena;

@@ -1,7 +1,6 @@
-//! Policies that act in training data: a learned simulator is asked where they go, and random torques seldom go there.
+//! Policies that act in training data, because a learned simulator is used where they go and random torques rarely go there.
 //!
-//! A policy that nobody has trained yet goes elsewhere still. So all are noisy, some trajectories begin fast, and in some the
-//! policies take turns, each in the states that another one left.
+//! Future policies go elsewhere still. So all are noisy, some trajectories begin fast, and in some the policies take turns.
 
 use std::fmt;
 use std::sync::Arc;
@@ -44,7 +43,7 @@ impl Policies {
         Ok(Self::of(of.collect::<Result<_, TaskError>>()?))
     }
 
-    /// Policies with their tasks, whoever wrote these.
+    /// Policies with their tasks, built-in or not.
     pub fn of(of: Vec<(Arc<dyn Task>, Policy)>) -> Self {
         Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(Actor::new(policy)))).collect() }
     }

@@ -17,7 +17,7 @@ pub struct Game {
     pub miss: Option<f64>,
 }
 
-/// The first episode of every environment, which should have just begun. `progress` is told after each step how many have ended.
+/// The first episode of every environment, which should have just begun. `progress` receives after each step how many have ended.
 ///
 /// # Errors
 /// If the solver cannot step.

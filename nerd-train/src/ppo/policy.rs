@@ -1,7 +1,7 @@
-//! The network of policy and value, with the moments of what goes in and of what values are in.
+//! The network of policy and value, with the moments of observations and returns.
 //!
-//! One trunk, and behind it mean action, value and, if asked for, logarithm of the spread. An action is drawn from the normal
-//! law `N(mu, exp(s)^2)`, s being a parameter by default; an environment clamps it to [-1, 1].
+//! One trunk with heads for mean action, value and, as an option, logarithm of the spread. Actions are drawn from the normal distribution
+//! `N(mu, exp(s)^2)`, with s a parameter by default; an environment clamps them to [-1, 1].
 
 use nerd_model::program::cpu::{Loaded, Pass};
 use nerd_model::program::{Activation, Program, policy};
@@ -73,12 +73,12 @@ impl Shape {
         self.action + 1 + if self.spread_by_state { self.action } else { 0 }
     }
 
-    /// Parameters of a spread that is no output, the last ones.
+    /// Parameters of a spread that is not an output, the last ones.
     pub fn spread(&self) -> usize {
         if self.spread_by_state { 0 } else { self.action }
     }
 
-    /// Widths from what goes in to what is said.
+    /// Widths from input to output.
     pub fn widths(&self) -> Vec<usize> {
         [&[self.inputs()], self.hidden.as_slice(), &[self.outputs()]].concat()
     }

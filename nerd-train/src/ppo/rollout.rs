@@ -67,7 +67,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Episodes that have just begun.
+    /// Episodes that have just started.
     pub fn new(episodes: &Episodes, stack: usize) -> Self {
         let n = episodes.len();
         let stack = Stack::new(stack, episodes.task.observation_dim(), episodes.observations());

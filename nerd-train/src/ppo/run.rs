@@ -1,4 +1,4 @@
-//! A policy's training in a folder: PPO in an arena, resumable, with the record, the curve and the best policy it came to.
+//! A policy's training in a folder: PPO in an arena, resumable, with metrics, learning curve and the best policy.
 //!
 //! The folder holds `metrics.jsonl`, `sessions.jsonl` and `last.safetensors`; the same run again continues it. The policy with the largest
 //! mean reward is in `OUT/policy`.
@@ -43,7 +43,7 @@ pub struct PolicyRun {
     pub out: PathBuf,
 }
 
-/// What a run came to so far.
+/// A run's results so far.
 #[derive(Clone, Debug)]
 pub struct Learned {
     /// Task and solver.
@@ -218,7 +218,7 @@ impl PpoConfig {
     /// Settings of a task: of a file, those called `small` or `paper`, or by what a step in the arena costs.
     ///
     /// # Errors
-    /// If the file cannot be read or has a key that there is not, or there is no such task.
+    /// If the file cannot be read or has an unknown key, or there is no such task.
     pub fn choose(task: &str, arena: &Arena, recipe: Option<&str>, file: Option<&std::path::Path>) -> Result<Self> {
         if let Some(path) = file {
             let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;

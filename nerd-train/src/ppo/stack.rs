@@ -1,8 +1,8 @@
-//! Memory for tasks whose state one observation does not show: the newest observation of every environment, and how each of the
-//! last ones differed from the one before it.
+//! Memory for tasks in which one observation does not determine the state: the newest observation of every environment, and the differences
+//! between the last ones.
 //!
-//! Differences say no more than the observations would, but the policy normalises each column by its own moments: of two angles
-//! 8 ms apart a network hardly sees the speed, of their difference it sees nothing else.
+//! Differences hold the same information, but the policy normalises each column by its own moments: in two angles 8 ms apart the velocity
+//! is hardly visible, in their difference there is nothing else.
 
 use rayon::prelude::*;
 
@@ -31,8 +31,8 @@ impl Stack {
         self.depth
     }
 
-    /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then those of episodes that `ended` begin anew with
-    /// `fresh`.
+    /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then those of episodes that `ended` restart
+    /// with `fresh`.
     pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool + Sync, fresh: &[f64], out: &mut Vec<f64>) {
         let (width, all) = (self.width, self.width * self.depth);
         let seen = reached.par_chunks_exact(width);
@@ -49,7 +49,7 @@ impl Stack {
         self.begin(ended, fresh);
     }
 
-    /// Episodes begin anew.
+    /// Episodes restart.
     fn begin(&mut self, which: impl Fn(usize) -> bool + Sync, fresh: &[f64]) {
         let (width, all) = (self.width, self.width * self.depth);
         let rows = self.rows.par_chunks_exact_mut(all).zip(fresh.par_chunks_exact(width)).with_min_len(FEW).enumerate();

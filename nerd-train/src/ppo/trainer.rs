@@ -1,4 +1,4 @@
-//! Iterations of rollout and update, and all that a run needs to go on.
+//! Iterations of rollout and update, and the state of a run.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -68,7 +68,7 @@ pub struct Trainer {
     pub config: PpoConfig,
     /// Its seed.
     pub seed: u64,
-    /// Where it stands.
+    /// Its state.
     pub state: State,
     /// What its policy answers on and learns.
     pub engine: Box<dyn Engine>,

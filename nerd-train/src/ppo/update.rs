@@ -1,6 +1,6 @@
 //! Passes over one rollout: minibatches, gradients, Adam, and the learning rate that follows the divergence.
 //!
-//! Returns are taken into their moments first, observations last: a ratio is one of two answers to the same inputs, so the
+//! Moments of returns are updated first, those of observations last: a ratio compares two outputs for the same inputs, so the
 //! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
 //! so that the divergence is that of one pass, not of all.
 
@@ -129,7 +129,7 @@ impl<'a> Data<'a> {
     /// Normalised by the policy's moments, into which the returns are taken.
     fn begun(policy: &mut Policy, rollout: &'a Rollout, team: &Team) -> Result<Self, RankError> {
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-        // As the network said them: in moments that have moved on, a value would be held to what was never said.
+        // As predicted: in updated moments a value would be clipped to something that was never predicted.
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         policy.returns.absorb(&team.pool(RunningMoments::of(&returns, 1))?);
         let all = team.pool(RunningMoments::of(&rollout.advantages, 1))?;
@@ -141,7 +141,7 @@ impl<'a> Data<'a> {
         Ok(Self { inputs, advantages, goals, values, mean, spread, rollout })
     }
 
-    /// From now on these steps are compared with what the policy has just said of them.
+    /// From now on these steps are compared with the policy's latest outputs.
     fn compare_with(&mut self, batch: &[u32], said: &Gradient) {
         let a = self.mean.len() / self.values.len().max(1);
         for ((i, mean), spread) in batch.iter().zip(said.mean.chunks_exact(a)).zip(said.spread.chunks_exact(a)) {
@@ -170,7 +170,7 @@ struct Learning {
     idle: Mutex<Vec<Room>>,
 }
 
-/// What a thread needs: activations, inputs, and the gradient by what was said.
+/// What a thread needs: activations, inputs, and the gradient by the outputs.
 #[derive(Default)]
 struct Room {
     memory: Memory,

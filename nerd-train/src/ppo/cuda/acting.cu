@@ -1,6 +1,6 @@
 // A policy's answers and what becomes of a rollout, as on the CPU: the same noise, the same arithmetic, 64 bits where they are there.
 
-// Kept within +- most; what is no number stays none.
+// Clamped to +- most; NaN stays NaN.
 __device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
 
 // Rows of observations as the network sees them (normalizer.rs), as far apart as its rows are.
@@ -82,7 +82,7 @@ extern "C" __global__ void mean(const double* partial, u64 n, int width, int par
     out[column] = sum / n;
 }
 
-// What the loss asks of a step: advantage, return and the value said, each normalised by (mean, scale) of its own.
+// Inputs of the loss of a step: advantage, return and predicted value, each normalised by (mean, scale) of its own.
 extern "C" __global__ void goals(const double* both, const double* said, u64 n, double mean, double scale, double goal_mean, double goal_scale,
                                  double said_mean, double said_scale, float* advantages, float* goals, float* values) {
     const u64 i = INDEX;

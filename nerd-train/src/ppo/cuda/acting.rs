@@ -1,4 +1,4 @@
-//! A rollout on the device: answers, values, advantages and moments, all by the kernels of `acting.cu`.
+//! A rollout on the device: actions, values, advantages and moments, by the kernels of `acting.cu`.
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Buffer, DeviceError};
@@ -146,7 +146,7 @@ impl CudaEngine {
         let n = self.kept.horizon * self.kept.environments;
         // Of advantages and of returns.
         let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
-        // As the network said them: in moments that have moved on, a value would be held to what was never said.
+        // As predicted: in updated moments a value would be clipped to something that was never predicted.
         let said = units(policy);
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let laws = [[mean[0], variance[0].sqrt() + 1e-8], units(policy), said].concat().into_iter().map(Double);

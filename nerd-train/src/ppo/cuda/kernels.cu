@@ -1,4 +1,4 @@
-// What of an update of PPO is no network: the loss of loss.rs with its gradient, Adam of update.rs. Sums have a fixed order. Names that the
+// The parts of a PPO update around the network: the loss of loss.rs with its gradient, Adam of update.rs. Sums have a fixed order. Names that the
 // network's kernels have, too, begin with ppo.
 
 typedef unsigned long long u64;
@@ -26,7 +26,7 @@ __device__ double warp_sum(double x) {
     return x;
 }
 
-// The loss of a row, of a minibatch of `whole` rows on all cards: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
+// The loss of a row, of a minibatch of `whole` rows on all GPUs: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
 // terms by block, and what the policy now says in place of what the next pass compares with.
 extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* surprise,
                                 const float* advantages, const float* goals, const float* values, float* means, float* spreads, float* d,

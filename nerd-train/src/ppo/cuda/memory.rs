@@ -27,7 +27,7 @@ pub(super) struct Kept {
     pub(super) came: (Vec<f64>, Vec<u8>),
     pub(super) rewards: Buffer<f64>,
     pub(super) ends: Buffer<u8>,
-    /// Rows that are not of a step, as told and as the network sees them, and whose they are.
+    /// Rows outside of a step, raw and normalised, and their environments.
     pub(super) rows: Buffer<f64>,
     pub(super) inputs: Buffer<f32>,
     pub(super) which: Buffer<u32>,

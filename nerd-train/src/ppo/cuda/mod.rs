@@ -75,7 +75,7 @@ pub struct CudaEngine {
     sizes: [usize; 2],
     rows: usize,
     order: Buffer<u32>,
-    /// Slopes by a spread that is a parameter, by row.
+    /// Gradients by a spread that is a parameter, by row.
     spread: Buffer<f32>,
     terms: Buffer<f64>,
     squares: Buffer<f64>,

@@ -1,5 +1,5 @@
-//! Passes over a rollout that is on the device, of [`super::super::update`]. What decides about them, the order of steps, is drawn where it
-//! always is, so both make the same minibatches.
+//! Passes of [`super::super::update`] over a rollout on the device. The order of steps is drawn as on the CPU, so the minibatches are the
+//! same.
 
 use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
 use nerd_cuda::DeviceError;

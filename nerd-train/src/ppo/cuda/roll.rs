@@ -1,4 +1,4 @@
-//! A rollout that never leaves the device: the policy answers, the task acts, the solver moves, the task judges, step after step.
+//! A rollout that never leaves the device: policy, task, solver and reward, step by step.
 
 use nerd_cuda::{DeviceError, Lane};
 use nerd_sim::articulated::device::Resident;
@@ -78,8 +78,8 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// What came of the steps; episodes that ended, with their returns and lengths. Values of states where time ran out are where advantages
-    /// look for them.
+    /// What came of the steps; episodes that ended, with their returns and lengths. Values of states where time ran out are where
+    /// advantages look for them.
     fn ended(&mut self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
         let (n, steps) = (self.kept.environments, self.kept.horizon * self.kept.environments);
         let (mut rewards, mut ends) = (vec![0.0; steps], vec![0u8; steps]);

@@ -19,7 +19,8 @@ struct Fields {
     n: i32,
 }
 
-/// Where results of a step go: rows before it and after it, rows where time ran out and how many there are of each environment, rewards, ends.
+/// Where results of a step go: rows before it and after it, rows where time ran out and how many there are of each environment, rewards,
+/// ends.
 #[derive(Clone, Copy)]
 pub(super) struct Places {
     pub(super) rows: u64,
@@ -94,7 +95,7 @@ impl World {
             let (step, length, states) = (task.frames(), task.episode_length().max(1), kept.states.clone());
             Ok(Self { fields, goals, frames, begun, _failed: failed, counts, past, turns, states, step, length, n, device })
         };
-        // Kernels of the task that do not compile, or no memory beside the solver: then tasks are elsewhere, and why is said.
+        // Kernels of the task that do not compile, or no memory beside the solver: then tasks run on the CPU, and the reason is printed.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept).map_err(failed)?;
         Ok(Some(world))
