@@ -12,5 +12,6 @@ pub mod cotrain;
 pub mod error;
 pub mod experiments;
 pub mod inspect;
+pub mod page;
 pub mod paper;
 pub mod report;

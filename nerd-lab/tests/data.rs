@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_lab::inspect::Inspection;
-use nerd_lab::report::replay::{Replay, Solid};
+use nerd_lab::page::replay::{Replay, Solid};
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, sha256_of, write_shard};
 use nerd_sim::prelude::*;
 

@@ -23,7 +23,7 @@ pub enum Truth {
 
 /// rapier as a truth. Sixteen steps, since each finds contacts anew: at four, its default, the pendulum's tip sinks 29 mm
 /// into the ground before it is stopped (`nerd-sim/tests/rapier.rs`) and the Ant's inner torques change its momentum beyond
-/// the suite's limit (`results/stability.md`); at sixteen it is 0.03 mm, and within the limit. More bring nothing: what it
+/// the suite's limit (`results/stability/README.md`); at sixteen it is 0.03 mm, and within the limit. More bring nothing: what it
 /// then still fails of the suite (friction by direction, no bounce) is its contact law, and 64 steps are as far from 16 as
 /// those from 4. A world is made new every frame, so that, as for every truth, the next state is a function of
 /// this one: no warm start, nothing of another trajectory.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_lab::report::page::{MOTIONS, page};
+use nerd_lab::page::{MOTIONS, page};
 use nerd_train::shipped::results;
 
 use crate::common::bar;

@@ -7,6 +7,11 @@ use std::sync::Arc;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
+use nerd_train::Error;
+use nerd_train::bounds::{SEEDS, STARTS};
+use nerd_train::ppo::{Arena, Guest, folder};
+use nerd_train::settings::settings;
+use nerd_train::shipped::from_root;
 use serde::{Deserialize, Serialize};
 
 use super::games::{Reward, games};
@@ -14,11 +19,6 @@ use super::policies::{Policies, short};
 use super::{Experiment, Measured};
 use crate::error::Result;
 use crate::report::{Input, Inputs, Table};
-use nerd_train::Error;
-use nerd_train::bounds::{SEEDS, STARTS};
-use nerd_train::ppo::{Arena, Guest, folder};
-use nerd_train::settings::settings;
-use nerd_train::shipped::from_root;
 
 settings! {
     /// Every policy before judges that nobody trained on.

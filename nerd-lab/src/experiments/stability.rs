@@ -10,13 +10,13 @@ use nerd_sim::prelude::System;
 #[cfg(feature = "cuda")]
 use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Fault, Line, Method, Suite, Verdict};
+use nerd_train::progress::bar;
 use serde::{Deserialize, Serialize};
 
 use super::{Experiment, Measured};
 use crate::error::Result;
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table};
-use nerd_train::progress::bar;
 
 /// Columns, and rows with a cell for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::{Inputs, Provenance, Table, write};
-use crate::error;
-use crate::error::{Result, refuse};
+use crate::error::{self, Result, refuse};
 
 /// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]

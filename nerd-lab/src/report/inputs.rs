@@ -12,10 +12,9 @@ use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::choice::Choice;
 use nerd_train::shipped::{from_root, root};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use crate::error;
-use crate::error::Result;
+use crate::error::{self, Result};
+use sha2::{Digest, Sha256};
 
 /// Frames of the rollout by which a solver is known: long enough to fall, touch and bend, too short for rounding to grow.
 const FRAMES: usize = 40;

@@ -5,8 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::artifact::{Artifact, file};
-use crate::error;
-use crate::error::{Result, refuse};
+use crate::error::{self, Result, refuse};
 
 /// All results that the repository keeps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -14,8 +14,7 @@ use serde_json::Value;
 
 use super::artifact::Artifact;
 use super::table::{digits, pair};
-use crate::error;
-use crate::error::{Result, refuse};
+use crate::error::{self, Result, refuse};
 
 const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
 const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");

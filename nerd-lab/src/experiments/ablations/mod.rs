@@ -7,6 +7,7 @@
 //!
 //! A finished variant is kept in `out/ablations` and not trained again. About half an hour on two cores.
 
+mod asked;
 mod bars;
 mod rows;
 
@@ -16,57 +17,26 @@ use std::path::{Path, PathBuf};
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use nerd_train::bounds::{SEEDS, STARTS, TRANSITIONS, UPDATES};
-use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
 use nerd_train::ppo::{Arena, folder};
 use nerd_train::run::{Run, RunConfig};
-use nerd_train::settings::settings;
 use nerd_train::shipped::{policies, root};
-
-use bars::{BARS, Bar, NERD};
-use rows::{Measurement, Row};
 
 use super::games::{Reward, games, gap};
 use super::{Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::report::{Input, Inputs};
+use asked::{BATCH, frames};
+use bars::{BARS, Bar, NERD};
+use rows::{Measurement, Row};
+
+pub use asked::Ablations;
 
 /// Where trained variants are kept.
 const RUNS: &str = "out/ablations";
-/// Windows in an update of NeRD.
-const BATCH: usize = 64;
 /// Seed of the starts of rollouts and games, and the task that policies run.
 const STARTED: u64 = 500;
 const TASK: &str = "ant-run";
-
-settings! {
-    /// The paper's ablations (Figure A.2).
-    pub struct Ablations {
-        /// Robots, comma-separated [default: pendulum,ant]
-        robot: Vec<String> = vec!["pendulum".into(), "ant".into()], Texts;
-        /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
-        only: Vec<String> = Vec::new(), Texts;
-        /// Optimiser updates of each variant
-        updates: u64 = 1200, Whole(UPDATES);
-        /// Transitions of the training data
-        transitions: usize = 200_000, Whole(TRANSITIONS);
-        /// Trajectories of the evaluation (the paper: 2048)
-        starts: usize = 256, Whole(STARTS);
-        /// Games of each running policy (the paper: 2048)
-        games: usize = 128, Whole(STARTS);
-        /// Seeds of data, weights and windows, comma-separated; bars are means over them [default: 0]
-        seed: Vec<u64> = vec![0], Wholes(SEEDS);
-        /// Where to compute: cpu or cuda
-        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
-    }
-}
-
-/// Frames of a rollout: those of the paper's first test case; of the Ant, which sooner knows no more than one who repeats the
-/// start after so short a training, a third of a second.
-fn frames(robot: &str) -> usize {
-    if robot == "ant" { 20 } else { 100 }
-}
 
 /// The running policies that come with the project.
 fn runners() -> Result<Vec<PathBuf>> {

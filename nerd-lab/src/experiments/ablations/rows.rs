@@ -3,8 +3,8 @@
 use nerd_model::folder::ModelConfig;
 use serde::{Deserialize, Serialize};
 
+use super::asked::{Ablations, BATCH, frames};
 use super::bars::{Bar, NERD};
-use super::{Ablations, BATCH, frames};
 use crate::error::{Result, refuse};
 use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, Series, Style};

@@ -14,7 +14,7 @@ use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
 use serde::Serialize;
 
-use super::Benchmark;
+use super::asked::Benchmark;
 use crate::error::Result;
 use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, front, push};

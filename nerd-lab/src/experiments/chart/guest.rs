@@ -7,13 +7,13 @@ use std::path::Path;
 use nerd_sim::instruments::Replay;
 use nerd_sim::mjcf::{Referee, Scheme};
 use nerd_sim::sampling::{Start, start, stream};
-use serde::{Deserialize, Serialize};
-
-use super::{Plan, Point, powers};
-use crate::error::Result;
 use nerd_train::evaluate::{PassiveReport, passive};
 use nerd_train::progress;
 use nerd_train::stats::mean;
+use serde::{Deserialize, Serialize};
+
+use super::plan::{Plan, Point, powers};
+use crate::error::Result;
 
 /// What MuJoCo was compared with.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -3,14 +3,14 @@
 use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Recorder, Replay};
 use nerd_sim::prelude::*;
-
-use super::shown::ChartData;
-use super::{Method, Plan, Point, only_implicit};
-use crate::error::Result;
-use crate::experiments::cost::timed;
 use nerd_train::evaluate::{PassiveReport, passive};
 use nerd_train::stats::mean;
 use nerd_train::{bounds, progress};
+
+use super::plan::{Method, Plan, Point, only_implicit};
+use super::shown::ChartData;
+use crate::error::Result;
+use crate::experiments::cost::timed;
 
 /// States by frame.
 type Frames = Vec<Vec<f64>>;

@@ -5,8 +5,8 @@ use nerd_sim::prelude::System;
 use nerd_train::evaluate::{PassiveConfig, summary};
 use serde::{Deserialize, Serialize};
 
-use super::Point;
 use super::guest::Against;
+use super::plan::Point;
 use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, front, push};
 use crate::report::table::{digits, pair};

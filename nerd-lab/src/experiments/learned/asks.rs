@@ -10,9 +10,9 @@ use nerd_sim::dataset::Drive;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::truth::Truth;
+use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 
 use crate::error::Result;
-use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 
 const STARTS: usize = 32;
 

@@ -12,16 +12,15 @@ use nerd_sim::instruments::{Glide, Hold};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::{Cell, Line, known};
 use nerd_sim::truth::Truth;
-
-mod asks;
-
-use asks::{ASKS, Ask, Case, Maker};
+use nerd_train::progress::bar;
 
 use super::stability::StabilityMap;
 use super::{Experiment, Measured};
 use crate::error::Result;
 use crate::report::{Input, Inputs};
-use nerd_train::progress::bar;
+use asks::{ASKS, Ask, Case, Maker};
+
+mod asks;
 
 /// A model asked where it holds.
 pub struct Learned {

@@ -1,12 +1,13 @@
 //! How errors along motions are shown.
 
+use nerd_train::device::Device;
+use nerd_train::stats::{mean, percentile};
+
 use super::{LOOK, Motions, Moved};
 use crate::experiments::Experiment;
 use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, Series, push};
 use crate::report::table::digits;
-use nerd_train::device::Device;
-use nerd_train::stats::{mean, percentile};
 
 impl Motions {
     /// The table.

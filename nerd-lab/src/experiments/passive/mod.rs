@@ -14,15 +14,15 @@ use nerd_model::folder::ModelConfig;
 use nerd_sim::instruments::Shaken;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
+use nerd_train::choice::Choice;
+use nerd_train::device::Device;
+use nerd_train::evaluate::{Action, PassiveConfig, passive};
+use nerd_train::{bounds, progress, shipped};
 
 use super::{Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::paper;
 use crate::report::{Input, Inputs};
-use nerd_train::choice::Choice;
-use nerd_train::device::Device;
-use nerd_train::evaluate::{Action, PassiveConfig, passive};
-use nerd_train::{bounds, progress, shipped};
 
 pub use rows::{Row, Rows};
 
@@ -34,7 +34,7 @@ pub struct Case {
     /// Scenes; none stands for all of the robot's.
     pub scenes: Vec<String>,
     pub solver: Choice,
-    /// What it is held against; none stands for what a model learned, else `articulated`.
+    /// What it is compared with; none stands for what a model learned, else `articulated`.
     pub truth: Option<Truth>,
     /// Trajectories by scene (the paper: 2048).
     pub starts: usize,

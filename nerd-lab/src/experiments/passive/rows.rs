@@ -2,14 +2,14 @@
 
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
+use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
+use nerd_train::shipped;
+use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
 use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, Series, Style};
 use crate::report::table::{digits, pair};
-use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
-use nerd_train::shipped;
-use nerd_train::stats::mean;
 
 /// What was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -7,22 +7,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-use super::games::{Reward, games, gap, gap_error, truth_of};
-use super::{Experiment, Measured};
-use crate::error::{Result, refuse};
-use crate::paper::policy_reward;
-use crate::report::{Input, Inputs, Table};
 use nerd_train::bounds::{SEEDS, STARTS};
 use nerd_train::device::Device;
 use nerd_train::ppo::{Arena, folder};
 use nerd_train::progress::bar;
 use nerd_train::settings::settings;
 use nerd_train::shipped::{self, from_root};
+use rayon::prelude::*;
+
+use super::games::{Reward, games, gap, gap_error, truth_of};
+use super::{Experiment, Measured};
+use crate::error::{Result, refuse};
+use crate::report::{Input, Inputs};
 
 mod fresh;
+mod tables;
 
 settings! {
     /// Policies in the truth and in the simulator that learned it.
@@ -57,23 +56,7 @@ settings! {
     }
 }
 
-/// One policy.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    pub task: String,
-    pub policy: String,
-    pub trained_in: String,
-    pub truth: String,
-    pub model: Option<String>,
-    pub games: usize,
-    pub real: Reward,
-    pub learned: Option<Reward>,
-    /// `(learned - real) / |real|` in percent.
-    pub gap: Option<f64>,
-    /// Its standard error.
-    #[serde(default)]
-    pub gap_error: Option<f64>,
-}
+pub use tables::{Row, short};
 
 impl Policies {
     /// Folders of the policies.
@@ -172,51 +155,8 @@ impl Experiment for Policies {
         };
         let rows = folders.par_iter().map(row).collect::<Result<Vec<Row>>>()?;
         bar.finish();
-        let mut tables = if self.fresh.is_empty() { Vec::new() } else { vec![fresh::summary(&rows), fresh::gaps(&rows)] };
-        tables.push(each(&rows));
-        Measured::new(&serde_json::json!({ "rows": rows }), tables)
+        let mut all = if self.fresh.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
+        all.push(tables::each(&rows));
+        Measured::new(&serde_json::json!({ "rows": rows }), all)
     }
-}
-
-const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
-
-/// A gap with its standard error, where that is known.
-fn percent(gap: f64, error: Option<f64>) -> String {
-    match error.filter(|e| e.is_finite()) {
-        Some(error) => format!("{gap:+.2} +- {error:.2}"),
-        None => format!("{gap:+.2}"),
-    }
-}
-
-/// Name of a policy's folder, or of its run where it is the run's own.
-pub fn short(policy: &str) -> String {
-    policy.strip_suffix("/policy").unwrap_or(policy).rsplit('/').next().unwrap_or_default().into()
-}
-
-/// Every policy, beside the paper's figures.
-fn each(rows: &[Row]) -> Table {
-    let reward = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.spread);
-    let lines = rows.iter().map(|r| {
-        let paper = policy_reward(&r.task);
-        vec![
-            r.task.clone(),
-            short(&r.policy),
-            r.trained_in.clone(),
-            r.games.to_string(),
-            reward(&r.real),
-            r.learned.as_ref().map_or_else(|| "-".into(), reward),
-            r.gap.map_or_else(|| "-".into(), |g| percent(g, r.gap_error)),
-            paper.map_or_else(|| "-".into(), |p| format!("{} / {} ({:+.2} %)", p[0], p[1], gap(p[0], p[1]))),
-        ]
-    });
-    let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
-    let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
-    let mut table = Table::new("policies", &header).with(lines).noted(&note);
-    if rows.iter().any(|r| r.real.success.is_some()) {
-        table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
-        let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share));
-        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.extend([share(Some(&row.real)), share(row.learned.as_ref())]));
-        table.note += " Success: games whose task says that they succeeded.";
-    }
-    table
 }
