@@ -1,7 +1,7 @@
 //! Picking a solver: the cheapest of a measured chart that is accurate enough.
 //!
 //! `cargo xtask chart` measures every setting of every solver, learned ones too, on one scene and writes
-//! `results/chart-ROBOT-SCENE.json`; [`pick`] reads it.
+//! `results/chart-ROBOT-SCENE/result.json`; [`pick`] reads it.
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -4,11 +4,9 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_lab::choice::Choice;
-use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::passive::{Case, Passive};
-use nerd_lab::report::motions;
-use nerd_lab::report::replay::Replay;
+use nerd_lab::page::motions;
+use nerd_lab::page::replay::Replay;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::Action;
 use nerd_train::shipped::results;
@@ -50,21 +48,21 @@ pub struct EvaluateArgs {
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
     pub control: bool,
-    /// File that replays the first start, let go, in the model and in its truth: a page, or of FILE.svg a picture with FILE.png beside it (needs --solver neural)
+    /// File that replays the first start, let go, in the model and in its truth, as a page (needs --solver neural)
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
     /// Name of the result to write [default: passive]
     #[arg(long)]
     pub name: Option<String>,
-    /// Folder for the result, NAME.json and .md, or FILE.json, which names it, too; without either nothing is written [default
-    /// with --name: results]
+    /// Folder of results to write NAME into; without it or --name nothing is written [default with --name: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: EvaluateArgs) -> Result<()> {
-    let (name, folder) = place(&args)?;
+    let folder = args.out.clone().or_else(|| args.name.as_ref().map(|_| results()));
+    let name = args.name.clone().unwrap_or_else(|| "passive".into());
     let action = match args.drive {
         _ if args.limp => Action::Limp,
         0.0 => Action::Zero,
@@ -88,10 +86,10 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     }
     match folder {
         Some(folder) => conduct(&passive, &folder)?,
-        None => tables(&[passive.measure()?.table()]),
+        None => tables(&[passive.rows()?.table()]),
     }
     let Some((file, page)) = replay else { return Ok(()) };
-    crate::files::replay(&file, &page, args.seed)
+    crate::files::replay(&file, &page)
 }
 
 /// The page that was asked for, and its motion.
@@ -104,15 +102,4 @@ fn replay(args: &EvaluateArgs) -> Result<Option<(PathBuf, Replay)>> {
     let scene = args.scene.first().map_or_else(|| system.usual_scenes()[0].to_string(), String::clone);
     let motion = motions::passive(&args.robot, &scene, &folder, args.frames.unwrap_or(300), args.seed)?;
     Ok(Some((file.clone(), motion)))
-}
-
-/// Name of the result and its folder, if it is to be written.
-fn place(args: &EvaluateArgs) -> Result<(String, Option<PathBuf>)> {
-    let named = |name: Option<&str>| name.unwrap_or("passive").to_string();
-    let Some(out) = &args.out else { return Ok((named(args.name.as_deref()), args.name.as_ref().map(|_| results()))) };
-    match out.file_name().and_then(|name| name.to_str()?.strip_suffix(".json")) {
-        Some(_) if args.name.is_some() => bail!("--out {}: a folder is needed beside --name", out.display()),
-        Some(name) => Ok((name.into(), out.parent().map(Into::into))),
-        None => Ok((named(args.name.as_deref()), Some(out.clone()))),
-    }
 }

@@ -113,13 +113,8 @@ fn tasks() -> Result<Table> {
 }
 
 fn models() -> Result<Table> {
-    let mut rows = Vec::new();
-    for folder in ["models", "models/sizes"].map(|folder| root().join(folder)) {
-        for folder in folders(&folder, "")? {
-            let Ok(model) = ModelConfig::read(&folder) else { continue };
-            rows.push(described(&folder, &model));
-        }
-    }
+    let known = folders(&root().join("models"), "")?;
+    let rows = known.iter().filter_map(|folder| Some(described(folder, &ModelConfig::read(folder).ok()?)));
     Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
 }
 

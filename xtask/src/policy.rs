@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use nerd_lab::report::curve;
-use nerd_lab::report::game::replay;
+use nerd_lab::page::game::replay;
 use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder};
 
 mod arena;

@@ -36,7 +36,7 @@ pub struct SolverArgs {
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE.json` found to be at most so far (mean |dq|, rad or m)
+    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE/result.json` found to be at most so far (mean |dq|, rad or m)
     /// from a converged motion
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     pub tolerance: Option<f64>,

@@ -66,22 +66,3 @@ fn a_model_of_another_form_is_refused_in_words() {
     refused(&args, "base is draft 4, here state");
     assert!(!String::from_utf8_lossy(&xtask(&args).stderr).contains("Config {"), "as Rust prints it");
 }
-
-#[test]
-fn a_learned_cable_from_its_file_is_replayed_beside_its_truth() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = |name: &str| folder.path().join(name).to_str().expect("utf-8").to_string();
-    let (robot, out, page, picture) = (path("lead-pegs.toml"), path("out"), path("lead.html"), path("lead.svg"));
-    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-sim/assets/cables/lead-pegs.toml"), &robot).expect("its file");
-    let short = ["motions", "--robot", &robot, "--starts", "1", "--substeps", "1", "--frames", "20", "--out", &out, "--replay"];
-    refused(&[&short[..], &[&page]].concat(), "--model");
-    assert!(!folder.path().join("out").exists(), "nothing is measured");
-    for file in [&page, &picture] {
-        let run = xtask(&[&short[..], &[file, "--model", "models/lead-pegs"]].concat());
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    }
-    let [page, picture] = [page, picture].map(|file| std::fs::read_to_string(file).expect("written"));
-    shows_a_cable(&replays(&page).next().expect("a replay"), 40, 4, 20);
-    assert_eq!(picture.matches("mm apart").count(), 4, "moments in the picture");
-    assert!(picture.contains("--model models/lead-pegs, seed 500, commit"), "where the picture comes from stands on it");
-}

@@ -122,19 +122,18 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
         (["evaluate", "--robot", "cartpole", "--starts", "0", "--out", &out].map(String::from).into(), "--starts"),
         (["chart", "--robot", "cartpole", "--frames", "0", "--out", &out].map(String::from).into(), "--frames"),
         (chart_with(&path("no-python")), "no-python"),
-        (["reproduce", "ablations", "--robot", "cube", "--out", &out].map(String::from).into(), "cube"),
-        (["reproduce", "ablations", "--updates", "0", "--out", &out].map(String::from).into(), "--updates"),
+        (["measure", "ablations", "--set", "robot=cube", "--out", &out].map(String::from).into(), "cube"),
         (["train", "--robot", "ant", "--variant", "absolute", "--base", "flight", "--out", &out].map(String::from).into(), "--variant"),
         (["train", "--robot", "ant", "--recipe", "pendulum", "--out", &out].map(String::from).into(), "`pendulum`"),
         (["train", "--robot", "ant", "--recipe", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
         (["train", "--robot", "ant", "--hold", "0", "--out", &out].map(String::from).into(), "--hold"),
         (
-            ["train", "--robot", "ant", "--recipe", "small", "--policy", "models/policies/cartpole-swingup-neural-0", "--out", &out]
+            ["train", "--robot", "ant", "--recipe", "small", "--policy", "models/policies/cartpole-swingup-neural-200", "--out", &out]
                 .map(String::from)
                 .into(),
             "cartpole",
         ),
-        (["reproduce", "horizons", "--model", "models/unicorn", "--out", &out].map(String::from).into(), "unicorn"),
+        (["measure", "unicorn", "--out", &out].map(String::from).into(), "unicorn"),
         (["evaluate", "--robot", "cartpole", "--shake", "-1", "--out", &out].map(String::from).into(), "--shake"),
         (["dance"].map(String::from).into(), "dance"),
     ];
@@ -203,13 +202,13 @@ fn a_small_model_is_trained_resumed_used_and_refused_to_others() {
     let card = std::fs::read_to_string(Path::new(&cut).join("model/README.md")).expect("card");
     assert!(card.contains("the run was ended there"), "{card}");
 
-    let table = folder.path().join("table.json");
+    let table = folder.path().join("table");
     let table = table.to_str().expect("utf-8");
     let run = xtask(&[
         "evaluate", "--robot", "cartpole", "--solver", "neural", "--model", &model, "--starts", "2", "--frames", "5", "--out", table,
     ]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(table).expect("table")).expect("JSON");
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.path().join("table/passive/result.json")).expect("table")).expect("JSON");
     for field in ["commit", "command", "machine", "seed", "date"] {
         assert!(!json["provenance"][field].is_null(), "no {field} in {json}");
     }

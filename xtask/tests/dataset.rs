@@ -46,7 +46,7 @@ fn what_policies_do_and_passive_robots_are_recorded() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let out = folder.path().join("data");
     let line = "dataset --robot cartpole --transitions 600 --frames 30 --torque-scale -1 --hold 4 --resets 0.5 --policy \
-                models/policies/cartpole-swingup-neural-0 --policy-share 0.5 --out";
+                models/policies/cartpole-swingup-neural-200 --policy-share 0.5 --out";
     let args: Vec<&str> = line.split_whitespace().chain([out.to_str().expect("utf-8")]).collect();
     let run = xtask(&args);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));

@@ -16,15 +16,12 @@ fn counts_out_of_range_are_refused_by_every_verb() {
     let states = folder.path().join("states.csv");
     std::fs::write(&states, "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,1,0,0,0,0\n").expect("written");
     let states = states.to_str().expect("utf-8");
-    let verbs: [(&str, &[&str]); 8] = [
+    let verbs: [(&str, &[&str]); 5] = [
         ("dataset --robot pendulum", &["--transitions", "--frames", "--hold"]),
         ("rollout --robot pendulum --states STATES", &["--frames", "--substeps"]),
         ("evaluate --robot pendulum --preset converged", &["--starts", "--frames", "--substeps"]),
         ("chart --robot pendulum", &["--starts", "--frames", "--substeps"]),
-        ("grow", &["--links", "--starts", "--frames"]),
         ("reproduce", &["--starts"]),
-        ("reproduce horizons", &["--starts", "--frames"]),
-        ("reproduce ablations", &["--updates", "--transitions", "--starts", "--games"]),
     ];
     for (verb, options) in verbs {
         for option in options {

@@ -8,8 +8,8 @@ use std::process::Command;
 use common::{refused, replays, shows_a_cable, xtask};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-/// Robots and tasks, a replay each, and of every calibration to measurements the best, a middling and the worst prediction.
-const REPLAYS: usize = 15 + 6 * 3;
+/// Robots and tasks, a replay each.
+const REPLAYS: usize = 6 + 8;
 
 fn browser() -> Option<&'static str> {
     BROWSERS.into_iter().find(|name| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success()))

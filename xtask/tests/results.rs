@@ -16,8 +16,8 @@ fn every_result_holds_and_every_document_says_what_it_says() {
 /// A workspace of its own, with this one's results and one document.
 fn copy(to: &Path, document: &str) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("workspace");
-    std::fs::create_dir(to.join("results")).expect("a folder");
-    for file in ["manifest.toml", "passive.json"] {
+    std::fs::create_dir_all(to.join("results/passive")).expect("a folder");
+    for file in ["manifest.toml", "passive/result.json"] {
         std::fs::copy(root.join("results").join(file), to.join("results").join(file)).expect("a result");
     }
     std::fs::write(to.join("Cargo.toml"), "[workspace]\n").expect("written");

@@ -43,7 +43,7 @@ fn data_of_rapier_are_the_same_bytes_for_any_number_of_threads() {
 fn a_model_of_rapier_is_held_against_rapier() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let path = |name: &str| folder.path().join(name).to_str().expect("utf-8").to_string();
-    let (data, out, table) = (path("data"), path("run"), path("table.json"));
+    let (data, out, table) = (path("data"), path("run"), path("table"));
     let model = path("run/model");
     done(&["dataset", "--robot", "pendulum", "--truth", "rapier", "--transitions", "2000", "--out", &data]);
     let train = |truth: &str, out: &str, check: &dyn Fn(&[&str])| {
@@ -59,7 +59,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     let learned = ["--solver", "neural", "--model", &model];
     let measure = [&["evaluate", "--robot", "pendulum", "--scene", "ground1", "--starts", "2", "--frames", "5"][..], &learned].concat();
     done(&[&measure[..], &["--out", &table]].concat());
-    let row = &json(Path::new(&table))["rows"][0];
+    let row = &json(&Path::new(&table).join("passive/result.json"))["rows"][0];
     assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");
     done(&[&measure[..], &["--truth", "rapier"]].concat());
     refused(&[&measure[..], &["--truth", "articulated"]].concat(), "`rapier 16 steps 4 iterations`, not `articulated accurate`");
@@ -67,7 +67,7 @@ fn a_model_of_rapier_is_held_against_rapier() {
     let charts = path("charts");
     let short = ["--starts", "1", "--frames", "2", "--substeps", "1", "--scene", "ground1", "--model", &model, "--out", &charts];
     done(&[&["chart", "--robot", "pendulum"][..], &short].concat());
-    let chart = json(&folder.path().join("charts/chart-pendulum-ground1.json"));
+    let chart = json(&folder.path().join("charts/chart-pendulum-ground1/result.json"));
     let points = chart["points"].as_array().expect("points");
     let learned = points.iter().find(|p| p["series"].as_str().is_some_and(|s| s.starts_with("NeRD "))).expect("the model");
     assert!(learned["own"] == true && learned["series"].as_str().is_some_and(|s| s.ends_with(NAME)), "{learned}");

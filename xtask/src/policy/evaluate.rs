@@ -1,4 +1,4 @@
-//! `cargo xtask policy evaluate --policy models/policies/cartpole-swingup-neural-0`: the paper's protocol, 2048 games under mean
+//! `cargo xtask policy evaluate --policy models/policies/cartpole-swingup-neural-200`: the paper's protocol, 2048 games under mean
 //! actions, in the truth and in the simulator that learned it.
 
 use anyhow::Result;

@@ -6,29 +6,21 @@
 //! cable's nodes say, averaged over them. Time and error come from the same frames. On a card many environments move together, and are looked at
 //! after every tenth frame.
 
-#[cfg(feature = "cuda")]
-mod card;
 mod shown;
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::Real;
 use nerd_sim::dataset::{GenerateConfig, Recording, begin, record};
-use nerd_sim::instruments::{Glide, Hold, Timed};
+use nerd_sim::instruments::{Glide, Hold};
 use nerd_sim::prelude::*;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-use super::Experiment;
-use super::cost::{each, on_one_core};
-use crate::choice::{Choice, describe};
-use crate::error::{Result, refuse};
-use crate::report::replay::Replay;
-use crate::report::{Input, Inputs, Table, motions};
 use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS};
 use nerd_train::device::Device;
 #[cfg(feature = "cuda")]
@@ -36,6 +28,14 @@ use nerd_train::learner::cuda::Precision;
 use nerd_train::progress;
 use nerd_train::settings::settings;
 use nerd_train::stats::mean;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::cost::{each, on_one_core};
+use super::{Experiment, Measured};
+use crate::choice::{Choice, describe};
+use crate::error::{Result, refuse};
+use crate::report::{Input, Inputs};
 
 settings! {
     /// Along motions that no solver has seen.
@@ -62,18 +62,14 @@ settings! {
 /// What was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Moved {
-    /// Robot.
     pub robot: String,
-    /// The reference, in words.
     pub reference: String,
-    /// A solver each.
     pub rows: Vec<Row>,
 }
 
 /// One solver.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Name in the legend.
     pub series: String,
     /// Substeps a frame, of an analytic one.
     pub substeps: Option<usize>,
@@ -96,8 +92,10 @@ const FAR: f64 = 10.0;
 
 /// Places of contact points by frame that was looked at, and motion.
 type Places = Vec<Vec<Vec<Vector3<f64>>>>;
+/// Places, microseconds of a frame, and motions that could not be gone on with.
+type Rolled = (Places, f64, Vec<bool>);
 
-/// What is held against the reference.
+/// What is compared with the reference.
 enum Entry {
     Solver(Box<Setting>),
     Hold,
@@ -107,16 +105,6 @@ enum Entry {
 impl Motions {
     fn config(&self) -> GenerateConfig {
         GenerateConfig { transitions: self.starts * self.frames, frames: self.frames, seed: self.seed, ..GenerateConfig::default() }
-    }
-
-    /// The first motion in the first model, and in the truth that this learned.
-    ///
-    /// # Errors
-    /// If there is no model, it cannot be loaded, or a solver cannot step.
-    pub fn replay(&self) -> Result<Replay> {
-        let Some(model) = self.model.first() else { refuse!("--replay shows a model beside its truth: name one with --model") };
-        bounds::memory(&[("--frames", self.frames)], 256 * System::named(&self.robot)?.robot.links.len())?;
-        motions::driven(&self.robot, model, self.frames, self.seed)
     }
 
     /// At every how many frames places are looked at.
@@ -149,42 +137,70 @@ impl Motions {
         solvers.chain([Entry::Hold, Entry::Glide]).collect()
     }
 
-    /// Rolls a solver out under recorded torques `[motion][frame][joint]`: places, microseconds of a frame, and motions that could not be gone
-    /// on with.
-    fn rolled(&self, start: &Batch, solver: Box<dyn Solver>, torques: &[f64]) -> Result<(Places, f64, Vec<bool>)> {
-        let (mut batch, mut solver) = (start.clone(), Timed::new(solver));
-        let (n, joints) = (self.starts, batch.system.robot.joint_count());
-        let (mut lost, mut places, mut tau) = (vec![false; n], Vec::with_capacity(self.frames), vec![0.0; n * joints]);
-        // The first frame makes room for all others: it is stepped once before the clock runs, and thrown away.
-        if let Err(error) = solver.step(&mut start.clone(), &tau) {
+    /// Rolls a solver out under recorded torques `[motion][frame][joint]`, so many frames of all environments at a time by `roll`:
+    /// places, microseconds of a frame, and motions that could not be gone on with.
+    fn rolled<S: Solver + ?Sized>(
+        &self,
+        start: &Batch,
+        solver: &mut S,
+        roll: impl Fn(&mut S, &mut Batch, &[f64], usize) -> Result<(), StepError>,
+        torques: &[f64],
+    ) -> Result<Rolled> {
+        let (look, joints, mut crowd) = (self.look(), start.system.robot.joint_count(), self.crowd(start));
+        let (n, looks) = (crowd.len(), self.frames / look);
+        // `[frame][env][joint]` up to a look.
+        let part = |k: usize| -> Vec<f64> {
+            let of = |frame: usize, env: usize| &torques[(env % self.starts * self.frames + frame) * joints..][..joints];
+            (k * look..(k + 1) * look).flat_map(|frame| (0..n).flat_map(move |env| of(frame, env).iter().copied())).collect()
+        };
+        // The first frames make room for all others: they are rolled once before the clock runs, and thrown away.
+        if let Err(error) = roll(solver, &mut crowd.clone(), &part(0), look) {
             error.faults()?;
         }
-        solver.spent = Duration::ZERO;
         (0..n).for_each(|env| solver.reset(env));
-        for frame in 0..self.frames {
-            for env in 0..n {
-                tau[env * joints..][..joints].copy_from_slice(&torques[(env * self.frames + frame) * joints..][..joints]);
-            }
-            if let Err(error) = solver.step(&mut batch, &tau) {
+        let (mut lost, mut places, mut spent) = (vec![false; self.starts], Vec::with_capacity(looks), Duration::ZERO);
+        for torques in (0..looks).map(part) {
+            let began = Instant::now();
+            let rolled = roll(solver, &mut crowd, &torques, look);
+            spent += began.elapsed();
+            if let Err(error) = rolled {
                 for fault in error.faults()? {
-                    lost[fault.env] = true;
+                    lost[fault.env % self.starts] = true;
                     // It begins anew, so that a frame costs as much as before, and counts no more.
-                    batch.reset(fault.env, start.state(fault.env));
+                    crowd.reset(fault.env, start.state(fault.env % self.starts));
                     solver.reset(fault.env);
                 }
             }
-            if (frame + 1).is_multiple_of(self.look()) {
-                places.push((0..n).map(|env| points(&batch.system, batch.state(env))).collect());
-            }
+            places.push((0..self.starts).map(|env| points(&crowd.system, crowd.state(env))).collect());
         }
-        Ok((places, each(solver.spent, n * self.frames), lost))
+        Ok((places, each(spent, n * looks * look), lost))
+    }
+
+    /// The same of a solver on the CPU.
+    fn stepped(&self, start: &Batch, mut solver: Box<dyn Solver>, torques: &[f64]) -> Result<Rolled> {
+        fn steps(solver: &mut Box<dyn Solver>, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
+            let width = torques.len() / frames;
+            (0..frames).try_for_each(|frame| solver.step(batch, &torques[frame * width..][..width]))
+        }
+        self.rolled(start, &mut solver, steps, torques)
+    }
+
+    /// The motions' starts; on a card in turn.
+    fn crowd(&self, start: &Batch) -> Batch {
+        let n = if self.device == Device::Cuda { self.together() } else { self.starts };
+        let mut crowd = Batch::new(&start.system, &start.scenes[0], n);
+        for env in 0..n {
+            crowd.reset(env, start.state(env % self.starts));
+            crowd.scenes[env] = Arc::clone(&start.scenes[env % self.starts]);
+        }
+        crowd
     }
 
     /// The rows of an entry: on a card a model has one in f32 and one in TF32.
     fn rows(&self, entry: &Entry, start: &Batch, torques: &[f64], truth: &Places) -> Result<Vec<Row>> {
         let setting = match entry {
-            Entry::Hold => return Ok(vec![self.row("hold last", None, self.rolled(start, Box::new(Hold), torques)?, truth)?]),
-            Entry::Glide => return Ok(vec![self.row("constant velocity", None, self.rolled(start, Box::new(Glide), torques)?, truth)?]),
+            Entry::Hold => return Ok(vec![self.row("hold last", None, self.stepped(start, Box::new(Hold), torques)?, truth)?]),
+            Entry::Glide => return Ok(vec![self.row("constant velocity", None, self.stepped(start, Box::new(Glide), torques)?, truth)?]),
             Entry::Solver(setting) => &**setting,
         };
         let series = match setting {
@@ -193,79 +209,20 @@ impl Motions {
         };
         #[cfg(feature = "cuda")]
         if self.device == Device::Cuda {
+            let all = [(Precision::F32, ""), (Precision::Tf32, ", TF32")];
+            let products = if matches!(setting, Setting::Neural(_)) { &all[..] } else { &all[..1] };
             let row = |(precision, word): &(Precision, &str)| {
-                let rolled = self.rolled_there(start, (setting, *precision), torques)?;
+                let mut solver = nerd_train::device::resident(setting, &start.system, Real::F32, *precision)?;
+                let rolled = self.rolled(start, &mut *solver, |s, batch, torques, frames| s.roll(batch, torques, frames), torques)?;
                 self.row(&(series.clone() + word), Some(setting), rolled, truth)
             };
-            return card::products(setting).iter().map(row).collect();
+            return products.iter().map(row).collect();
         }
-        let rolled = self.rolled(start, setting.solver(&start.system)?, torques)?;
-        Ok(vec![self.row(&series, Some(setting), rolled, truth)?])
+        Ok(vec![self.row(&series, Some(setting), self.stepped(start, setting.solver(&start.system)?, torques)?, truth)?])
     }
 
-    fn row(
-        &self,
-        series: &str,
-        setting: Option<&Setting>,
-        (places, microseconds, lost): (Places, f64, Vec<bool>),
-        truth: &Places,
-    ) -> Result<Row> {
-        let (curve, motions) = distances(&places, truth, &lost, setting.is_some());
-        bounds::figures(&format!("{series}: its mean error"), &motions)?;
-        let (lost, substeps) = (self.starts - motions.len(), setting.and_then(Setting::substeps));
-        Ok(Row { series: series.into(), substeps, microseconds: setting.map(|_| microseconds), curve, motions, lost })
-    }
-}
-
-/// Mean distance (m) by frame, and by motion, of all that are not lost. What is too far off is, too, unless it knows no dynamics and may be.
-fn distances(places: &Places, truth: &Places, lost: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
-    let distance = |frame: usize, env: usize| {
-        let pairs = places[frame][env].iter().zip(&truth[frame][env]);
-        mean(&pairs.map(|(a, b)| (a - b).norm()).collect::<Vec<_>>())
-    };
-    let (frames, size) = (places.len(), truth.iter().flatten().flatten().map(|p| p.norm()).fold(0.0, f64::max));
-    let left = |env: usize| solves && (0..frames).any(|frame| distance(frame, env) > FAR * size);
-    let kept: Vec<usize> = (0..lost.len()).filter(|env| !lost[*env] && !left(*env)).collect();
-    let over = |all: &mut dyn Iterator<Item = f64>| mean(&all.collect::<Vec<_>>());
-    let curve = |frame: usize| over(&mut kept.iter().map(|env| distance(frame, *env)));
-    let curve = (0..frames).filter(|_| !kept.is_empty()).map(curve).collect();
-    (curve, kept.iter().map(|env| over(&mut (0..frames).map(|frame| distance(frame, *env)))).collect())
-}
-
-/// Where contact points are (m, world).
-fn points(system: &System, state: &[f64]) -> Vec<Vector3<f64>> {
-    let mut data = Data::new(&system.robot);
-    kinematics(&system.robot, state, &mut data);
-    system.robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect()
-}
-
-impl Experiment for Motions {
-    type Data = Moved;
-
-    fn name(&self) -> String {
-        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
-        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        (self.entries().len() * self.starts * self.frames) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
-        let system = System::named(&self.robot)?;
-        let scene = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
-        let mut inputs = Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &Setting::Implicit(4))?]);
-        for model in &self.model {
-            inputs.solver(&Choice::model(model.clone()), &self.robot, &scene)?;
-        }
-        Ok(inputs)
-    }
-
-    fn measure(&self) -> Result<Moved> {
+    /// Rolls all out.
+    pub fn moved(&self) -> Result<Moved> {
         self.fits()?;
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
@@ -298,12 +255,63 @@ impl Experiment for Motions {
         Ok(Moved { robot: system.name.clone(), reference: format!("articulated, implicit, {finest} substeps"), rows })
     }
 
-    fn tables(&self, data: &Moved) -> Result<Vec<Table>> {
-        Ok(vec![self.table(data)])
+    fn row(&self, series: &str, setting: Option<&Setting>, (places, microseconds, lost): Rolled, truth: &Places) -> Result<Row> {
+        let (curve, motions) = distances(&places, truth, &lost, setting.is_some());
+        bounds::figures(&format!("{series}: its mean error"), &motions)?;
+        let (lost, substeps) = (self.starts - motions.len(), setting.and_then(Setting::substeps));
+        Ok(Row { series: series.into(), substeps, microseconds: setting.map(|_| microseconds), curve, motions, lost })
+    }
+}
+
+/// Mean distance (m) by frame, and by motion, of all that are not lost. What is too far off is, too, unless it knows no dynamics and may be.
+fn distances(places: &Places, truth: &Places, lost: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
+    let distance = |frame: usize, env: usize| {
+        let pairs = places[frame][env].iter().zip(&truth[frame][env]);
+        mean(&pairs.map(|(a, b)| (a - b).norm()).collect::<Vec<_>>())
+    };
+    let (frames, size) = (places.len(), truth.iter().flatten().flatten().map(|p| p.norm()).fold(0.0, f64::max));
+    let left = |env: usize| solves && (0..frames).any(|frame| distance(frame, env) > FAR * size);
+    let kept: Vec<usize> = (0..lost.len()).filter(|env| !lost[*env] && !left(*env)).collect();
+    let over = |all: &mut dyn Iterator<Item = f64>| mean(&all.collect::<Vec<_>>());
+    let curve = |frame: usize| over(&mut kept.iter().map(|env| distance(frame, *env)));
+    let curve = (0..frames).filter(|_| !kept.is_empty()).map(curve).collect();
+    (curve, kept.iter().map(|env| over(&mut (0..frames).map(|frame| distance(frame, *env)))).collect())
+}
+
+/// Where contact points are (m, world).
+fn points(system: &System, state: &[f64]) -> Vec<Vector3<f64>> {
+    let mut data = Data::new(&system.robot);
+    kinematics(&system.robot, state, &mut data);
+    system.robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect()
+}
+
+impl Experiment for Motions {
+    fn name(&self) -> String {
+        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
+        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
     }
 
-    fn pictures(&self, data: &Moved, stem: &Path) -> Result<()> {
-        self.figure(data).save(stem)
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn effort(&self) -> f64 {
+        (self.entries().len() * self.starts * self.frames) as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let system = System::named(&self.robot)?;
+        let scene = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
+        let mut inputs = Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &Setting::Implicit(4))?]);
+        for model in &self.model {
+            inputs.solver(&Choice::model(model.clone()), &self.robot, &scene)?;
+        }
+        Ok(inputs)
+    }
+
+    fn measure(&self) -> Result<Measured> {
+        let data = self.moved()?;
+        Ok(Measured::new(&data, vec![self.table(&data)])?.with("figure", self.figure(&data)))
     }
 }
 

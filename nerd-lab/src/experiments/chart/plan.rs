@@ -1,0 +1,150 @@
+//! What is drawn: a chart's settings, and all that they name.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use nerd_model::folder::ModelConfig;
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
+use crate::choice::describe;
+use nerd_train::evaluate::{Action, PassiveConfig};
+use nerd_train::settings::settings;
+use nerd_train::shipped;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Result;
+
+settings! {
+    /// Speed against accuracy.
+    pub struct Chart {
+        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
+        robot: String = "pendulum".into(), Text;
+        /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
+        scene: String = "free".into(), Text;
+        /// Model folders, comma-separated [default: all of the robot in models/]
+        model: Vec<PathBuf> = Vec::new(), Texts;
+        /// Trajectories
+        starts: usize = 64, Whole(STARTS);
+        /// Frames over which the error is the mean
+        frames: usize = 100, Whole(FRAMES);
+        /// Largest number of substeps
+        substeps: usize = 256, Whole(SUBSTEPS);
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+        /// Python that has MuJoCo, to draw that engine too [default: none]
+        mujoco: Option<PathBuf> = None, Text;
+    }
+}
+
+/// All that a chart's settings name, found.
+pub(super) struct Plan {
+    pub system: Arc<System>,
+    pub scene: Arc<Scene>,
+    pub methods: Vec<Method>,
+    pub protocol: PassiveConfig,
+}
+
+/// One of its solvers.
+pub(super) struct Method {
+    pub setting: Setting,
+    /// Name in the legend.
+    pub series: String,
+    /// What it is compared with, if that is not the chart's reference.
+    pub own: Option<Truth>,
+}
+
+/// One mark on the chart; [`nerd_model::pick`] reads it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Point {
+    /// Name in the legend.
+    pub series: String,
+    /// The solver; none of another engine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub setting: Option<Setting>,
+    /// Substeps a frame.
+    pub substeps: Option<usize>,
+    /// Frame of one environment on one core: the fastest of a few runs.
+    pub microseconds: f64,
+    /// Mean over coordinates.
+    pub error: f64,
+    /// Mean |difference| of each.
+    pub by_coordinate: Vec<f64>,
+    /// Rollouts that left.
+    pub diverged: usize,
+    /// Whether no other point beats it in both.
+    pub front: bool,
+    /// Whether its error is against a reference of its own, so that it competes with no other series.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub own: bool,
+}
+
+impl Chart {
+    /// Refuses more than can be borne, and what is not there.
+    pub(super) fn plan(&self) -> Result<Plan> {
+        let system = System::named(&self.robot)?;
+        let scene = system.scene(&self.scene)?;
+        let frames = [("--starts", self.starts), ("--frames", self.frames)];
+        // Every state of the reference is kept, and of a model's own truth.
+        bounds::memory(&frames, 16 * system.robot.state_dim())?;
+        // The reference has four times the substeps.
+        bounds::time(&[frames[0], frames[1], ("4 x --substeps", 4 * self.substeps)])?;
+        let mut models = self.model.clone();
+        if models.is_empty() {
+            models = shipped::folders(&shipped::models(), &system.name)?;
+            // Of this robot, not of one whose name begins alike.
+            models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
+        }
+        let truth = system.spec.truth;
+        let settings = analytic(!scene.colliders.is_empty(), only_implicit(&system), self.substeps).into_iter().chain([truth.into()]);
+        let methods = settings.chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
+        let protocol = PassiveConfig { starts: self.starts, steps: self.frames, seed: self.seed, action: Action::Limp };
+        Ok(Plan { methods: methods.collect::<Result<_>>()?, system, scene, protocol })
+    }
+}
+
+impl Plan {
+    pub fn contact(&self) -> bool {
+        !self.scene.colliders.is_empty()
+    }
+}
+
+/// Whether a robot is stepped by the implicit step, whatever is asked for.
+pub(super) fn only_implicit(system: &System) -> bool {
+    system.robot.sprung() || system.robot.dry()
+}
+
+/// 1, 2, 4, .. up to `last`.
+pub(super) fn powers(last: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last)
+}
+
+/// Analytic solvers at powers of two of substeps.
+fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<Setting> {
+    let mut settings: Vec<Setting> = if implicit { Vec::new() } else { powers(most).map(Setting::Euler).collect() };
+    if contact || implicit {
+        settings.extend(powers(most / 2).map(Setting::Implicit));
+    }
+    if contact {
+        settings.extend(powers(most / 4).map(Setting::RapierSteps));
+    } else if !implicit {
+        settings.extend(powers(most.min(32)).map(Setting::Rk4));
+    }
+    settings.extend(powers(most).map(Setting::Rapier));
+    settings
+}
+
+impl Method {
+    /// One of a robot of this truth.
+    fn new(setting: Setting, truth: Truth) -> Result<Self> {
+        let Setting::Neural(folder) = &setting else {
+            let whose = if setting == truth.into() { " (NeRD's truth)" } else { "" };
+            return Ok(Self { series: format!("{}{whose}", setting.series()), own: None, setting });
+        };
+        let name = describe(&ModelConfig::read(folder)?);
+        let own = Some(ModelConfig::truth_of(folder)?).filter(|own| *own != truth);
+        let series = own.map_or(name.clone(), |own| format!("{name}, against {}", own.name()));
+        Ok(Self { series, own, setting })
+    }
+}

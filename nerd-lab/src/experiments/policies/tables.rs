@@ -1,0 +1,119 @@
+//! What policies earned, as people read it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::experiments::games::{Reward, gap};
+use crate::paper::policy_reward;
+use crate::report::Table;
+
+/// One policy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    pub task: String,
+    pub policy: String,
+    pub trained_in: String,
+    pub truth: String,
+    pub model: Option<String>,
+    pub games: usize,
+    pub real: Reward,
+    pub learned: Option<Reward>,
+    /// `(learned - real) / |real|` in percent.
+    pub gap: Option<f64>,
+    /// Its standard error.
+    #[serde(default)]
+    pub gap_error: Option<f64>,
+}
+
+const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
+
+/// A gap with its standard error, where that is known.
+fn percent(gap: f64, error: Option<f64>) -> String {
+    match error.filter(|e| e.is_finite()) {
+        Some(error) => format!("{gap:+.2} +- {error:.2}"),
+        None => format!("{gap:+.2}"),
+    }
+}
+
+/// Name of a policy's folder, or of its run where it is the run's own.
+pub fn short(policy: &str) -> String {
+    policy.strip_suffix("/policy").unwrap_or(policy).rsplit('/').next().unwrap_or_default().into()
+}
+
+/// Every policy, beside the paper's figures.
+pub fn each(rows: &[Row]) -> Table {
+    let reward = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.spread);
+    let lines = rows.iter().map(|r| {
+        let paper = policy_reward(&r.task);
+        vec![
+            r.task.clone(),
+            short(&r.policy),
+            r.trained_in.clone(),
+            r.games.to_string(),
+            reward(&r.real),
+            r.learned.as_ref().map_or_else(|| "-".into(), reward),
+            r.gap.map_or_else(|| "-".into(), |g| percent(g, r.gap_error)),
+            paper.map_or_else(|| "-".into(), |p| format!("{} / {} ({:+.2} %)", p[0], p[1], gap(p[0], p[1]))),
+        ]
+    });
+    let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
+    let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
+    let mut table = Table::new("policies", &header).with(lines).noted(&note);
+    if rows.iter().any(|r| r.real.success.is_some()) {
+        table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
+        let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share));
+        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.extend([share(Some(&row.real)), share(row.learned.as_ref())]));
+        table.note += " Success: games whose task says that they succeeded.";
+    }
+    table
+}
+
+/// The same without seeds.
+pub fn summary(rows: &[Row]) -> Table {
+    let mut table = gaps(rows);
+    table.name = "summary".into();
+    for row in table.rows.iter_mut().chain([&mut table.header]) {
+        *row = [0, 1, 2, 6].map(|column| row[column].clone()).into();
+    }
+    table
+}
+
+/// The policies of a task that were trained in a learned simulator, or those of the truth.
+fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
+    rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural") == learned).collect()
+}
+
+/// Gaps by task and seed, and what policies earn in the truth by where they were trained.
+pub fn gaps(rows: &[Row]) -> Table {
+    let lines = nerd_tasks::names().into_iter().filter_map(|task| {
+        let (learned, truth) = (of(rows, task, true), of(rows, task, false));
+        if learned.is_empty() && truth.is_empty() {
+            return None;
+        }
+        let gaps = |rows: &[&Row]| rows.iter().filter_map(|r| r.gap).collect::<Vec<_>>();
+        let sizes = |rows: &[&Row]| gaps(rows).iter().map(|g| g.abs()).collect::<Vec<_>>();
+        let mean = |of: &[f64]| if of.is_empty() { f64::NAN } else { of.iter().sum::<f64>() / of.len() as f64 };
+        let most = |of: &[f64]| of.iter().copied().fold(f64::NAN, f64::max);
+        let seeds = |rows: &[&Row]| rows.iter().filter_map(|r| r.gap.map(|g| percent(g, r.gap_error))).collect::<Vec<_>>().join(", ");
+        let earned = |rows: &[&Row]| mean(&rows.iter().map(|r| r.real.mean).collect::<Vec<_>>());
+        let word = |x: f64, digits: usize| if x.is_finite() { format!("{x:.digits$}") } else { "-".into() };
+        let share = 100.0 * earned(&learned) / earned(&truth);
+        let (l, t) = (sizes(&learned), sizes(&truth));
+        let head = vec![task.to_string(), word(mean(&l), 2), word(most(&l), 2), seeds(&learned), word(most(&t), 2), seeds(&truth)];
+        Some(head.into_iter().chain([word(earned(&learned), 1), word(earned(&truth), 1), word(share, 1)]).collect())
+    });
+    let header = [
+        "task",
+        "mean gap (%)",
+        "largest (%)",
+        "gaps of policies trained in NeRD",
+        "largest of the truth's (%)",
+        "gaps of policies trained in the truth",
+        "trained in NeRD, reward in the truth",
+        "trained in the truth",
+        "share (%)",
+    ];
+    let note = "Policies of seeds that the model never met. Gap: (reward in NeRD - in the truth) / |reward in the truth|, +- its standard \
+                error over games; means and largest are of sizes, without sign. Share: what NeRD's policies earn in the truth, of what \
+                the truth's own earn there after as many steps.";
+    Table::new("fresh", &header).with(lines).noted(note)
+}

@@ -1,0 +1,72 @@
+//! Pieces of the page.
+
+use std::path::Path;
+
+use super::replay::{Replay, escape, script};
+use crate::report::artifact::Artifact;
+use crate::report::{Provenance, Table};
+
+/// A part of the page under a heading.
+pub struct Section {
+    title: &'static str,
+    lead: &'static str,
+    pub body: String,
+}
+
+impl Section {
+    /// Without a body yet.
+    pub fn new(title: &'static str, lead: &'static str) -> Self {
+        Self { title, lead, body: String::new() }
+    }
+
+    fn anchor(&self) -> String {
+        self.title.to_lowercase().replace(' ', "-")
+    }
+
+    /// For the line of links.
+    pub fn link(&self) -> String {
+        format!("<a href=\"#{}\">{}</a>", self.anchor(), self.title)
+    }
+
+    /// With its heading.
+    pub fn html(&self) -> String {
+        format!("<section id=\"{}\"><h2>{}</h2><p>{}</p>{}</section>\n", self.anchor(), self.title, self.lead, self.body)
+    }
+}
+
+/// A table that sorts by the column that is clicked.
+pub fn table(table: &Table) -> String {
+    let row = |cells: &[String], tag: &str| cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escape(c))).collect::<String>();
+    let rows: String = table.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
+    let note = if table.note.is_empty() { String::new() } else { format!("<p class=from>{}</p>", escape(&table.note)) };
+    let head = row(&table.header, "th");
+    format!("<div class=wide><table class=sorts><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>{note}")
+}
+
+/// Where a figure comes from.
+pub fn from(name: &str, provenance: &Provenance) -> String {
+    format!("<p class=from>results/{}: {}</p>", escape(name), escape(&provenance.to_string().replace('`', "")))
+}
+
+/// Tables of a result, by name, and where they come from; nothing if it is not there.
+pub fn result(results: &Path, name: &str, tables: &[&str]) -> String {
+    let Ok(result) = Artifact::read(results, name) else { return String::new() };
+    let shown: String = tables.iter().filter_map(|name| result.table(name)).map(table).collect();
+    shown + &from(name, &result.provenance)
+}
+
+/// A part that opens when it is clicked.
+pub fn folded(title: &str, body: &str) -> String {
+    format!("<details><summary>{title}</summary>{body}</details>")
+}
+
+/// A picture of a result, if it is there.
+pub fn picture(results: &Path, file: &str) -> String {
+    let svg = std::fs::read_to_string(results.join(file)).unwrap_or_default();
+    if svg.is_empty() { svg } else { format!("<div class=picture>{svg}</div>") }
+}
+
+/// A replay that starts when it is seen.
+pub fn motion(replay: &Replay) -> String {
+    format!("<div class=motion><script type=application/json>{}</script></div>", script(replay))
+}

@@ -1,0 +1,73 @@
+//! One page where a person sees everything: the results of a folder, and motions made on the spot. It loads nothing, so it can be
+//! sent and kept.
+
+mod film;
+pub mod game;
+mod html;
+pub mod motions;
+pub mod replay;
+mod sections;
+mod solids;
+
+use std::path::Path;
+
+use nerd_train::progress::Bar;
+
+use crate::error::Result;
+use crate::report::{Manifest, write};
+use motions::Cause;
+use replay::Replay;
+
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// Robots that are shown, each with what moves it.
+const ROBOTS: [(&str, Cause); 6] = [
+    ("pendulum", Cause::Release("ground1")),
+    ("cube", Cause::Release("ground")),
+    ("lead-pegs", Cause::Data),
+    ("cartpole", Cause::Release("free")),
+    ("ant", Cause::Release("ground")),
+    ("anymal", Cause::Release("ground")),
+];
+
+/// Tasks whose shipped policy is shown.
+const TASKS: [&str; 8] =
+    ["cartpole-swingup", "franka-reach", "ant-run", "anymal-forward", "franka-reach-torque", "ant-spin", "ant-spin-track", "anymal-side"];
+
+/// Motions that a page of this workspace shows, for a bar's total.
+pub const MOTIONS: usize = ROBOTS.len() + TASKS.len();
+
+/// Seconds of the moving picture, and its motions: the robots that are let go or moved at random, then four tasks.
+const SECONDS: u32 = 4;
+const FILMED: [usize; 7] = [0, 1, 2, ROBOTS.len(), ROBOTS.len() + 1, ROBOTS.len() + 2, ROBOTS.len() + 3];
+
+/// Writes the page of the results in a folder, with motions of so many frames, and the moving picture of README where one is
+/// asked for; `bar` counts [`MOTIONS`].
+pub fn page(frames: usize, results: &Path, out: &Path, gif: Option<&Path>, bar: &Bar) -> Result<()> {
+    let manifest = Manifest::read(results)?;
+    let asked = ROBOTS.into_iter().chain(TASKS.map(|task| (task, Cause::Policy(task))));
+    let shown = asked.enumerate().map(|(k, (name, cause))| {
+        bar.set(k as u64);
+        motions::shipped(name, cause, frames)
+    });
+    let shown: Vec<Replay> = shown.collect::<Result<_>>()?;
+    if let Some(path) = gif {
+        film::gif(&FILMED.map(|k| shown[k].clone()), SECONDS, path)?;
+    }
+    let (robots, tasks) = shown.split_at(ROBOTS.len());
+    let sections = [
+        sections::scorecard(results),
+        sections::robots(results, &ROBOTS.map(|robot| robot.0), robots),
+        sections::charts(&manifest, results),
+        sections::stability(&manifest, results),
+        sections::policies(results, &TASKS, tasks),
+        sections::everything(&manifest, results),
+    ];
+    let links: String = sections.iter().map(html::Section::link).collect();
+    let body: String = sections.iter().map(html::Section::html).collect();
+    let script = format!("{}\n{SCRIPT}", replay::SCRIPT);
+    let page = PAGE.replace("STYLE", STYLE).replace("NAVIGATION", &links).replace("SCRIPT", &script).replace("BODY", &body);
+    write(out, page.as_bytes())
+}

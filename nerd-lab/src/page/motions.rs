@@ -1,0 +1,118 @@
+//! Motions worth seeing: a robot let go, driven as in its data, or under a policy, in the truth and in the learned simulator side by side.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::pick::learned;
+use nerd_sim::dataset::{GenerateConfig, begin, record};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::truth::Truth;
+use nerd_tasks::{Episodes, named};
+use nerd_train::ppo::Running;
+use nerd_train::ppo::{Actor, folder};
+use nerd_train::shipped::{model, policies};
+
+use super::replay::Replay;
+use crate::error::{Result, refuse};
+
+/// Seed of motions that no data have.
+const UNSEEN: u64 = 500;
+
+/// The truth that a model learned, and the model itself as a solver, with their names.
+fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
+    let truth = ModelConfig::truth_of(model)?;
+    Ok([
+        ("NeRD".into(), learned(Model::load(model, system, None)?, system)?),
+        (format!("the truth, {}", truth.name()), truth.solver(system)),
+    ])
+}
+
+/// What moves a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// Nothing: it is let go in this scene.
+    Release(&'static str),
+    /// Torques, start and scene drawn as those of its data, from a seed that no data have.
+    Data,
+    /// The first policy of this task that comes with the project and learned in a model.
+    Policy(&'static str),
+}
+
+/// A robot that comes with the project, or of a policy's task, in its model and in the truth.
+pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
+    match cause {
+        Cause::Release(scene) => passive(robot, scene, &model(Truth::default(), robot), frames, 3),
+        Cause::Data => driven(robot, &model(Truth::default(), robot), frames, UNSEEN),
+        Cause::Policy(task) => {
+            let Some(policy) = policies(&format!("{task}-neural-"))?.into_iter().next() else {
+                refuse!("models/policies has no {task}-neural-*: train one with `cargo xtask policy train {task} --solver neural`");
+            };
+            self::policy(&policy, &model(Truth::default(), named(task)?.robot()), frames, 1)
+        }
+    }
+}
+
+/// Passive motion of a model's robot from its reset law, and the truth's from the same start.
+pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
+    let system = System::named(robot)?;
+    let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
+    batch.reset(0, &start(&system, Start::Reset, &mut stream(seed, 0)));
+    let title = format!("{} in {}", system.name, batch.scenes[0].name);
+    beside(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
+}
+
+/// The first motion that [`begin`] and [`record`] make of this seed: start, scene and torques as in a model's data.
+pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
+    let system = System::named(robot)?;
+    let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
+    let recording = record(&system, &mut *ModelConfig::truth_of(model)?.solver(&system), &config, 0, 1)?;
+    beside(&format!("{}, moved at random", system.name), &begin(&system, &config, 0, 1)?, model, &recording.torques, frames)
+}
+
+/// Motions of a start in both under torques `[frame][joint]`.
+fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
+    let system = &start.system;
+    let mut replay = Replay::new(title, start, system.frame_time);
+    let joints = system.robot.joint_count();
+    for (name, solver) in both(system, model)? {
+        let mut simulation = Simulation { batch: start.clone(), solver };
+        replay.begin(&name);
+        for frame in 0..frames {
+            replay.add(&simulation.batch);
+            simulation.step(&torques[frame * joints..][..joints])?;
+        }
+    }
+    replay.compare(&system.robot);
+    Ok(replay)
+}
+
+/// The first steps of an episode under a policy's mean actions, in a model and in the truth it learned.
+pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Replay> {
+    let (config, policy) = folder::load(policy)?;
+    let actor = Actor::new(policy);
+    let system = System::named(named(&config.task)?.robot())?;
+    let mut replay: Option<Replay> = None;
+    for (name, solver) in both(&system, model)? {
+        let task = named(&config.task)?;
+        let (batch, dt) = (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
+        let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
+        let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
+        replay.begin(&name);
+        let (mut running, mut reached, mut total) = (Running::new(&episodes, actor.policy.shape.stack), Vec::new(), 0.0);
+        for _ in 0..steps {
+            replay.add(&episodes.simulation.batch);
+            if replay.tracks.len() == 1 {
+                replay.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
+                replay.rewards.push(total as f32);
+            }
+            let stepped = running.step(&mut episodes, &actor.mean(&running.stack.rows), &mut reached)?;
+            total += stepped.result.rewards[0];
+            if !stepped.ended.is_empty() {
+                break;
+            }
+        }
+    }
+    Ok(replay.unwrap_or_else(|| unreachable!("two solvers were played")))
+}

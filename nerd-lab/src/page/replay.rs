@@ -1,0 +1,118 @@
+//! Motions as pages that any browser plays: poses of links by frame, the shapes fixed on them, and the painter (`replay.js`) that
+//! turns them with the mouse. Several tracks of one robot lie over each other, the truth as a ghost behind a learned one. A page
+//! loads nothing.
+
+use nalgebra::Point3;
+use nerd_core::contact::ContactPoint;
+use nerd_core::dynamics::{Data, kinematics, link_pose};
+use nerd_core::robot::Robot;
+use nerd_sim::batch::Batch;
+use nerd_sim::scene::Scene;
+use nerd_sim::system::Source;
+use serde::Serialize;
+
+use super::solids::{isometry, numbers, rounded, solids, standing};
+
+pub use super::solids::Solid;
+
+/// The renderer: a function `replay(element, data)`.
+pub const SCRIPT: &str = include_str!("replay.js");
+const PAGE: &str = include_str!("replay.html");
+
+/// What is shown. Lengths in m; a pose is position, then quaternion x y z w, in world axes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Replay {
+    pub title: String,
+    /// Seconds from frame to frame.
+    pub dt: f64,
+    pub up: [f64; 3],
+    /// Normals and offsets of the scene's planes.
+    pub planes: Vec<([f64; 3], f64)>,
+    /// What stands on links, and in the scene.
+    pub shapes: Vec<Solid>,
+    /// Links whose origins a rod joins, since not every robot has a shape for each; none of a cable, whose shapes join.
+    pub rods: Vec<[usize; 2]>,
+    /// Motions: the first is solid, the others are ghosts.
+    pub tracks: Vec<Track>,
+    /// Goal by frame, if there is one (m).
+    pub goals: Vec<Vec<f32>>,
+    /// Reward so far by frame, if there is one.
+    pub rewards: Vec<f32>,
+    /// Mean distance (m) by frame of contact points in the first two motions, where [`Replay::compare`] was asked.
+    pub apart: Vec<f32>,
+}
+
+/// One motion.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Track {
+    pub name: String,
+    pub poses: Vec<Vec<[f32; 7]>>,
+}
+
+impl Replay {
+    /// Of the first environment of a batch, without tracks yet; `dt` seconds from frame to frame.
+    pub fn new(title: &str, batch: &Batch, dt: f64) -> Self {
+        let (system, scene) = (&batch.system, &batch.scenes[0]);
+        let up = if scene.gravity.norm() > 0.0 { -scene.gravity.normalize() } else { nalgebra::Vector3::z() };
+        let links = system.robot.links.iter().enumerate().filter(|_| system.source != Source::Cable);
+        Self {
+            title: title.into(),
+            dt,
+            up: up.into(),
+            planes: planes(scene),
+            shapes: solids(system).chain(scene.colliders.iter().filter_map(standing)).collect(),
+            rods: links.filter_map(|(i, link)| Some([link.parent?, i])).collect(),
+            tracks: Vec::new(),
+            goals: Vec::new(),
+            rewards: Vec::new(),
+            apart: Vec::new(),
+        }
+    }
+
+    /// Begins another motion.
+    pub fn begin(&mut self, name: &str) {
+        self.tracks.push(Track { name: name.into(), poses: Vec::new() });
+    }
+
+    /// Adds the present state of the first environment to the motion begun last.
+    pub fn add(&mut self, batch: &Batch) {
+        let Some(track) = self.tracks.last_mut() else { return };
+        let robot = &batch.system.robot;
+        let mut data = Data::new(robot);
+        kinematics(robot, batch.state(0), &mut data);
+        track.poses.push((0..robot.links.len()).map(|link| numbers(&link_pose(&data, link))).collect());
+    }
+
+    /// Measures how far apart the first two motions are at the robot's contact points.
+    pub fn compare(&mut self, robot: &Robot) {
+        let ([one, two, ..], points @ [_, ..]) = (&self.tracks[..], &robot.contact_points[..]) else { return };
+        let place = |poses: &[[f32; 7]], p: &ContactPoint| isometry(&poses[p.link]) * Point3::from(p.local);
+        let apart = |a: &[[f32; 7]], b: &[[f32; 7]]| points.iter().map(|p| (place(a, p) - place(b, p)).norm()).sum::<f64>();
+        self.apart = one.poses.iter().zip(&two.poses).map(|(a, b)| rounded(apart(a, b) / points.len() as f64)).collect();
+    }
+
+    /// Frames of the longest motion.
+    pub fn frames(&self) -> usize {
+        self.tracks.iter().map(|track| track.poses.len()).max().unwrap_or(0)
+    }
+
+    /// As a page of its own.
+    pub fn html(&self) -> String {
+        let title = escape(&self.title);
+        PAGE.replace("TITLE", &title).replace("SCRIPT", SCRIPT).replace("DATA", &script(self))
+    }
+}
+
+/// JSON that may stand in a script: `<` may not.
+pub fn script(data: &impl Serialize) -> String {
+    serde_json::to_string(data).unwrap_or_else(|_| "null".into()).replace('<', "\\u003c")
+}
+
+/// Text that may stand in a page.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+fn planes(scene: &Scene) -> Vec<([f64; 3], f64)> {
+    scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect()
+}
