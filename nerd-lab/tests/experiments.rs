@@ -1,48 +1,55 @@
-//! Experiments: what they refuse, what they say, and what they never overwrite.
+//! Experiments on the smallest settings: what they measure, what they refuse, and what becomes of their results.
 
+use std::path::{Path, PathBuf};
+
+use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
+use nerd_lab::experiments::games::games;
+use nerd_lab::experiments::judges::Judges;
+use nerd_lab::experiments::motions::{Motions, Moved, Row as MovedRow};
 use nerd_lab::experiments::passive::{Case, Passive, Row, Rows};
-use nerd_lab::experiments::substeps::Substeps;
-use nerd_lab::experiments::{Experiment, conduct};
+use nerd_lab::experiments::{Entry, Experiment, conduct};
 use nerd_lab::report::Artifact;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
+use nerd_sim::sampling::stream;
+use nerd_tasks::named;
 use nerd_train::choice::Choice;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
+use nerd_train::ppo::folder::{PolicyConfig, save};
+use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
 
+/// The truth beside itself, over a few frames.
 fn truth() -> Case {
-    let (solver, scenes) = (Choice::Setting(Setting::Accurate), vec!["ground1".into()]);
-    Case { solver, scenes, starts: 2, steps: Some(4), ..Case::default() }
+    let solver = Choice::Articulated(ArticulatedConfig::accurate(&System::named("pendulum").expect("built in")));
+    Case { scenes: vec!["ground1".into()], solver, starts: 2, steps: Some(4), ..Case::default() }
 }
 
 #[test]
-fn the_truth_against_itself_is_zero_and_refused_unless_asked_for_by_name() {
-    let said = Passive::new("p", 1, &[truth()]).err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(said.contains("against itself") && !said.contains('\n'), "{said}");
-    let rows = Passive::new("p", 1, &[Case { control: true, ..truth() }]).and_then(|p| p.measure()).expect("measured").rows;
-    assert_eq!((rows.len(), &rows[0].report.error), (1, &vec![0.0, 0.0]));
-    let other = Case { solver: Choice::Rapier(RapierConfig::default()), control: true, ..truth() };
-    let said = Passive::new("p", 1, &[other]).err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(said.contains("--control"), "{said}");
+fn the_truth_against_itself_is_zero_and_has_to_be_asked_for() {
+    let refused = Passive::new("itself", 1, &[truth()]).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(refused.contains("--control") && !refused.contains('\n'), "{refused}");
+    let control = Passive::new("itself", 1, &[Case { control: true, ..truth() }]).expect("asked for");
+    let rows = control.rows().expect("rolled out").rows;
+    assert!(rows[0].report.error.iter().all(|e| *e == 0.0), "{:?}", rows[0].report.error);
 }
 
 #[test]
-fn a_result_gives_way_to_none_with_less_behind_it() {
+fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaken = |starts| Passive::new("shaken", 1, &[Case { shake: 0.01, starts, ..truth() }]).expect("asked");
     let written = conduct(&shaken(3), folder.path()).expect("written");
-    assert_eq!((written.effort, written.data.rows.len()), (12.0, 1));
-    let said = conduct(&shaken(2), folder.path()).err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(said.contains("shaken.json") && said.contains("--out"), "{said}");
+    let refused = conduct(&shaken(2), folder.path()).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(refused.contains("shaken") && refused.contains("--out"), "{refused}");
     conduct(&shaken(3), folder.path()).expect("as much is enough");
-    let read: Artifact<Rows> = Artifact::read(folder.path(), "shaken").expect("read");
-    let [found, measured] = [&read, &written].map(|result| result.data.rows[0].report.error[0]);
-    assert!((found / measured - 1.0).abs() < 1e-14, "{found} in the file, {measured} measured");
+    let read = Artifact::read(folder.path(), "shaken").expect("read");
+    let [found, measured] = [&read, &written].map(|result| result.parse::<Rows>().expect("its data").rows[0].report.error[0]);
+    assert!(written.effort == 12.0 && (found / measured - 1.0).abs() < 1e-14, "{found} in the file, {measured} measured");
     assert_eq!(read.inputs.changed(), Vec::<String>::new(), "nothing has changed since");
+    assert!(folder.path().join("shaken/README.md").exists(), "its tables are beside it");
 }
 
 #[test]
-fn the_summary_names_the_largest_of_a_robots_grounds() {
+fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_by_their_errors() {
     let row = |scene: &str, error: f64| Row {
         robot: "pendulum".into(),
         method: "NeRD".into(),
@@ -65,55 +72,135 @@ fn the_summary_names_the_largest_of_a_robots_grounds() {
     let rows = Rows { rows: vec![row("free", 0.5), row("ground1", 0.1), row("ground2", 0.3), row("ground3", 0.2)] };
     let scenes: Vec<_> = rows.summary().rows.into_iter().map(|r| r[1].clone()).collect();
     assert_eq!(scenes, ["free", "ground2, the largest of 3"]);
-    assert!(rows.agreement(&rows).is_some_and(|said| said.starts_with("4 of 4") && said.contains("farthest 0.0")));
     let other = Rows { rows: vec![row("free", 0.5), row("ground2", 0.4), row("ground9", 0.1)] };
-    assert!(rows.agreement(&other).is_some_and(|said| said.starts_with("1 of 2") && said.contains("pendulum in ground2")));
-    assert_eq!(rows.agreement(&Rows { rows: vec![row("ground9", 0.1)] }), None);
+    assert!(rows.agreement(&other).is_some_and(|words| words.starts_with("1 of 2") && words.contains("pendulum in ground2")));
 }
 
 #[test]
-fn a_choice_knows_its_setting_and_whether_it_is_the_truth() {
-    let system = System::named("pendulum").expect("built in");
-    let (law, ground) = (Friction::Coulomb, system.scene("ground1").expect("scene"));
-    for (choice, setting, words) in [
-        (Choice::Articulated(ArticulatedConfig::accurate(&system)), Some(Setting::Accurate), "articulated accurate"),
-        (Choice::Articulated(ArticulatedConfig::implicit(8, law)), Some(Setting::Accurate), "articulated accurate"),
-        (Choice::Articulated(ArticulatedConfig::paper(&system, law)), Some(Setting::Paper), "articulated paper"),
-        (Choice::Articulated(ArticulatedConfig::converged(law)), Some(Setting::Implicit(128)), "articulated implicit x128"),
-        (Choice::Articulated(ArticulatedConfig::converged(Friction::Huber)), None, "articulated x128, huber friction"),
-        (Choice::Rapier(Truth::rapier()), Some(Setting::RapierSteps(16)), "rapier 16x4"),
-        (Choice::Rapier(RapierConfig::substeps(8)), Some(Setting::Rapier(8)), "rapier 1x8"),
-    ] {
-        assert_eq!(choice.setting(&system), setting, "{choice:?}");
-        assert_eq!(choice.title(&system).expect("no model"), words);
-        let truths: Vec<_> = Truth::ALL.iter().filter(|t| choice.is(**t, &system, &ground)).collect();
-        let known = ["articulated accurate", "articulated paper", "rapier 16x4"].contains(&words);
-        assert_eq!(truths.len(), usize::from(known), "{words}");
-    }
-    // Eight substeps everywhere: on a ground that is the truth, in empty space it is not.
-    let eight = Choice::Articulated(ArticulatedConfig { substeps: 8, ..ArticulatedConfig::accurate(&system) });
-    let free = system.scene("free").expect("scene");
-    assert_eq!([&ground, &free].map(|scene| eight.is(Truth::Articulated, &system, scene)), [true, false], "eight substeps");
-}
-
-/// More substeps come nearer to a converged motion, and what shakes a start twice as much drives it twice as far.
-#[test]
-fn substeps_converge_and_a_shaken_start_has_its_size() {
-    let measured = |shake: f64| {
-        let mut asked = Substeps::default();
-        (asked.robot, asked.starts, asked.frames) = (vec!["cartpole".into(), "cube".into()], 4, 20);
-        (asked.shake, asked.no_games) = (shake, true);
-        let data = asked.measure().expect("measured");
-        assert_eq!(asked.tables(&data).expect("tables").len(), 2, "no games, no table of them");
-        data.rollouts
+fn an_experiment_is_found_by_name_and_its_settings_are_checked() {
+    let refused = |name: &str, set: &[&str]| {
+        let set: Vec<String> = set.iter().map(|text| text.to_string()).collect();
+        let inputs = Entry::named(name).and_then(|entry| entry.with(&set)).and_then(|experiment| experiment.inputs());
+        inputs.err().map(|e| e.to_string()).unwrap_or_default()
     };
-    let (rows, more) = (measured(1e-6), measured(2e-6));
-    assert_eq!(rows.len(), 3, "Cartpole passive and driven, the cube passive");
-    for (row, more) in rows.iter().zip(&more) {
-        let errors: Vec<f64> = row.ladder.iter().map(|l| l.1).collect();
-        assert!(errors[4] < 0.5 * errors[0], "{} {}: {errors:?}", row.robot, row.drive());
-        assert_eq!(row.ladder[2].0, row.substeps);
-        let ratio = more.shaken.mean() / row.shaken.mean();
-        assert!((ratio - 2.0).abs() < 0.2, "{} {}: twice the noise drives it {ratio} times as far", row.robot, row.drive());
+    for (name, set, word) in [
+        ("alchemy", vec![], "known are ablations"),
+        ("motions", vec!["starts"], "KEY=VALUE"),
+        ("motions", vec!["colour=red"], "settings of motions are robot"),
+        ("motions", vec!["starts=none"], "starts=none"),
+        ("ablations", vec!["robot=cube"], "robot cube"),
+        ("ablations", vec!["seed=1,1"], "each once"),
+        ("ablations", vec!["only=mpl"], "known are lstm, gru, mlp"),
+    ] {
+        let found = refused(name, &set);
+        assert!(found.contains(word) && !found.contains('\n'), "`{found}` has no `{word}`");
     }
+}
+
+#[test]
+fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
+    let mut settings = Calibration::default();
+    settings.log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/cube.log.toml");
+    (settings.solvers, settings.splits, settings.frames, settings.every) = (vec!["articulated".into()], 3, 40, 16);
+    (settings.evaluations, settings.trials) = (60, 24);
+    settings.parameters = vec!["com.z".into(), "damping".into(), "lag".into()];
+    let measured = settings.measure().expect("a calibration");
+    let found: CalibratedAll = serde_json::from_value(measured.data.into()).expect("its data");
+    let splits = &found.fitted[0].splits;
+    assert!(splits.len() == 3 && splits.iter().any(|s| s.judged != splits[0].judged), "three splits of one kind");
+    for split in splits {
+        assert_eq!(split.judged.len(), 2, "half of the three tosses that 68 % of ten leave");
+        assert!(split.fit.objective < 1.0, "the objective is {} of that without a fit", split.fit.objective);
+        let [low, mean, high] = [&split.after.low, &split.after.mean, &split.after.high].map(|g| g.position);
+        assert!(low <= mean && mean <= high, "{mean} m is not between {low} and {high}");
+    }
+    let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
+    assert!(["no motion", "articulated implicit x4, calibrated", "com.z (m)"].iter().all(|word| text.contains(word)), "{text}");
+}
+
+fn motions(robot: &str) -> Motions {
+    let mut asked = Motions::default();
+    (asked.robot, asked.starts, asked.frames, asked.substeps) = (robot.into(), 2, 12, 2);
+    asked
+}
+
+#[test]
+fn a_robot_without_joints_moves_like_any_other() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let rod = folder.path().join("rod.toml");
+    let toml = "[cable]\nlength = 0.5\ndiameter = 0.01\nmass = 0.1\nbending = 0.1\nlinks = 1\nheld = \"free\"\nat = [0.0, 0.0, 0.02]";
+    std::fs::write(&rod, toml).expect("written");
+    for robot in ["cube", rod.to_str().expect("utf-8")] {
+        let moved = motions(robot).moved().unwrap_or_else(|error| panic!("{robot}: {error}"));
+        assert_eq!(moved.rows.len(), 4, "{robot}: one and two substeps, and two that know no dynamics");
+        assert!(moved.rows.iter().all(|row| row.lost == 0 && row.motions.len() == 2 && row.curve.len() == 12), "{robot}");
+    }
+    let mut here = motions("cube");
+    here.environments = Some(64);
+    let refused = here.moved().expect_err("means nothing without a card").to_string();
+    assert!(refused.contains("--environments") && refused.contains("--device cuda"), "{refused}");
+}
+
+#[test]
+fn a_table_counts_lost_motions_and_has_no_figure_of_them() {
+    let row = |motions: Vec<f64>, lost| {
+        let curve = if motions.is_empty() { Vec::new() } else { vec![0.001; 12] };
+        MovedRow { series: "some".into(), substeps: Some(1), microseconds: Some(2.0), curve, motions, lost }
+    };
+    let table = |rows| motions("lead").table(&Moved { robot: "lead".into(), reference: "itself".into(), rows }).markdown();
+    let (whole, lost) = (table(vec![row(vec![0.001; 2], 0)]), table(vec![row(vec![0.001], 1), row(vec![], 2)]));
+    assert!(!whole.contains("were lost"), "{whole}");
+    assert!(lost.contains("3 were lost") && !lost.contains("NaN") && lost.contains(" - "), "{lost}");
+}
+
+/// A policy of random weights.
+fn policy(task: &str) -> (Shape, PpoConfig, Policy) {
+    let (task, ppo) = (named(task).expect("registered"), PpoConfig::of(task).expect("settings"));
+    let shape = Shape {
+        observation: task.observation_dim(),
+        stack: ppo.stack,
+        action: task.action_dim(),
+        hidden: vec![8],
+        activation: ppo.activation,
+        spread_by_state: ppo.spread_by_state,
+    };
+    let policy = Policy::new(shape.clone(), &mut stream(1, 0));
+    (shape, ppo, policy)
+}
+
+#[test]
+fn the_truths_own_settings_judge_as_the_truth_does() {
+    for task in ["ant-run", "cartpole-swingup"] {
+        let (_, _, policy) = policy(task);
+        let rewards = |arena: &Arena| games(task, arena, &policy, 3, 5).expect("played").iter().map(|g| g.reward).collect::<Vec<_>>();
+        let truth = rewards(&Arena::Truth(Truth::Articulated));
+        assert_eq!(rewards(&Arena::Judge(Setting::Accurate)), truth, "{task}: preset accurate is the truth");
+        assert_ne!(rewards(&Arena::Judge(Setting::Paper)), truth, "{task}: the reference's preset is another judge");
+    }
+}
+
+#[test]
+fn every_judge_has_a_column_and_every_policy_a_row() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let at = |name: &str| -> PathBuf { folder.path().join(name) };
+    for (name, task) in [("swing", "cartpole-swingup"), ("reach", "franka-reach")] {
+        let (shape, ppo, policy) = policy(task);
+        let solver = Truth::Articulated.name();
+        let config = PolicyConfig { task: task.into(), solver, shape, ppo, iterations: 1, reward: None, provenance: Default::default() };
+        save(&at(name), &config, &policy, "# A card\n").expect("written");
+    }
+    let mut judges = Judges::default();
+    (judges.policy, judges.games, judges.substeps, judges.no_rapier) = (vec![at("swing"), at("reach")], 2, vec![3], true);
+    let judged = judges.measure().expect("played");
+    let table = &judged.tables[0];
+    assert_eq!(table.header[2..], ["truth", "twice the substeps", "x3", "reference preset"]);
+    assert_eq!(table.rows.len(), 2, "{table:?}");
+    // Nothing is touched, so RK4 at eight substeps goes where RK4 at four does.
+    for row in judged.data["rows"].as_array().expect("rows") {
+        let [truth, finer] = [0, 1].map(|k| row["judged"][k][1]["mean"].as_f64().expect("a reward"));
+        assert!((finer - truth).abs() < 0.02 * truth.abs(), "{finer} at twice the substeps, {truth} in the truth");
+    }
+    judges.mujoco = Some("/nowhere/python".into());
+    let refused = judges.measure().err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(refused.contains("/nowhere/python") && !refused.contains('\n'), "{refused}");
 }

@@ -36,8 +36,7 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> ConductAr
         if self.out.is_some() {
             return self.run();
         }
-        let settings = self.settings()?;
-        tables(&settings.tables(&settings.measure()?)?);
+        tables(&self.settings()?.measure()?.tables);
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use nerd_lab::report::artifact::Head;
+use nerd_lab::report::Artifact;
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Input, Inputs, Provenance, Table};
 use nerd_sim::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
@@ -31,7 +31,7 @@ pub fn run(files: &[Found], mujoco: &Path, n: usize, out: Option<&Path>) -> Resu
     let Some(out) = out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), (files.len() * n * CROWD) as f64);
     let inputs = Inputs(vec![Input::files("URDFs", &files.iter().map(|found| found.path.clone()).collect::<Vec<_>>())?]);
-    Ok(Head { provenance, inputs, effort, tables, data: Default::default() }.write(out, "crowd")?)
+    Ok(Artifact { provenance, inputs, effort, tables, data: Default::default() }.write(out, "crowd")?)
 }
 
 fn table(file: &Found, n: usize, found: &Crowd) -> Table {

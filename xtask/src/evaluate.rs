@@ -4,7 +4,6 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::passive::{Case, Passive};
 use nerd_lab::report::motions;
 use nerd_lab::report::replay::Replay;
@@ -50,7 +49,7 @@ pub struct EvaluateArgs {
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
     pub control: bool,
-    /// File that replays the first start, let go, in the model and in its truth: a page, or of FILE.svg a picture with FILE.png beside it (needs --solver neural)
+    /// File that replays the first start, let go, in the model and in its truth, as a page (needs --solver neural)
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
     /// Name of the result to write [default: passive]
@@ -88,10 +87,10 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     }
     match folder {
         Some(folder) => conduct(&passive, &folder)?,
-        None => tables(&[passive.measure()?.table()]),
+        None => tables(&[passive.rows()?.table()]),
     }
     let Some((file, page)) = replay else { return Ok(()) };
-    crate::files::replay(&file, &page, args.seed)
+    crate::files::replay(&file, &page)
 }
 
 /// The page that was asked for, and its motion.

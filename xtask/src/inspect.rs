@@ -10,7 +10,6 @@ use nerd_sim::prelude::*;
 use nerd_sim::source::Source;
 
 use crate::numbers::positive;
-use nerd_train::provenance::Provenance;
 
 /// Show what a data set holds, or with --robot alone what is known of a robot.
 #[derive(clap::Args, Clone, Debug)]
@@ -27,9 +26,6 @@ pub struct InspectArgs {
     /// Largest number a state may hold; a trajectory beyond it is left out and counted
     #[arg(long, default_value_t = 1e3, value_parser = positive)]
     pub bound: f64,
-    /// Folder for inspect.json, .svg and .png [default: the data's]
-    #[arg(long, value_name = "FOLDER")]
-    pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
@@ -47,11 +43,6 @@ pub fn run(args: InspectArgs) -> Result<()> {
     let found = Inspection::of(folder, &manifest, &system, args.bound)?;
     println!("{}", found.words());
     crate::out::table(&found.table());
-    let mut json = serde_json::to_value(&found)?;
-    json["provenance"] = serde_json::to_value(Provenance::now(manifest.seed))?;
-    let stem = args.out.as_ref().unwrap_or(folder).join("inspect");
-    crate::files::write(&stem.with_extension("json"), (serde_json::to_string_pretty(&json)? + "\n").as_bytes())?;
-    found.draw(&stem)?;
     Ok(())
 }
 

@@ -14,25 +14,19 @@ macro_rules! eprintln {
 }
 
 mod campaign;
-mod cards;
-mod chart;
 mod check;
 mod common;
 mod completions;
 mod conduct;
 mod crowd;
 mod dataset;
-mod device;
 mod evaluate;
 mod files;
 mod flags;
-mod gif;
-mod grow;
-mod horizons;
 mod inspect;
 mod keys;
 mod list;
-mod motions;
+mod measure;
 mod numbers;
 mod out;
 mod outside;
@@ -70,21 +64,15 @@ enum Verb {
     /// Measure how far a solver drifts from the truth
     Evaluate(evaluate::EvaluateArgs),
     /// Draw speed against accuracy of every solver of a scene
-    Chart(chart::ChartArgs),
-    Device(device::DeviceArgs),
-    Cards(cards::CardsArgs),
-    /// Time a frame of arms of more and more links, analytic and learned
-    Grow(grow::GrowArgs),
-    /// Measure how far solvers and models err along motions that none has seen
-    Motions(motions::MotionsArgs),
+    Chart(conduct::ConductArgs<nerd_lab::experiments::chart::Chart>),
+    /// Measure an experiment of the laboratory
+    Measure(measure::MeasureArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
     /// Say which results still hold, make them anew, write their figures into the documents
     Results(results::ResultsArgs),
     /// Write one page with everything: tables, charts, maps, replays
     Report(report::ReportArgs),
-    /// Draw the moving picture of README
-    Gif(gif::GifArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
     /// Show where each method stays right, bends and breaks
@@ -140,15 +128,11 @@ fn main() -> ExitCode {
         Verb::Train(args) => train::run(*args),
         Verb::Rollout(args) => rollout::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
-        Verb::Chart(args) => chart::run(args),
-        Verb::Device(args) => device::run(args),
-        Verb::Cards(args) => cards::run(args),
-        Verb::Grow(args) => grow::run(args),
-        Verb::Motions(args) => motions::run(args),
+        Verb::Chart(args) => args.run(),
+        Verb::Measure(args) => measure::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Results(args) => results::run(args),
         Verb::Report(args) => report::run(args),
-        Verb::Gif(args) => gif::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Stability(args) => stability::run(args),
         Verb::Calibrate(args) => args.run(),

@@ -8,7 +8,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::{Result, bail};
 use nerd_lab::experiments::{self, Experiment};
-use nerd_lab::report::Table;
+use nerd_lab::report::{Artifact, Table};
 
 static LOST: OnceLock<String> = OnceLock::new();
 static TABLES: OnceLock<Mutex<serde_json::Map<String, serde_json::Value>>> = OnceLock::new();
@@ -40,16 +40,16 @@ pub fn tables(tables: &[Table]) {
 }
 
 /// Measures an experiment into a folder and shows its tables.
-pub fn conduct<E: Experiment>(experiment: &E, out: &Path) -> Result<()> {
+pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<()> {
     measured(experiment, out).map(drop)
 }
 
-/// The same; what was measured.
-pub fn measured<E: Experiment>(experiment: &E, out: &Path) -> Result<E::Data> {
+/// The same; its result.
+pub fn measured(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let artifact = experiments::conduct(experiment, out)?;
     tables(&artifact.tables);
-    eprintln!("written to {}", out.display());
-    Ok(artifact.data)
+    eprintln!("written to {}", out.join(experiment.name()).display());
+    Ok(artifact)
 }
 
 /// Writes what was kept, and says whether all lines came out, but for those that nobody wanted.

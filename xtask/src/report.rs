@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_lab::report::page::{PageConfig, motions, page};
+use nerd_lab::report::page::{MOTIONS, page};
 use nerd_train::shipped::results;
 
 use crate::common::bar;
@@ -16,15 +16,17 @@ pub struct ReportArgs {
     #[arg(long, value_name = "FILE", default_value = "out/report.html")]
     pub out: PathBuf,
     /// Frames of each replay
-    #[arg(long, default_value_t = PageConfig::default().frames, value_parser = count::<usize>(FRAMES))]
+    #[arg(long, default_value_t = 240, value_parser = count::<usize>(FRAMES))]
     pub frames: usize,
+    /// FILE for the moving picture of README, drawn by a browser [default: none]
+    #[arg(long, value_name = "FILE")]
+    pub gif: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: ReportArgs) -> Result<()> {
-    let config = PageConfig { frames: args.frames, steps: args.frames };
-    let bar = bar("motions", motions() as u64);
-    page(&config, &results(), &args.out, &bar)?;
+    let bar = bar("motions", MOTIONS as u64);
+    page(args.frames, &results(), &args.out, args.gif.as_deref(), &bar)?;
     bar.finish();
     println!("written to {}", args.out.display());
     Ok(())

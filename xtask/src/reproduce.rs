@@ -7,20 +7,14 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_lab::experiments::ablations::Ablations;
-use nerd_lab::experiments::chart::{Chart, ChartSettings};
-use nerd_lab::experiments::judges::Judges;
+use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::passive::{Case, Passive, Rows};
-use nerd_lab::experiments::policies::Policies;
-use nerd_lab::experiments::substeps::Substeps;
 use nerd_lab::report::Artifact;
 use nerd_train::choice::Choice;
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
 use crate::common::{DEVICES, Device, word};
-use crate::conduct::ConductArgs;
-use crate::horizons::{self, HorizonArgs};
 use crate::numbers::{SEEDS, STARTS, count};
 use crate::out::{conduct, measured};
 
@@ -35,10 +29,7 @@ const OWN: &str = "out/reproduce";
 
 /// Reproduce the tables and charts of the README.
 #[derive(clap::Args, Clone, Debug)]
-#[command(args_conflicts_with_subcommands = true)]
 pub struct ReproduceArgs {
-    #[command(subcommand)]
-    pub part: Option<Part>,
     /// Train small models from nothing instead of taking the shipped ones
     #[arg(long)]
     pub train: bool,
@@ -59,39 +50,16 @@ pub struct ReproduceArgs {
     pub out: Option<PathBuf>,
 }
 
-/// What is reproduced by itself.
-#[derive(clap::Subcommand, Clone, Debug)]
-pub enum Part {
-    /// The paper's Figure A.2: NeRD against itself with one design decision taken back
-    Ablations(ConductArgs<Ablations>),
-    /// Error against time of the shipped models, over 1000 frames
-    Horizons(HorizonArgs),
-    /// The shipped policies in the truth and in the simulator that learned it
-    Policies(ConductArgs<Policies>),
-    /// Every policy before judges that nobody trained on: twice the substeps, rapier, the reference's preset, MuJoCo
-    Judges(ConductArgs<Judges>),
-    /// The truth at half, once and twice its substeps: rollouts by robot, rewards by task
-    Substeps(ConductArgs<Substeps>),
-}
-
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
-    match args.part {
-        Some(Part::Ablations(args)) => return args.run(),
-        Some(Part::Horizons(args)) => return horizons::run(args),
-        Some(Part::Policies(args)) => return args.run(),
-        Some(Part::Judges(args)) => return args.run(),
-        Some(Part::Substeps(args)) => return args.run(),
-        None => {}
-    }
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
     let cases: Vec<Case> = match args.train {
         true => QUICK.into_iter().map(|robot| small(robot, &args)).collect::<Result<_>>()?,
         false => Case::shipped(args.starts, args.device)?,
     };
-    let before = Artifact::<Rows>::read(&shipped::results(), "passive");
-    let rows = measured(&Passive::new("passive", args.seed, &cases)?, &out)?;
-    if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before.data)) {
+    let before = Artifact::read(&shipped::results(), "passive").and_then(|found| found.parse::<Rows>());
+    let rows: Rows = measured(&Passive::new("passive", args.seed, &cases)?, &out)?.parse()?;
+    if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before)) {
         eprintln!("beside the committed results: {agreement}");
     }
     for (robot, scene) in CHARTS.into_iter().filter(|_| !args.tables_only) {
@@ -99,8 +67,9 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
             Choice::Neural { folder, .. } => Some(folder.clone()),
             _ => None,
         });
-        let (robot, scene, models) = (robot.into(), scene.into(), models.collect());
-        conduct(&Chart::new(ChartSettings { robot, scene, models, seed: args.seed, ..ChartSettings::default() })?, &out)?;
+        let mut chart = Chart::default();
+        (chart.robot, chart.scene, chart.model, chart.seed) = (robot.into(), scene.into(), models.collect(), args.seed);
+        conduct(&chart, &out)?;
     }
     Ok(())
 }

@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::learned::Learned;
 use nerd_lab::experiments::stability::Stability;
-use nerd_lab::experiments::{Experiment, conduct};
 use nerd_sim::suite::Fault;
 
 use crate::common::{DEVICES, Device, word};
 use crate::flags::unused;
-use crate::out::table;
+use crate::out::{conduct, tables};
 
 /// Show where methods fail.
 #[derive(clap::Args, Clone, Debug)]
@@ -22,13 +22,13 @@ pub struct StabilityArgs {
     /// Break every method on purpose, to see the rows that can tell go red; nothing is written
     #[arg(long, value_parser = PossibleValuesParser::new(Fault::ALL.map(|f| f.name())).try_map(|name| name.parse::<Fault>()))]
     pub fault: Option<Fault>,
-    /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER.*
+    /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
-    /// The articulated solver on a GPU beside the CPU's, in place of all methods, written as stability-device.*
+    /// The articulated solver on a GPU beside the CPU's, in place of all methods, written as stability-device
     #[arg(long, value_parser = word::<Device>(DEVICES))]
     pub device: Option<Device>,
-    /// Folder for stability.json, .md, .svg and .png [default: results]
+    /// Folder of results [default: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
@@ -40,7 +40,7 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         unused(&[("--device", args.device.is_some())], "beside --fault, which breaks the CPU's methods")?;
         unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
         let broken = Stability::new(&args.rows, Some(fault))?;
-        table(&broken.measure()?.table());
+        tables(&broken.measure()?.tables);
         println!("rows that {fault} must turn red: {}", broken.reddened(fault).join(", "));
         return Ok(());
     }
@@ -50,21 +50,19 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         return on_device(&args.rows, &out);
     }
     if args.model.is_empty() {
-        table(&conduct(&Stability::new(&args.rows, None)?, &out)?.data.table());
-        return Ok(());
+        return conduct(&Stability::new(&args.rows, None)?, &out);
     }
     let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>, _>>()?;
     for model in models {
         println!("{}\n", model.title());
-        table(&conduct(&model, &out)?.data.table());
+        conduct(&model, &out)?;
     }
     Ok(())
 }
 
 #[cfg(feature = "cuda")]
 fn on_device(rows: &[String], out: &std::path::Path) -> Result<()> {
-    table(&conduct(&Stability::on_device(rows)?, out)?.data.table());
-    Ok(())
+    conduct(&Stability::on_device(rows)?, out)
 }
 
 #[cfg(not(feature = "cuda"))]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use nerd_lab::report::artifact::Head;
+use nerd_lab::report::Artifact;
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Input, Inputs, Provenance, Table};
 use nerd_sim::survey::{Course, Found, STANDING, Standing, stand};
@@ -59,7 +59,7 @@ pub fn run(files: &[Found], mujoco: Option<&Path>, out: Option<&Path>) -> Result
     let Some(out) = out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), (files.len() * STANDING) as f64);
     let inputs = Inputs(vec![Input::files("URDFs", &files.iter().map(|found| found.path.clone()).collect::<Vec<_>>())?]);
-    Ok(Head { provenance, inputs, effort, tables, data: Default::default() }.write(out, "standing")?)
+    Ok(Artifact { provenance, inputs, effort, tables, data: Default::default() }.write(out, "standing")?)
 }
 
 fn row(name: &str, standing: &Standing) -> Vec<String> {

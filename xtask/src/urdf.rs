@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use nerd_sim::survey::{FRAMES, Found, PinocchioError, Surveyed, differences, find, survey};
 
 use crate::common::bar;
-use nerd_lab::report::artifact::Head;
+use nerd_lab::report::Artifact;
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Input, Inputs, Provenance, Table};
 
@@ -86,7 +86,7 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     let Some(out) = args.out else { return Ok(()) };
     let (provenance, effort) = (Provenance::now(0), files.len() as f64);
     let inputs = Inputs(vec![Input::files("URDFs", &files.iter().map(|found| found.path.clone()).collect::<Vec<_>>())?]);
-    Ok(Head { provenance, inputs, effort, tables, data: Default::default() }.write(&out, "urdfs")?)
+    Ok(Artifact { provenance, inputs, effort, tables, data: Default::default() }.write(&out, "urdfs")?)
 }
 
 /// Largest relative differences from Pinocchio's dynamics, of both bases.

@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 
-use crate::error::{Error, Result};
-use crate::experiments::Experiment;
-use crate::report::{Inputs, Table};
+use crate::error::Result;
+use crate::experiments::{Experiment, Measured};
+use crate::report::Inputs;
 use nerd_train::progress::bar;
 
 mod bench;
@@ -84,8 +84,6 @@ pub struct Campaign {
 }
 
 impl Experiment for Campaign {
-    type Data = Found;
-
     fn name(&self) -> String {
         "campaign".into()
     }
@@ -102,12 +100,9 @@ impl Experiment for Campaign {
         Ok(Inputs::default())
     }
 
-    fn measure(&self) -> Result<Found> {
-        self.tried().map_err(|e| Error::msg(e.to_string()))
-    }
-
-    fn tables(&self, data: &Found) -> Result<Vec<Table>> {
-        Ok(data.tables())
+    fn measure(&self) -> Result<Measured> {
+        let found = self.tried()?;
+        Measured::new(&found, found.tables())
     }
 }
 

@@ -1,13 +1,11 @@
 //! All rounds as a result: tables, and gaps against rounds.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use super::{CoTrain, Round, figure};
+use super::{CoTrain, Round};
 use crate::error::Result;
 use crate::experiments::games::truth_of;
-use crate::experiments::{Experiment, conduct};
+use crate::experiments::{Experiment, Measured, conduct};
 use crate::report::{Input, Inputs, Table};
 
 /// All rounds that are done, and the rule that they were held to.
@@ -37,15 +35,13 @@ impl CoTrain {
         if rounds.is_empty() {
             return Ok((rounds, Vec::new()));
         }
-        let data = Rounds { mean: self.config.mean, most: self.config.most, rounds };
+        let data = Rounds { mean: self.config.mean, most: self.config.most, rounds: rounds.clone() };
         let written = conduct(&Done { of: self, data }, &self.out)?;
-        Ok((written.data.rounds, written.tables))
+        Ok((rounds, written.tables))
     }
 }
 
 impl Experiment for Done<'_> {
-    type Data = Rounds;
-
     fn name(&self) -> String {
         "rounds".into()
     }
@@ -74,12 +70,8 @@ impl Experiment for Done<'_> {
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<Rounds> {
-        Ok(self.data.clone())
-    }
-
-    fn tables(&self, data: &Rounds) -> Result<Vec<Table>> {
-        let Rounds { mean, most, rounds } = data;
+    fn measure(&self) -> Result<Measured> {
+        let Rounds { mean, most, rounds } = &self.data;
         let each = || rounds.iter().flat_map(|r| r.tasks.iter().map(move |t| (r, t)));
         let percent = |x: f64| if x.is_finite() { format!("{x:.3}") } else { "-".into() };
         let lines = each().map(|(r, t)| {
@@ -102,10 +94,6 @@ impl Experiment for Done<'_> {
         let lines = each().flat_map(|(r, t)| t.policies.iter().map(move |p| line(r.round, &t.task, p)));
         let header = ["round", "task", "seed", "reward in the truth", "in the model", "gap (%)"];
         let seeds = Table::new("seeds", &header).with(lines).noted("± standard error over games, of the gap over pairs of games.");
-        Ok(vec![summary, seeds])
-    }
-
-    fn pictures(&self, data: &Rounds, stem: &Path) -> Result<()> {
-        figure::draw(data, stem)
+        Ok(Measured::new(&self.data, vec![summary, seeds])?.with("rounds", self.data.figure()))
     }
 }

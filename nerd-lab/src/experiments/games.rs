@@ -1,22 +1,19 @@
 //! Games of a policy: in a truth, in a model, and how far their rewards are apart.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use nerd_model::pick::Setting;
-use nerd_sim::system::System;
 use nerd_sim::truth::Truth;
-use nerd_tasks::{Episodes, named};
+use nerd_tasks::named;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};
-use crate::report::{Input, Inputs};
+use crate::report::Input;
 use nerd_train::ppo::{Arena, Game, Policy, folder, play};
 use nerd_train::progress::bar;
 
 /// Mean and spread over games.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reward {
-    /// Mean return.
     pub mean: f64,
     /// Standard deviation of a game's.
     pub spread: f64,
@@ -55,24 +52,14 @@ pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
 }
 
 /// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
-///
-/// # Errors
-/// If the task is unknown, the model cannot be read, or the solver cannot step.
 pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
     if n == 0 {
         refuse!("--games 0: at least one is needed");
     }
-    finished(&format!("{task} on {}", arena.title()?), arena.episodes(task, n, seed)?, policy)
-}
-
-/// Plays games to their ends under mean actions; `what` they are is told while that takes time.
-///
-/// # Errors
-/// If the solver cannot step.
-pub fn finished(what: &str, mut episodes: Episodes, policy: &Policy) -> Result<Vec<Game>> {
+    let mut episodes = arena.episodes(task, n, seed)?;
     // Nobody goes on with these.
     episodes.remember(0);
-    let bar = bar(&format!("steps of {} games of {what}", episodes.len()), episodes.task.episode_length());
+    let bar = bar(&format!("steps of {n} games of {task} on {}", arena.title()?), episodes.task.episode_length());
     let mut step = 0;
     let games = play(policy, &mut episodes, &mut |_| {
         step += 1;
@@ -82,24 +69,7 @@ pub fn finished(what: &str, mut episodes: Episodes, policy: &Policy) -> Result<V
     Ok(games)
 }
 
-/// What games of policies before analytic judges depend on.
-///
-/// # Errors
-/// If a policy cannot be read.
-pub fn judged(policies: &[PathBuf], inputs: &mut Inputs) -> Result<()> {
-    for path in policies {
-        let task = named(&folder::load(path)?.0.task)?;
-        inputs.add(Input::robot(&*System::named(task.robot())?));
-        inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
-        inputs.add(Input::policy(path)?);
-    }
-    Ok(())
-}
-
 /// The policy of a folder, which is of that task.
-///
-/// # Errors
-/// If it cannot be read, or is of another task.
 pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
     let (config, policy) = folder::load(path)?;
     if config.task != task {
@@ -109,9 +79,6 @@ pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
 }
 
 /// A truth as what a task's games depend on.
-///
-/// # Errors
-/// If the task is unknown, or the truth cannot step.
 pub fn truth_of(task: &str, truth: Truth) -> Result<Input> {
     let task = named(task)?;
     Input::motion(task.robot(), task.scene(), &truth.into())

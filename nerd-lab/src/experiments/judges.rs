@@ -9,11 +9,12 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
-use super::Experiment;
-use super::games::{Reward, games, judged};
+use super::games::{Reward, games};
 use super::policies::{Policies, short};
+use super::{Experiment, Measured};
 use crate::error::Result;
-use crate::report::{Inputs, Table};
+use crate::report::{Input, Inputs, Table};
+use nerd_train::Error;
 use nerd_train::bounds::{SEEDS, STARTS};
 use nerd_train::ppo::{Arena, Guest, folder};
 use nerd_train::settings::settings;
@@ -40,21 +41,10 @@ settings! {
 /// One policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Task.
     pub task: String,
-    /// Folder of the policy.
     pub policy: String,
-    /// What it was trained in.
     pub trained_in: String,
-    /// What it earns, by judge.
     pub judged: Vec<(String, Reward)>,
-}
-
-/// All of them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
-    /// By policy.
-    pub rows: Vec<Row>,
 }
 
 impl Judges {
@@ -90,8 +80,6 @@ impl Judges {
 }
 
 impl Experiment for Judges {
-    type Data = Judged;
-
     fn name(&self) -> String {
         "judges".into()
     }
@@ -106,16 +94,18 @@ impl Experiment for Judges {
 
     fn inputs(&self) -> Result<Inputs> {
         let mut inputs = Inputs::default();
-        judged(&self.folders()?, &mut inputs)?;
+        for path in self.folders()? {
+            let task = nerd_tasks::named(&folder::load(&path)?.0.task)?;
+            inputs.add(Input::robot(&*System::named(task.robot())?));
+            inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
+            inputs.add(Input::policy(&path)?);
+        }
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<Judged> {
-        Ok(Judged { rows: self.folders()?.iter().map(|path| self.row(path)).collect::<Result<_>>()? })
-    }
-
-    fn tables(&self, data: &Judged) -> Result<Vec<Table>> {
-        let judges: Vec<&str> = data.rows.first().map_or_else(Vec::new, |r| r.judged.iter().map(|(name, _)| name.as_str()).collect());
+    fn measure(&self) -> Result<Measured> {
+        let rows: Vec<Row> = self.folders()?.iter().map(|path| self.row(path)).collect::<Result<_>>()?;
+        let judges: Vec<&str> = rows.first().map_or_else(Vec::new, |r| r.judged.iter().map(|(name, _)| name.as_str()).collect());
         let header: Vec<&str> = ["policy", "trained in"].into_iter().chain(judges).collect();
         let line = |r: &Row| {
             let own = r.judged.first().map_or(f64::NAN, |(_, reward)| reward.mean);
@@ -126,15 +116,15 @@ impl Experiment for Judges {
             [short(&r.policy), r.trained_in.clone()].into_iter().chain(r.judged.iter().enumerate().map(word)).collect()
         };
         let note = "Mean reward of a game under mean actions (in brackets: beside that in the truth). +-: standard error over games.";
-        Ok(vec![Table::new("judges", &header).with(data.rows.iter().map(line)).noted(note)])
+        let table = Table::new("judges", &header).with(rows.iter().map(line)).noted(note);
+        Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }
 }
 
 /// MuJoCo, run by this Python.
 pub fn mujoco(python: PathBuf) -> Arena {
-    let make = move |system: &Arc<System>, scene: &Arc<Scene>| -> Result<Box<dyn Solver>, nerd_train::Error> {
-        let solver =
-            nerd_sim::mjcf::Mujoco::new(&python, system, scene).map_err(|e| nerd_train::Error::Refused(format!("--mujoco: {e}")))?;
+    let make = move |system: &Arc<System>, scene: &Arc<Scene>| -> Result<Box<dyn Solver>, Error> {
+        let solver = nerd_sim::mjcf::Mujoco::new(&python, system, scene).map_err(|e| Error::Refused(format!("--mujoco: {e}")))?;
         Ok(Box::new(solver))
     };
     Arena::Guest("MuJoCo".into(), Guest(Arc::new(make)))

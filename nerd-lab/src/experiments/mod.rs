@@ -1,47 +1,35 @@
-//! What is measured of solvers, models and policies. Each experiment is its settings; [`Experiment`] says what it measures and
-//! how that is shown, [`conduct`] does it and writes the result.
-//!
-//! ```text
-//! settings ── inputs ──▶ what it depends on ─┐
-//!          └─ measure ─▶ data ── tables ─────┼──▶ NAME.json, NAME.md
-//!                             └─ pictures ───┴──▶ NAME.svg, NAME.png
-//! ```
+//! What is measured of solvers, models and policies. An experiment is its settings; [`conduct`] measures it and writes
+//! `NAME/result.json`, `NAME/README.md` and its pictures. [`REGISTRY`] knows those that `cargo xtask measure` makes.
 
 pub mod ablations;
+pub mod benchmark;
 pub mod calibrated;
-#[cfg(feature = "cuda")]
-pub mod cards;
-pub mod changes;
 pub mod chart;
 pub mod cost;
-#[cfg(feature = "cuda")]
-pub mod device;
 pub mod games;
-pub mod grow;
-pub mod horizons;
 pub mod judges;
 pub mod learned;
 pub mod motions;
 pub mod passive;
 pub mod policies;
+pub mod registry;
 pub mod stability;
-pub mod substeps;
 
 use std::path::Path;
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 
-use crate::error::Result;
+use crate::error::{Result, refuse};
 use crate::report::artifact::{Artifact, may_write};
+use crate::report::figure::Figure;
 use crate::report::{Inputs, Provenance, Table};
+
+pub use registry::{Entry, REGISTRY};
 
 /// Something to measure.
 pub trait Experiment {
-    /// What is measured, as it stands in the result's file.
-    type Data: Serialize + DeserializeOwned;
-
-    /// Name of its result: `results/NAME.json`.
+    /// Name of its result: `results/NAME`.
     fn name(&self) -> String;
 
     /// Its seed.
@@ -51,45 +39,50 @@ pub trait Experiment {
     fn effort(&self) -> f64;
 
     /// What it depends on, as that is now.
-    ///
-    /// # Errors
-    /// If one of them cannot be read.
     fn inputs(&self) -> Result<Inputs>;
 
     /// Measures; progress goes to standard error.
-    ///
-    /// # Errors
-    /// If it cannot be measured to the end.
-    fn measure(&self) -> Result<Self::Data>;
+    fn measure(&self) -> Result<Measured>;
+}
 
-    /// What was measured, as people read it.
-    ///
-    /// # Errors
-    /// If a name in it is unknown.
-    fn tables(&self, data: &Self::Data) -> Result<Vec<Table>>;
+/// What came out.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// By name, as the result's file has it.
+    pub data: Map<String, Value>,
+    pub tables: Vec<Table>,
+    /// Pictures, each with the name of its file.
+    pub figures: Vec<(String, Figure)>,
+}
 
-    /// Draws into `STEM.svg` and `STEM.png`, if there is something to see.
-    ///
-    /// # Errors
-    /// If it cannot be drawn or written.
-    fn pictures(&self, data: &Self::Data, stem: &Path) -> Result<()> {
-        let _ = (data, stem);
-        Ok(())
+impl Measured {
+    /// Of what serialises as an object.
+    pub fn new(data: &impl Serialize, tables: Vec<Table>) -> Result<Self> {
+        match serde_json::to_value(data)? {
+            Value::Object(data) => Ok(Self { data, tables, figures: Vec::new() }),
+            other => refuse!("a result is an object, not {other}"),
+        }
+    }
+
+    /// With a picture in a file `NAME.svg`.
+    #[must_use]
+    pub fn with(mut self, name: impl Into<String>, figure: Figure) -> Self {
+        self.figures.push((name.into(), figure));
+        self
     }
 }
 
-/// Measures an experiment and writes `NAME.json`, `NAME.md` and its pictures into a folder. A result with more behind it is
-/// never overwritten ([`may_write`]), which is said before anything is measured.
-///
-/// # Errors
-/// Those of the experiment, and of the files.
-pub fn conduct<E: Experiment>(experiment: &E, out: &Path) -> Result<Artifact<E::Data>> {
-    let (name, provenance) = (experiment.name(), Provenance::now(experiment.seed()));
-    may_write(out, &name, &provenance, experiment.effort())?;
+/// Measures an experiment and writes its result into a folder. A result with more behind it is never overwritten
+/// ([`may_write`]), which is said before anything is measured.
+pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
+    let (name, provenance, effort) = (experiment.name(), Provenance::now(experiment.seed()), experiment.effort());
+    may_write(out, &name, &provenance, effort)?;
     let inputs = experiment.inputs()?;
-    let data = experiment.measure()?;
-    let artifact = Artifact { provenance, inputs, effort: experiment.effort(), tables: experiment.tables(&data)?, data };
+    let Measured { data, tables, figures } = experiment.measure()?;
+    let artifact = Artifact { provenance, inputs, effort, tables, data };
     artifact.write(out, &name)?;
-    experiment.pictures(&artifact.data, &out.join(&name))?;
+    for (file, figure) in figures {
+        figure.save(&out.join(&name).join(file + ".svg"))?;
+    }
     Ok(artifact)
 }

@@ -1,6 +1,5 @@
 //! The stability map: every row of [`nerd_sim::suite`] under every analytic method, and the faults that show its rows can fail.
 
-use std::path::Path;
 #[cfg(feature = "cuda")]
 use std::sync::Arc;
 
@@ -13,24 +12,28 @@ use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Fault, Line, Method, Suite, Verdict};
 use serde::{Deserialize, Serialize};
 
-use super::Experiment;
+use super::{Experiment, Measured};
 use crate::error::Result;
 use crate::report::table::digits;
-use crate::report::{Input, Inputs, Table, heat};
+use crate::report::{Input, Inputs, Table};
 use nerd_train::progress::bar;
 
 /// Columns, and rows with a cell for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StabilityMap {
-    /// Names of the columns.
     pub methods: Vec<String>,
-    /// The rows.
     pub rows: Vec<Line>,
 }
 
 impl StabilityMap {
+    /// With its table.
+    pub(super) fn measured(self) -> Result<Measured> {
+        let table = self.table();
+        Measured::new(&self, vec![table])
+    }
+
     /// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed, `lost` where the solver gave up.
-    pub fn table(&self) -> Table {
+    fn table(&self) -> Table {
         let mark = |c: &Cell| match c.verdict {
             _ if c.lost.is_some() => " lost",
             Verdict::Pass | Verdict::Unasked => "",
@@ -58,17 +61,11 @@ pub struct Stability {
 
 impl Stability {
     /// The rows with one of `words` in their names, or all.
-    ///
-    /// # Errors
-    /// If a word is in no name.
     pub fn new(words: &[String], fault: Option<Fault>) -> Result<Self> {
         Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?.fault(fault), methods: Method::known() })
     }
 
     /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
-    ///
-    /// # Errors
-    /// As [`Stability::new`].
     #[cfg(feature = "cuda")]
     pub fn on_device(words: &[String]) -> Result<Self> {
         // Settings, and the same with so many times the substeps.
@@ -99,8 +96,6 @@ impl Stability {
 }
 
 impl Experiment for Stability {
-    type Data = StabilityMap;
-
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -128,18 +123,10 @@ impl Experiment for Stability {
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<StabilityMap> {
+    fn measure(&self) -> Result<Measured> {
         let bar = bar("cells", self.effort() as u64);
         let rows = self.suite.run(&self.methods, |done| bar.set(done as u64));
         bar.finish();
-        Ok(StabilityMap { methods: self.methods.iter().map(|m| m.name().to_string()).collect(), rows })
-    }
-
-    fn tables(&self, data: &StabilityMap) -> Result<Vec<Table>> {
-        Ok(vec![data.table()])
-    }
-
-    fn pictures(&self, data: &StabilityMap, stem: &Path) -> Result<()> {
-        heat::draw("Where methods fail: figure of each row, coloured by figure / limit", &data.methods, &data.rows, stem)
+        StabilityMap { methods: self.methods.iter().map(|m| m.name().to_string()).collect(), rows }.measured()
     }
 }

@@ -1,52 +1,42 @@
-//! What a learner will see of a data set on the disk.
-//!
-//! Every number of a token and of a target is drawn as a histogram; those of contact points only where the mask lets them
-//! through. Beside that: how often anything is seen and touched, how often an angle wraps, which trajectories no learner
-//! should see, and range, mean and spread of every column. The tokens are those that training makes, not normalised.
+//! What a learner will see of a data set on the disk: how often anything is seen and touched, how often an angle wraps, which
+//! trajectories no learner should see, and range, mean and spread of every column; of contact points only where the mask lets them
+//! through. The tokens are those that training makes, not normalised.
 
 mod columns;
-mod picture;
-mod words;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use nerd_model::base::Base;
-use nerd_model::features::Features;
 use nerd_sim::dataset::{DatasetError, Manifest, Recording};
 use nerd_sim::prelude::*;
-use serde::{Deserialize, Serialize};
-
-pub use columns::{Block, Column};
-
-use crate::error::{Result, refuse};
 use nerd_train::bounds::figures;
 use nerd_train::prepare::tokens;
 use nerd_train::progress::bar;
 
+use crate::error::{Result, refuse};
+use crate::report::Table;
+use crate::report::table::digits;
+
+pub use columns::Kind;
+
 /// What a data set holds.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[non_exhaustive]
+#[derive(Clone, Debug)]
 pub struct Inspection {
-    /// Robot.
     pub robot: String,
-    /// [`nerd_sim::dataset::sha256_of`] the shards.
-    pub sha256: String,
     /// Largest number that a state may hold.
     pub bound: f64,
     /// What is counted beside the columns.
     pub counts: Counts,
     /// Those of a token, then those of a target.
-    pub columns: Vec<Column>,
+    pub kinds: Vec<Kind>,
 }
 
 /// What is counted beside the columns.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[non_exhaustive]
+#[derive(Clone, Debug, Default)]
 pub struct Counts {
-    /// Trajectories.
     pub trajectories: u64,
-    /// Trajectories left out since a number of theirs is none.
+    /// Trajectories left out since one of their numbers is not finite.
     pub not_finite: u64,
     /// Trajectories left out since they go beyond the bound.
     pub beyond: u64,
@@ -65,56 +55,89 @@ pub struct Counts {
 }
 
 impl Inspection {
-    /// Looks through the data of `system` in a folder, twice; trajectories that are not finite or go beyond `bound` are left out
-    /// and counted.
-    ///
-    /// # Errors
-    /// If the data are not those of the manifest and of `system`, or nothing is left of them.
+    /// Looks through the data of `system` in a folder; trajectories that are not finite or go beyond `bound` are left out and
+    /// counted.
     pub fn of(folder: &Path, manifest: &Manifest, system: &Arc<System>, bound: f64) -> Result<Self> {
         manifest.check(system, &manifest.truth).map_err(|reason| DatasetError::Format { path: folder.into(), reason })?;
-        let (mut columns, mut counts) = (columns::columns(system), Counts::default());
-        let (mut hashes, mut held) = (Vec::new(), (0, manifest.frames));
-        let bar = bar("shards, twice", 2 * manifest.shards.len() as u64);
+        let ((mut kinds, places), mut counts) = (columns::columns(system), Counts::default());
+        let (mut hashes, mut held, points) = (Vec::new(), (0, manifest.frames), &system.robot.contact_points);
+        let bar = bar("shards", manifest.shards.len() as u64);
         for (k, name) in manifest.shards.iter().enumerate() {
             let recording = manifest.shard(folder, name, system)?;
             let kept = counts.sift(&recording, bound);
             counts.take(system, &recording, &kept);
-            each(system, &recording, &kept, &mut columns, Column::add)?;
+            let windows = tokens(system, &recording, 1, Base::State)?;
+            let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
+            for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
+                let depths = &recording.depths[row * points.len()..];
+                for (x, (kind, contact)) in x.iter().chain(y).zip(&places) {
+                    if contact.is_none_or(|point| depths[point] < points[point].threshold()) {
+                        kinds[*kind].add(f64::from(*x));
+                    }
+                }
+            }
             hashes.push(recording.sha256());
             held = (held.0 + recording.trajectories, recording.frames);
             bar.set(k as u64 + 1);
         }
         // What training would refuse.
         manifest.holds(folder, hashes, held.0, held.1)?;
-        columns.iter_mut().for_each(|c| c.close(counts.tokens));
-        for (k, name) in manifest.shards.iter().enumerate() {
-            let recording = manifest.shard(folder, name, system)?;
-            let kept = Counts::default().sift(&recording, bound);
-            each(system, &recording, &kept, &mut columns, Column::bin)?;
-            bar.set((manifest.shards.len() + k) as u64 + 1);
-        }
         bar.finish();
-        for c in columns.iter().filter(|c| c.count > 0) {
-            let whose = format!("{}: mean or spread of column `{}`, which --bound {bound} lets through,", folder.display(), c.name);
-            figures(&whose, &[c.mean, c.std, c.std_of_all])?;
+        for kind in kinds.iter().filter(|kind| kind.count > 0) {
+            let whose = format!("{}: mean or spread of `{}`, which --bound {bound} lets through,", folder.display(), kind.name);
+            figures(&whose, &[kind.mean, kind.std()])?;
         }
         let Counts { tokens, not_finite, beyond, .. } = counts;
         if tokens == 0 {
             refuse!("{}: no trajectory is left to look at ({not_finite} not finite, {beyond} beyond {bound})", folder.display());
         }
-        Ok(Self { robot: system.name.clone(), sha256: manifest.sha256.clone(), bound, counts, columns })
+        Ok(Self { robot: system.name.clone(), bound, counts, kinds })
     }
 
-    /// Draws a histogram of every column into `stem`.svg and `stem`.png.
-    ///
-    /// # Errors
-    /// If they cannot be drawn or written.
-    pub fn draw(&self, stem: &Path) -> Result<()> {
-        let title = format!(
-            "{}: {} tokens, every input and target, over mean ± 4 standard deviations at most, heights by the root of the count",
-            self.robot, self.counts.tokens
+    /// The counts in words.
+    pub fn words(&self) -> String {
+        let Self { robot, counts, kinds, bound } = self;
+        let of =
+            |target: bool| kinds.iter().filter(|kind| kind.name.starts_with('\u{394}') == target).map(|kind| kind.columns).sum::<usize>();
+        let share = |n: u64, of: u64| format!("{:.3} %", 100.0 * n as f64 / of.max(1) as f64);
+        let points = counts.tokens * kinds.iter().filter(|kind| kind.name == "contact depths").map(|kind| kind.columns as u64).sum::<u64>();
+        let mut text = format!(
+            "{robot}: {} tokens of {} inputs and {} targets; {} of {} trajectories left out ({} not finite, {} beyond {bound})\n",
+            counts.tokens,
+            of(false),
+            of(true),
+            counts.not_finite + counts.beyond,
+            counts.trajectories,
+            counts.not_finite,
+            counts.beyond,
         );
-        picture::draw(&title, &self.columns, self.counts.tokens, stem)
+        if points > 0 {
+            text += &format!(
+                "contact: {} of tokens see a point within the mask, {} touch; {} of points are seen, {} touch\n",
+                share(counts.tokens_seeing, counts.tokens),
+                share(counts.tokens_touching, counts.tokens),
+                share(counts.points_seen, points),
+                share(counts.points_touching, points)
+            );
+        }
+        for (joint, n) in &counts.wraps {
+            text += &format!("angle of `{joint}` wraps in {} of transitions\n", share(*n, counts.tokens));
+        }
+        let constant: Vec<&str> = kinds.iter().filter(|kind| kind.count > 0 && kind.constant()).map(|kind| kind.name.as_str()).collect();
+        if !constant.is_empty() {
+            text += &format!("constant, nothing to learn from: {}\n", constant.join(", "));
+        }
+        text
+    }
+
+    /// Range, mean and spread.
+    pub fn table(&self) -> Table {
+        let rows = self.kinds.iter().filter(|kind| kind.count > 0).map(|kind| {
+            let name = if kind.columns > 1 { format!("{} ({})", kind.name, kind.columns) } else { kind.name.clone() };
+            let seen = 100.0 * kind.count as f64 / (self.counts.tokens * kind.columns as u64) as f64;
+            [name, format!("{seen:.3}")].into_iter().chain([kind.min, kind.mean, kind.max, kind.std()].map(digits)).collect()
+        });
+        Table::new("columns", &["column", "seen (%)", "least", "mean", "most", "std"]).with(rows)
     }
 }
 
@@ -164,20 +187,4 @@ impl Counts {
             }
         }
     }
-}
-
-/// Hands every number of every token and target to its column.
-fn each(system: &Arc<System>, recording: &Recording, kept: &[bool], all: &mut [Column], take: fn(&mut Column, f64)) -> Result<()> {
-    let windows = tokens(system, recording, 1, Base::State)?;
-    let (inputs, points) = (Features::inputs(system, Base::State), &system.robot.contact_points);
-    let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
-    for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
-        for (k, column) in all.iter_mut().enumerate() {
-            let seen = |point: usize| recording.depths[row * points.len() + point] < points[point].threshold();
-            if column.contact.is_none_or(seen) {
-                take(column, f64::from(if k < inputs { x[k] } else { y[k - inputs] }));
-            }
-        }
-    }
-    Ok(())
 }

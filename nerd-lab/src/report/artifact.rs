@@ -1,17 +1,19 @@
-//! One result as a file: where it comes from, what it was measured on, its tables and its figures.
+//! One result as a folder: where it comes from, what it was measured on, its tables and its figures.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use nerd_train::shipped::results;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use super::{Inputs, Provenance, Table, write};
+use crate::error;
 use crate::error::{Result, refuse};
-use nerd_train::shipped::results;
 
-/// A result. In JSON its data stand beside the other fields.
+/// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Artifact<T> {
+pub struct Artifact {
     /// Commit, command, seed, machine, date.
     pub provenance: Provenance,
     /// What was measured.
@@ -25,52 +27,50 @@ pub struct Artifact<T> {
     pub tables: Vec<Table>,
     /// Everything else.
     #[serde(flatten)]
-    pub data: T,
+    pub data: Map<String, Value>,
 }
 
-/// What the file of any result has.
-pub type Head = Artifact<serde_json::Map<String, serde_json::Value>>;
+/// The file of a result in a folder of results.
+pub fn file(folder: &Path, name: &str) -> PathBuf {
+    folder.join(name).join("result.json")
+}
 
-impl<T: Serialize + DeserializeOwned> Artifact<T> {
-    /// Reads `FOLDER/NAME.json`.
-    ///
-    /// # Errors
-    /// If it is not there, or not such a result.
+impl Artifact {
+    /// Reads `FOLDER/NAME/result.json`.
     pub fn read(folder: &Path, name: &str) -> Result<Self> {
-        let path = folder.join(format!("{name}.json"));
-        let text = nerd_sim::files::read_text(&path).map_err(crate::error::file(&path))?;
-        serde_json::from_str(&text).map_err(crate::error::format(&path))
+        let path = file(folder, name);
+        let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
+        Ok(serde_json::from_str(&text).map_err(error::format(&path))?)
     }
 
-    /// Writes `NAME.json`, and its tables as `NAME.md`, into a folder.
-    ///
-    /// # Errors
-    /// As [`may_write`], and what the file system says.
+    /// Its data as one experiment has them.
+    pub fn parse<T: DeserializeOwned>(&self) -> Result<T> {
+        Ok(serde_json::from_value(Value::Object(self.data.clone()))?)
+    }
+
+    /// Its table of that name.
+    pub fn table(&self, name: &str) -> Option<&Table> {
+        self.tables.iter().find(|table| table.name == name)
+    }
+
+    /// Writes `NAME/result.json`, and the tables as `NAME/README.md`, into a folder.
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         may_write(folder, name, &self.provenance, self.effort)?;
-        let path = folder.join(format!("{name}.json"));
-        let text = serde_json::to_string_pretty(self).map_err(crate::error::format(&path))?;
+        let path = file(folder, name);
+        let text = serde_json::to_string_pretty(self).map_err(error::format(&path))?;
         if !self.tables.is_empty() {
-            write(&folder.join(format!("{name}.md")), self.markdown().as_bytes())?;
+            let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
+            write(&path.with_file_name("README.md"), format!("{}\n{}\n", tables.join("\n"), self.provenance).as_bytes())?;
         }
         write(&path, (text + "\n").as_bytes())
-    }
-
-    /// All its tables and where they come from.
-    pub fn markdown(&self) -> String {
-        let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
-        format!("{}\n{}\n", tables.join("\n"), self.provenance)
     }
 }
 
 /// Refuses to replace a result by a weaker one: by one with less effort behind it, or, in the project's own folder, a clean one by
 /// one of a checkout whose files were changed. To be asked before anything is measured.
-///
-/// # Errors
-/// [`Error::msg`], with what to do.
 pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64) -> Result<()> {
-    let Ok(there) = Head::read(folder, name) else { return Ok(()) };
-    let path = folder.join(format!("{name}.json"));
+    let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
+    let path = file(folder, name);
     if effort < there.effort {
         refuse!(
             "{}: measured with {:.3e} rollout frames, this run has {effort:.3e}; write it elsewhere (--out out/try)",

@@ -10,9 +10,6 @@ use super::replay::Replay;
 
 /// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
 /// step; and its whole reward.
-///
-/// # Errors
-/// If the solver cannot step.
 pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
     let bar = bar(title, episodes.task.episode_length());
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;

@@ -10,11 +10,12 @@ use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::choice::Choice;
+use nerd_train::shipped::{from_root, root};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::error;
 use crate::error::Result;
-use nerd_train::shipped::{from_root, root};
 
 /// Frames of the rollout by which a solver is known: long enough to fall, touch and bend, too short for rounding to grow.
 const FRAMES: usize = 40;
@@ -24,47 +25,17 @@ const SAME: f64 = 1e-6;
 /// One of the things a result was measured on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
-#[non_exhaustive]
 pub enum Input {
     /// A robot with how it is started, driven and controlled ([`System::sha256`]).
-    Robot {
-        /// Its name.
-        name: String,
-        /// Its hash.
-        sha256: String,
-    },
-    /// A model.
-    Model {
-        /// Its folder, from the workspace's root.
-        folder: String,
-        /// Hash of all that decides its predictions.
-        sha256: String,
-    },
-    /// A policy.
-    Policy {
-        /// Its folder, from the workspace's root.
-        folder: String,
-        /// Hash of its files.
-        sha256: String,
-    },
-    /// A solver, by where it takes a robot in a second or so.
-    Motion {
-        /// The robot.
-        robot: String,
-        /// The scene.
-        scene: String,
-        /// The solver.
-        solver: Setting,
-        /// State after some frames from the first start of the robot's reset law.
-        state: Vec<f64>,
-    },
+    Robot { name: String, sha256: String },
+    /// A model, by its folder from the workspace's root and all that decides its predictions.
+    Model { folder: String, sha256: String },
+    /// A policy, by its folder from the workspace's root and its files.
+    Policy { folder: String, sha256: String },
+    /// A solver, by the state that it takes a robot to from the first start of its reset law.
+    Motion { robot: String, scene: String, solver: Setting, state: Vec<f64> },
     /// Data from outside the repository.
-    Data {
-        /// What it is called.
-        name: String,
-        /// Hash of its files.
-        sha256: String,
-    },
+    Data { name: String, sha256: String },
 }
 
 impl Input {
@@ -74,34 +45,22 @@ impl Input {
     }
 
     /// A model as it is now.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn model(folder: &Path) -> Result<Self> {
         Ok(Self::Model { folder: from_root(folder), sha256: ModelConfig::read(folder)?.model_sha256 })
     }
 
     /// A policy as it is now.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn policy(folder: &Path) -> Result<Self> {
         let files = ["config.json", "policy.safetensors"].map(|file| folder.join(file));
         Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
     }
 
     /// Data in files from outside the repository, in this order.
-    ///
-    /// # Errors
-    /// If one of them cannot be read.
     pub fn files(name: &str, files: &[PathBuf]) -> Result<Self> {
         Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
     }
 
     /// A solver as it steps now.
-    ///
-    /// # Errors
-    /// If it cannot step.
     pub fn motion(robot: &str, scene: &str, solver: &Setting) -> Result<Self> {
         let system = System::named(robot)?;
         let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
@@ -115,15 +74,11 @@ impl Input {
     }
 
     /// The same thing as it is now; `None` where it is not here, as data from outside.
-    ///
-    /// # Errors
-    /// If it cannot be read.
     pub fn now(&self) -> Result<Option<Self>> {
-        let here = |folder: &str| -> PathBuf { root().join(folder) };
         Ok(match self {
             Self::Robot { name, .. } => Some(Self::robot(&*System::named(name)?)),
-            Self::Model { folder, .. } => Some(Self::model(&here(folder))?),
-            Self::Policy { folder, .. } => Some(Self::policy(&here(folder))?),
+            Self::Model { folder, .. } => Some(Self::model(&root().join(folder))?),
+            Self::Policy { folder, .. } => Some(Self::policy(&root().join(folder))?),
             Self::Motion { robot, scene, solver, .. } => Some(Self::motion(robot, scene, solver)?),
             Self::Data { .. } => None,
         })
@@ -165,9 +120,6 @@ impl Inputs {
     }
 
     /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as [`System::named`] knows it.
-    ///
-    /// # Errors
-    /// If it cannot be read, or cannot step.
     pub fn solver(&mut self, choice: &Choice, robot: &str, scene: &str) -> Result<()> {
         match choice.setting(&*System::named(robot)?) {
             Some(Setting::Neural(folder)) => self.add(Input::model(&folder)?),
@@ -192,12 +144,7 @@ impl Inputs {
 fn of_files(files: &[PathBuf]) -> Result<String> {
     let mut all = Sha256::new();
     for path in files {
-        all.update(std::fs::read(path).map_err(crate::error::file(path))?);
+        all.update(std::fs::read(path).map_err(error::file(path))?);
     }
-    Ok(hex(&all.finalize()))
-}
-
-/// Lower-case hex.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
+    Ok(all.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

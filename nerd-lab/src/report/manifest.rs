@@ -4,14 +4,14 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::artifact::Head;
-use crate::error::Result;
+use super::artifact::{Artifact, file};
+use crate::error;
+use crate::error::{Result, refuse};
 
 /// All results that the repository keeps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// Each of them.
     pub artefact: Vec<Entry>,
 }
 
@@ -19,40 +19,34 @@ pub struct Manifest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// `results/NAME.json`.
     pub name: String,
     /// What it shows, in one line.
     pub about: String,
     /// What makes it, behind `cargo xtask`.
     pub command: String,
-    /// Kept as it was measured: making it again takes days of a GPU, and the models it trained were not kept. It is never stale.
+    /// What made it, where the program of that commit called it otherwise.
+    #[serde(default)]
+    pub made: Option<String>,
+    /// Kept as it was measured: making it again takes days of a GPU, or what it measured was not kept. It is never stale.
     #[serde(default)]
     pub record: bool,
 }
 
-/// How a result stands.
+/// Whether a result holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Status {
     /// It was measured by its command on what is here now.
     Current,
     /// It is kept as it was measured, at this commit.
     Record(String),
-    /// There is none.
-    Missing,
-    /// Where it comes from cannot be told: this is absent, or wrong.
-    Untraceable(String),
-    /// Files of the checkout had been changed when it was measured.
-    Dirty,
-    /// It was measured by another command.
-    Command(String),
-    /// These have changed since.
-    Stale(Vec<String>),
+    /// It does not hold, for this reason.
+    Wrong(String),
 }
 
 impl Status {
     /// Whether nothing is to be done.
     pub fn holds(&self) -> bool {
-        matches!(self, Self::Current | Self::Record(_))
+        !matches!(self, Self::Wrong(_))
     }
 }
 
@@ -61,38 +55,28 @@ impl std::fmt::Display for Status {
         match self {
             Self::Current => f.write_str("current"),
             Self::Record(commit) => write!(f, "record of {commit}"),
-            Self::Missing => f.write_str("missing"),
-            Self::Untraceable(what) => write!(f, "untraceable: {what}"),
-            Self::Dirty => f.write_str("dirty"),
-            Self::Command(found) => write!(f, "made by `{found}`"),
-            Self::Stale(what) => write!(f, "stale: {}", what.join(", ")),
+            Self::Wrong(reason) => f.write_str(reason),
         }
     }
 }
 
 impl Manifest {
     /// That of a folder of results.
-    ///
-    /// # Errors
-    /// If it cannot be read, or a name stands in it twice.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("manifest.toml");
-        let text = nerd_sim::files::read_text(&path).map_err(crate::error::file(&path))?;
-        let manifest: Self = toml::from_str(&text).map_err(|e| crate::error::format(&path)(e.to_string().replace('\n', " ")))?;
+        let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
+        let manifest: Self = toml::from_str(&text).map_err(|e| error::format(&path)(e.to_string().replace('\n', " ")))?;
         let twice = manifest.artefact.iter().enumerate().find(|(i, e)| manifest.artefact[..*i].iter().any(|other| other.name == e.name));
         match twice {
-            Some((_, entry)) => Err(crate::error::format(&path)(format!("`{}` stands in it twice", entry.name))),
+            Some((_, entry)) => refuse!("{}: it has `{}` twice", path.display(), entry.name),
             None => Ok(manifest),
         }
     }
 
     /// Results in the folder that it does not list.
     pub fn strangers(&self, folder: &Path) -> Vec<String> {
-        let names = std::fs::read_dir(folder).into_iter().flatten().flatten().filter_map(|file| {
-            let path = file.path();
-            let json = path.extension().is_some_and(|e| e == "json");
-            json.then(|| path.file_stem().map(|stem| stem.to_string_lossy().into_owned())).flatten()
-        });
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).filter(|name| file(folder, name).exists());
         let mut strangers: Vec<String> = names.filter(|name| self.artefact.iter().all(|entry| entry.name != *name)).collect();
         strangers.sort();
         strangers
@@ -100,34 +84,29 @@ impl Manifest {
 }
 
 impl Entry {
-    /// How the result stands in a folder.
+    /// Whether the result in a folder holds.
     pub fn status(&self, folder: &Path) -> Status {
-        if !folder.join(format!("{}.json", self.name)).exists() {
-            return Status::Missing;
+        let wrong = |reason: &str| Status::Wrong(reason.into());
+        if !file(folder, &self.name).exists() {
+            return wrong("missing");
         }
-        let head = match Head::read(folder, &self.name) {
-            Ok(head) => head,
-            Err(e) => return Status::Untraceable(e.to_string()),
+        let result = match Artifact::read(folder, &self.name) {
+            Ok(result) => result,
+            Err(e) => return wrong(&e.to_string()),
         };
-        let from = &head.provenance;
-        if !from.traceable() {
-            return Status::Untraceable("it has no commit or command".into());
+        let (from, command) = (&result.provenance, plain(&result.provenance.command));
+        let changed = || result.inputs.changed();
+        match () {
+            () if !from.traceable() => wrong("untraceable: it has no commit or command"),
+            () if from.dirty() => wrong("dirty: files of the checkout had been changed when it was measured"),
+            () if self.record => Status::Record(from.commit.clone()),
+            () if result.inputs.0.is_empty() => wrong("untraceable: it has no hash of what it was measured on"),
+            () if command != plain(self.made.as_ref().unwrap_or(&self.command)) => wrong(&format!("made by `{command}`")),
+            () => match changed() {
+                changed if changed.is_empty() => Status::Current,
+                changed => wrong(&format!("stale: {}", changed.join(", "))),
+            },
         }
-        if from.dirty() {
-            return Status::Dirty;
-        }
-        if self.record {
-            return Status::Record(from.commit.clone());
-        }
-        if head.inputs.0.is_empty() {
-            return Status::Untraceable("it has no hash of what it was measured on".into());
-        }
-        let command = plain(&from.command);
-        if command != plain(&self.command) {
-            return Status::Command(command);
-        }
-        let changed = head.inputs.changed();
-        if changed.is_empty() { Status::Current } else { Status::Stale(changed) }
     }
 }
 

@@ -12,8 +12,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::artifact::Head;
+use super::artifact::Artifact;
 use super::table::{digits, pair};
+use crate::error;
 use crate::error::{Result, refuse};
 
 const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
@@ -23,7 +24,7 @@ const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");
 #[derive(Debug)]
 pub struct Marks {
     folder: PathBuf,
-    read: BTreeMap<String, (Head, Value)>,
+    read: BTreeMap<String, (Artifact, Value)>,
 }
 
 impl Marks {
@@ -33,19 +34,16 @@ impl Marks {
     }
 
     /// A document with all its figures and tables as the results have them.
-    ///
-    /// # Errors
-    /// If a mark is not closed, or names what is not there.
     pub fn fill(&mut self, text: &str) -> Result<String> {
         let figures = between(text, FIGURE, |mark| self.figure(mark))?;
         between(&figures, TABLE, |mark| self.table(mark))
     }
 
-    fn result(&mut self, name: &str) -> Result<&(Head, Value)> {
+    fn result(&mut self, name: &str) -> Result<&(Artifact, Value)> {
         if !self.read.contains_key(name) {
-            let head = Head::read(&self.folder, name)?;
+            let head = Artifact::read(&self.folder, name)?;
             let path = self.folder.join(name);
-            let whole = serde_json::to_value(&head).map_err(crate::error::format(&path))?;
+            let whole = serde_json::to_value(&head).map_err(error::format(&path))?;
             self.read.insert(name.into(), (head, whole));
         }
         Ok(&self.read[name])
@@ -58,7 +56,7 @@ impl Marks {
             [name, pointer, format] => (name, pointer, format),
             _ => refuse!("`{mark}`: a result, a JSON pointer and perhaps a format are needed"),
         };
-        let Some(value) = self.result(name)?.1.pointer(pointer) else { refuse!("`{mark}`: results/{name}.json has no {pointer}") };
+        let Some(value) = self.result(name)?.1.pointer(pointer) else { refuse!("`{mark}`: results/{name}/result.json has no {pointer}") };
         match show(value, format) {
             Some(text) => Ok(text),
             None => refuse!("`{mark}`: {value} cannot be shown as `{format}`"),
@@ -69,11 +67,11 @@ impl Marks {
         let words: Vec<&str> = mark.split_whitespace().collect();
         let [name, table] = words[..] else { refuse!("`{mark}`: a result and one of its tables are needed") };
         let (head, _) = self.result(name)?;
-        match head.tables.iter().find(|t| t.name == table) {
+        match head.table(table) {
             Some(table) => Ok(format!("\n{}", table.markdown())),
             None => {
                 let known: Vec<&str> = head.tables.iter().map(|t| t.name.as_str()).collect();
-                refuse!("`{mark}`: results/{name}.json has no such table, but {}", known.join(", "))
+                refuse!("`{mark}`: results/{name}/result.json has no such table, but {}", known.join(", "))
             }
         }
     }

@@ -1,21 +1,15 @@
-//! Where figures come from and where they go: provenance, what was measured, tables, pictures, files.
+//! Where figures come from and where they go: provenance, what was measured, tables, pictures, documents, the page.
 
 pub mod artifact;
-mod axis;
-pub mod curve;
+pub mod figure;
 pub mod film;
-pub mod frames;
 pub mod game;
-pub mod heat;
 pub mod inputs;
 pub mod manifest;
 pub mod marks;
 pub mod motions;
 pub mod page;
-mod pixels;
-pub mod plot;
 pub mod replay;
-pub mod scene;
 mod solids;
 pub mod table;
 
@@ -27,12 +21,10 @@ pub use manifest::{Manifest, Status};
 pub use nerd_train::provenance::Provenance;
 pub use table::Table;
 
+use crate::error;
 use crate::error::Result;
 
 /// Writes a file, whole or not at all.
-///
-/// # Errors
-/// What the file system says, with the file's name.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    Ok(nerd_sim::files::write(path, bytes).map_err(crate::error::file(path))?)
+    Ok(nerd_sim::files::write(path, bytes).map_err(error::file(path))?)
 }

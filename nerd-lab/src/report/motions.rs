@@ -12,10 +12,10 @@ use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, named};
 
 use super::replay::Replay;
-use crate::error::Result;
+use crate::error::{Result, refuse};
 use nerd_train::ppo::rollout::Running;
 use nerd_train::ppo::{Actor, folder};
-use nerd_train::shipped::{model, root};
+use nerd_train::shipped::{model, policies};
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;
@@ -36,27 +36,25 @@ pub enum Cause {
     Release(&'static str),
     /// Torques, start and scene drawn as those of its data, from a seed that no data have.
     Data,
-    /// A policy that comes with the project.
+    /// The first policy of this task that comes with the project and learned in a model.
     Policy(&'static str),
 }
 
-/// A robot that comes with the project, in its model and in the truth.
-///
-/// # Errors
-/// If model or policy cannot be loaded, or a solver cannot step.
+/// A robot that comes with the project, or of a policy's task, in its model and in the truth.
 pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
-    let folder = model(Truth::default(), robot);
     match cause {
-        Cause::Release(scene) => passive(robot, scene, &folder, frames, 3),
-        Cause::Data => driven(robot, &folder, frames, UNSEEN),
-        Cause::Policy(name) => policy(&root().join("models/policies").join(name), &folder, frames, 1),
+        Cause::Release(scene) => passive(robot, scene, &model(Truth::default(), robot), frames, 3),
+        Cause::Data => driven(robot, &model(Truth::default(), robot), frames, UNSEEN),
+        Cause::Policy(task) => {
+            let Some(policy) = policies(&format!("{task}-neural-"))?.into_iter().next() else {
+                refuse!("models/policies has no {task}-neural-*: train one with `cargo xtask policy train {task} --solver neural`");
+            };
+            self::policy(&policy, &model(Truth::default(), named(task)?.robot()), frames, 1)
+        }
     }
 }
 
 /// Passive motion of a model's robot from its reset law, and the truth's from the same start.
-///
-/// # Errors
-/// If the model cannot be loaded, or a solver cannot step.
 pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
@@ -66,9 +64,6 @@ pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64)
 }
 
 /// The first motion that [`begin`] and [`record`] make of this seed: start, scene and torques as in a model's data.
-///
-/// # Errors
-/// If the model cannot be loaded, or a solver cannot step.
 pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
@@ -94,9 +89,6 @@ fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usi
 }
 
 /// The first steps of an episode under a policy's mean actions, in a model and in the truth it learned.
-///
-/// # Errors
-/// If policy or model cannot be loaded, or a solver cannot step.
 pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Replay> {
     let (config, policy) = folder::load(policy)?;
     let actor = Actor::new(policy);

@@ -1,5 +1,6 @@
-// A small painter's renderer: `replay(root, data)` puts a canvas with its controls into the element `root`. `data` is what
-// `nerd_train::report::replay::Replay` serialises. The first track is solid, the others are ghosts behind it.
+// The painter of pictures in three dimensions. `replay(root, data)` puts a canvas with its controls into the element `root`;
+// `replay.painter(data)` paints single frames. `data` is what `nerd_lab::report::replay::Replay` serialises. The first track is
+// solid, the others are ghosts behind it.
 "use strict";
 const replay = (() => {
   // Vectors, and quaternions x y z w.
@@ -14,6 +15,11 @@ const replay = (() => {
     return add(add(pose, x), add(times(t, pose[6]), cross(u, t)));
   };
   const middle = poses => times(poses.reduce((sum, p) => add(sum, p), [0, 0, 0]), 1 / poses.length);
+
+  const trace = (context, seen) => {
+    context.beginPath();
+    seen.forEach((p, k) => k ? context.lineTo(p[0], p[1]) : context.moveTo(p[0], p[1]));
+  };
 
   // Faces of a shape in its own frame; round ones have `n` sides and stand along z.
   function faces(shape) {
@@ -44,20 +50,8 @@ const replay = (() => {
     return out;
   }
 
-  return (root, data) => {
-    root.innerHTML = `<div class="replay"><canvas tabindex="0" aria-label="replay"></canvas><div class="controls">
-      <button type="button">Pause</button><input type="range" min="0" value="0" aria-label="frame">
-      <select aria-label="speed"><option value="0.25">x 0.25</option><option value="0.5">x 0.5</option>
-      <option value="1" selected>x 1</option><option value="2">x 2</option></select><output></output></div>
-      <div class="legend"></div></div>`;
-    const canvas = root.querySelector("canvas"), context = canvas.getContext("2d");
-    const [button, time, speed, said] = ["button", "input", "select", "output"].map(name => root.querySelector(name));
-    const frames = data.tracks[0].poses.length;
-    const most = data.apart.reduce((a, b) => Math.max(a, b), 1e-6);
-    time.max = frames - 1;
-    root.querySelector(".legend").textContent =
-      data.tracks.map((track, k) => (k ? "translucent: " : "solid: ") + track.name).join("; ") + ". Drag to turn, wheel to zoom, space to pause." +
-      (data.apart.length ? ` Curve: mean distance of contact points, ${(1e3 * most).toFixed(1)} mm at most.` : "");
+  // A function that paints a frame of `data` into a canvas, seen from `view`.
+  function painter(data) {
     const solids = data.shapes.map(shape => ({
       ...shape,
       // Of what is round and long, and seen too thin for faces.
@@ -71,13 +65,11 @@ const replay = (() => {
     const size = link => Math.max(0, ...data.shapes.filter(s => s.link === link).flatMap(s => s.size));
     const reach = Math.max(0.05, ...first.map((p, link) => Math.hypot(...sub(p, middle(first))) + size(link)));
     const light = unit(add(add(up, times(east, 0.4)), times(north, -0.5)));
-    let turn = -0.6, lift = 0.35, distance = 3 * reach + 0.2, frame = 0, playing = true, last = 0;
+    const at = (track, frame) => track.poses[Math.min(frame, track.poses.length - 1)];
 
-    function draw() {
-      const scale = window.devicePixelRatio || 1;
-      canvas.width = canvas.clientWidth * scale;
-      canvas.height = canvas.clientHeight * scale;
-      const target = middle(data.tracks[0].poses[frame]);
+    const paint = (canvas, frame, { turn, lift, distance }, scale = 1) => {
+      const context = canvas.getContext("2d");
+      const target = middle(at(data.tracks[0], frame));
       const flat = add(times(east, Math.sin(turn)), times(north, -Math.cos(turn)));
       const back = add(times(flat, Math.cos(lift)), times(up, Math.sin(lift)));
       const right = unit(cross(up, back)), above = cross(back, right), eye = add(target, times(back, distance));
@@ -86,13 +78,9 @@ const replay = (() => {
         const r = sub(x, eye), depth = -dot(r, back);
         return [canvas.width / 2 + focus * dot(r, right) / depth, canvas.height / 2 - focus * dot(r, above) / depth, depth];
       };
-      const trace = seen => {
-        context.beginPath();
-        seen.forEach((p, k) => k ? context.lineTo(p[0], p[1]) : context.moveTo(p[0], p[1]));
-      };
       const stroke = (a, b) => {
         const seen = [see(a), see(b)];
-        if (seen.every(p => p[2] > near)) { trace(seen); context.stroke(); }
+        if (seen.every(p => p[2] > near)) { trace(context, seen); context.stroke(); }
       };
       context.fillStyle = "#f4f5f7";
       context.fillRect(0, 0, canvas.width, canvas.height);
@@ -112,7 +100,7 @@ const replay = (() => {
       const polygons = [], shadows = [];
       const falls = data.planes.slice(0, 1).map(([n, offset]) => x => sub(x, times(up, (dot(x, n) - offset) / dot(up, n))));
       data.tracks.forEach((track, k) => {
-        const poses = track.poses[Math.min(frame, track.poses.length - 1)];
+        const poses = at(track, frame);
         for (const solid of solids) {
           // What stands in the scene is drawn once.
           const still = solid.link === null, at = x => still ? x : place(poses[solid.link], x);
@@ -155,12 +143,12 @@ const replay = (() => {
       context.fillStyle = context.strokeStyle = "#dfe2e7";
       context.lineCap = "round";
       context.lineWidth = 2 * scale;
-      for (const seen of shadows) if (seen.every(p => p[2] > near)) { trace(seen); seen.length === 2 ? context.stroke() : context.fill(); }
+      for (const seen of shadows) if (seen.every(p => p[2] > near)) { trace(context, seen); seen.length === 2 ? context.stroke() : context.fill(); }
       polygons.sort((a, b) => b[0] - a[0]);
       for (const [, colour, seen, width] of polygons) {
         context.fillStyle = context.strokeStyle = colour;
         context.lineWidth = width;
-        trace(seen);
+        trace(context, seen);
         if (seen.length > 2) { context.closePath(); context.fill(); }
         context.stroke();
       }
@@ -170,19 +158,45 @@ const replay = (() => {
         context.fillStyle = "#d0021b";
         context.beginPath(); context.arc(p[0], p[1], Math.max(3, 0.02 * focus / p[2]), 0, 7); context.fill();
       }
+    };
+    return { paint, view: { turn: -0.6, lift: 0.35, distance: 3 * reach + 0.2 } };
+  }
+
+  const replay = (root, data) => {
+    root.innerHTML = `<div class="replay"><canvas tabindex="0" aria-label="replay"></canvas><div class="controls">
+      <button type="button">Pause</button><input type="range" min="0" value="0" aria-label="frame">
+      <select aria-label="speed"><option value="0.25">x 0.25</option><option value="0.5">x 0.5</option>
+      <option value="1" selected>x 1</option><option value="2">x 2</option></select><output></output></div>
+      <div class="legend"></div></div>`;
+    const canvas = root.querySelector("canvas");
+    const [button, time, speed, output] = ["button", "input", "select", "output"].map(name => root.querySelector(name));
+    const frames = data.tracks[0].poses.length;
+    const most = data.apart.reduce((a, b) => Math.max(a, b), 1e-6);
+    time.max = frames - 1;
+    root.querySelector(".legend").textContent =
+      data.tracks.map((track, k) => (k ? "ghost: " : "solid: ") + track.name).join("; ") + ". Drag to turn, wheel to zoom, space to pause." +
+      (data.apart.length ? ` Curve: mean distance of contact points, ${(1e3 * most).toFixed(1)} mm at most.` : "");
+    const { paint, view } = painter(data);
+    let frame = 0, playing = true, last = 0;
+
+    function draw() {
+      const scale = window.devicePixelRatio || 1, context = canvas.getContext("2d");
+      canvas.width = canvas.clientWidth * scale;
+      canvas.height = canvas.clientHeight * scale;
+      paint(canvas, frame, view, scale);
       // How far apart the motions are, over time, up to now in full.
       const reached = data.apart.map((x, k) => [canvas.width * k / frames, canvas.height * (0.98 - 0.13 * x / most)]);
       for (const [colour, upto] of [["#e3b59c", frames], ["#b8450f", frame + 1]]) {
         context.strokeStyle = colour;
         context.lineWidth = 1.5 * scale;
-        trace(reached.slice(0, upto));
+        trace(context, reached.slice(0, upto));
         context.stroke();
       }
       time.value = frame;
       // How often it was painted, for whoever tests that it moves.
       canvas.dataset.painted = +(canvas.dataset.painted || 0) + 1;
       const reward = data.rewards[frame], apart = data.apart[frame];
-      said.textContent = `${(frame * data.dt).toFixed(2)} s` + (reward === undefined ? "" : `, reward ${reward.toFixed(1)}`) +
+      output.textContent = `${(frame * data.dt).toFixed(2)} s` + (reward === undefined ? "" : `, reward ${reward.toFixed(1)}`) +
         (apart === undefined ? "" : `, ${(1e3 * apart).toFixed(1)} mm apart`);
     }
 
@@ -206,15 +220,15 @@ const replay = (() => {
     canvas.onpointerup = () => { held = null; };
     canvas.onpointermove = e => {
       if (!held) return;
-      turn += (held[0] - e.clientX) * 0.008;
-      lift = Math.min(1.5, Math.max(-0.2, lift + (e.clientY - held[1]) * 0.006));
+      view.turn += (held[0] - e.clientX) * 0.008;
+      view.lift = Math.min(1.5, Math.max(-0.2, view.lift + (e.clientY - held[1]) * 0.006));
       held = [e.clientX, e.clientY];
       draw();
     };
-    canvas.onwheel = e => { e.preventDefault(); distance *= Math.exp(e.deltaY * 0.001); draw(); };
+    canvas.onwheel = e => { e.preventDefault(); view.distance *= Math.exp(e.deltaY * 0.001); draw(); };
     window.addEventListener("resize", draw);
     draw();
     requestAnimationFrame(tick);
-    return { frame: () => frame };
   };
+  return Object.assign(replay, { painter });
 })();

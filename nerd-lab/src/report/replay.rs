@@ -1,6 +1,6 @@
-//! Motions as pages that any browser plays: poses of links by frame, the shapes that stand on them, and a small painter's
-//! renderer (`assets/replay.js`) that turns them with the mouse. Several tracks of one robot lie over each other, the truth as a
-//! ghost behind a learned one. A page loads nothing.
+//! Motions as pages that any browser plays: poses of links by frame, the shapes fixed on them, and the painter (`replay.js`) that
+//! turns them with the mouse. Several tracks of one robot lie over each other, the truth as a ghost behind a learned one. A page
+//! loads nothing.
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use nerd_core::contact::ContactPoint;
@@ -21,11 +21,9 @@ const PAGE: &str = include_str!("replay.html");
 /// What is shown. Lengths in m; a pose is position, then quaternion x y z w, in world axes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Replay {
-    /// Over the picture.
     pub title: String,
     /// Seconds from frame to frame.
     pub dt: f64,
-    /// Against gravity.
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
@@ -46,9 +44,7 @@ pub struct Replay {
 /// One motion.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Track {
-    /// What moves so.
     pub name: String,
-    /// Poses by frame and link.
     pub poses: Vec<Vec<[f32; 7]>>,
 }
 
@@ -99,15 +95,10 @@ impl Replay {
         self.tracks.iter().map(|track| track.poses.len()).max().unwrap_or(0)
     }
 
-    /// As JSON for a script within a page.
-    pub fn json(&self) -> String {
-        script(self)
-    }
-
     /// As a page of its own.
     pub fn html(&self) -> String {
         let title = escape(&self.title);
-        PAGE.replace("TITLE", &title).replace("SCRIPT", SCRIPT).replace("DATA", &self.json())
+        PAGE.replace("TITLE", &title).replace("SCRIPT", SCRIPT).replace("DATA", &script(self))
     }
 }
 
@@ -137,7 +128,7 @@ fn rounded(x: f64) -> f32 {
 }
 
 /// What [`numbers`] wrote.
-pub(super) fn isometry(pose: &[f32; 7]) -> Isometry3<f64> {
+fn isometry(pose: &[f32; 7]) -> Isometry3<f64> {
     let [x, y, z, i, j, k, w] = pose.map(f64::from);
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)))
 }

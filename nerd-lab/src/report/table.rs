@@ -10,7 +10,6 @@ pub struct Table {
     /// What the columns do not say: protocol, units.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
-    /// Columns.
     pub header: Vec<String>,
     /// As many cells each as there are columns.
     pub rows: Vec<Vec<String>>,

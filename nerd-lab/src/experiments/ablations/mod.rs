@@ -1,46 +1,44 @@
 //! The paper's Figure A.2: NeRD is trained beside itself with one design decision taken back at a time, on the same data for the
-//! same number of updates; errors are divided by NeRD's and drawn beside the paper's bars.
+//! same number of updates; errors are divided by NeRD's and shown beside the paper's bars.
 //!
 //! Test case 1: contact-free passive motion of the double pendulum, 100 frames, mean of both joints; the data has its random
 //! grounds. Test case 2: the shipped running policies of the Ant, and how far their rewards in a variant are from those in the
-//! truth. Beside it stands passive motion of the Ant on its ground, for 20 frames.
+//! truth. Beside it: passive motion of the Ant on its ground, for 20 frames.
 //!
 //! A finished variant is kept in `out/ablations` and not trained again. About half an hour on two cores.
 
-use std::collections::HashSet;
-use std::path::Path;
-
-use nerd_sim::prelude::*;
-use serde::{Deserialize, Serialize};
-
 mod bars;
-mod figure;
-mod guests;
 mod rows;
-mod tables;
 
-use bars::{BARS, NERD};
-pub use rows::{Measured, Row};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 
-use super::Experiment;
-use super::changes::{Change, chosen, each, model, moved};
-use super::games::gap;
-use crate::error::{Result, refuse};
-use crate::report::{Input, Inputs, Table};
-use guests::{Runner, runners};
-use nerd_train::bounds::{SEEDS, STARTS, TRANSITIONS, UPDATES, figures};
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_train::bounds::{SEEDS, STARTS, TRANSITIONS, UPDATES};
 use nerd_train::device::Device;
-use nerd_train::evaluate::summary;
-use nerd_train::run::RunConfig;
+use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
+use nerd_train::ppo::{Arena, folder};
+use nerd_train::run::{Run, RunConfig};
 use nerd_train::settings::settings;
-use nerd_train::shipped::root;
+use nerd_train::shipped::{policies, root};
+
+use bars::{BARS, Bar, NERD};
+use rows::{Measurement, Row};
+
+use super::games::{Reward, games, gap};
+use super::{Experiment, Measured};
+use crate::error::{Result, refuse};
+use crate::report::{Input, Inputs};
 
 /// Where trained variants are kept.
 const RUNS: &str = "out/ablations";
 /// Windows in an update of NeRD.
 const BATCH: usize = 64;
-/// Seed of the games' starts.
-const GAMES: u64 = 500;
+/// Seed of the starts of rollouts and games, and the task that policies run.
+const STARTED: u64 = 500;
+const TASK: &str = "ant-run";
 
 settings! {
     /// The paper's ablations (Figure A.2).
@@ -49,8 +47,8 @@ settings! {
         robot: Vec<String> = vec!["pendulum".into(), "ant".into()], Texts;
         /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
         only: Vec<String> = Vec::new(), Texts;
-        /// Optimiser updates of each variant, at least 80, since a loss is noted every 20 and its fall is told by quarters
-        updates: u64 = 1200, Whole(80..=*UPDATES.end());
+        /// Optimiser updates of each variant
+        updates: u64 = 1200, Whole(UPDATES);
         /// Transitions of the training data
         transitions: usize = 200_000, Whole(TRANSITIONS);
         /// Trajectories of the evaluation (the paper: 2048)
@@ -64,36 +62,47 @@ settings! {
     }
 }
 
-/// All variants.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ablated {
-    /// What was asked for.
-    #[serde(flatten)]
-    pub settings: Ablations,
-    /// By robot and variant.
-    pub rows: Vec<Row>,
-}
-
-/// Frames of a rollout: those of the paper's first test case; of the Ant, which loses the ground of knowing more than nothing
-/// sooner after so short a training, a third of a second.
+/// Frames of a rollout: those of the paper's first test case; of the Ant, which sooner knows no more than one who repeats the
+/// start after so short a training, a third of a second.
 fn frames(robot: &str) -> usize {
     if robot == "ant" { 20 } else { 100 }
 }
 
+/// The running policies that come with the project.
+fn runners() -> Result<Vec<PathBuf>> {
+    let found = policies(&format!("{TASK}-neural-"))?;
+    if found.is_empty() {
+        refuse!("models/policies has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`");
+    }
+    Ok(found)
+}
+
 impl Ablations {
-    /// Refuses what is none of the paper's test cases, and anything twice.
+    /// Refuses robots that the paper has no test case of, and anything twice.
     fn check(&self) -> Result<()> {
         if let Some(robot) = self.robot.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
-            refuse!("--robot {robot}: the paper's test cases are of pendulum and ant");
+            refuse!("robot {robot}: the paper's test cases are of pendulum and ant");
         }
         let (robots, seeds): (HashSet<_>, HashSet<_>) = (self.robot.iter().collect(), self.seed.iter().collect());
         if robots.len() < self.robot.len() || seeds.len() < self.seed.len() {
-            refuse!("--robot and --seed: each once");
+            refuse!("robot and seed: each once");
         }
-        Ok(())
+        let slugs = BARS.each_ref().map(Bar::slug);
+        match self.only.iter().find(|name| !slugs.contains(name)) {
+            Some(name) => refuse!("only {name}: known are {}", slugs.join(", ")),
+            None => Ok(()),
+        }
     }
 
-    /// How NeRD is trained; everything that decides a run's bytes stands in its folder's name.
+    fn running(&self) -> bool {
+        self.robot.iter().any(|robot| robot == "ant")
+    }
+
+    fn bars(&self) -> impl Iterator<Item = &'static Bar> {
+        BARS.iter().filter(|bar| self.only.is_empty() || bar.name == NERD || self.only.contains(&bar.slug()))
+    }
+
+    /// How NeRD is trained; everything that decides a run's bytes is in its folder's name.
     fn nerd(&self, robot: &str, seed: u64) -> Result<RunConfig> {
         let folder = format!("{robot}-updates{}-transitions{}-seed{seed}", self.updates, self.transitions);
         let mut run = RunConfig::recipe("quick", robot, root().join(RUNS).join(folder))?;
@@ -103,75 +112,39 @@ impl Ablations {
         Ok(run)
     }
 
-    /// What is trained, by robot, variant and seed.
-    fn runs(&self) -> Result<Vec<(&'static Change, RunConfig)>> {
-        let all: Vec<&Change> = BARS.iter().map(|bar| &bar.change).collect();
-        let mut runs = Vec::new();
-        for robot in &self.robot {
-            for change in chosen(&all, &self.only, NERD)? {
-                for seed in &self.seed {
-                    runs.push((change, change.run(&self.nerd(robot, *seed)?)));
-                }
-            }
-        }
-        Ok(runs)
+    /// A running policy's mean reward: in a model, or in the truth.
+    fn reward(&self, policy: &Path, arena: &Arena) -> Result<f64> {
+        Ok(Reward::of(&games(TASK, arena, &folder::load(policy)?.1, self.games, STARTED)?).mean)
     }
 
-    /// Rolls a run's model out, and lets policies run in the Ant's.
-    fn measured(&self, run: &RunConfig, runners: &[Runner]) -> Result<Measured> {
-        let system = System::named(&run.robot)?;
-        let (loss, falling) = record(&run.out)?;
-        let (model, mut learned) = model(run, &system, self.starts)?;
-        let scales = model.normalizer.inputs.scale().filter(|s| *s > 0.01);
-        let scales = scales.fold([f64::MAX, 0.0], |[a, b], s| [a.min(s), f64::max(b, s)]);
-        let report = moved(&mut learned, &system, scene(&system), (self.starts, frames(&run.robot)))?;
+    /// Trains a run unless its model is there, rolls the model out, and lets policies run in the Ant's; `truth` has their rewards.
+    fn measured(&self, run: &RunConfig, truth: &[(PathBuf, f64)]) -> Result<(ModelConfig, Measurement)> {
         let folder = run.out.join("model");
-        let share = |runner: &Runner| -> Result<f64> {
-            let played = runner.play(&folder, run.device, self.games, GAMES)?;
-            Ok(gap(played.real.mean, played.learned.mean).abs() / 100.0)
-        };
-        let gaps = if run.robot == "ant" { runners.iter().map(share).collect::<Result<Vec<f64>>>()? } else { Vec::new() };
-        Ok(Measured {
+        if !folder.join("config.json").exists() && Run::new(run)?.train()?.is_none() {
+            refuse!("{}: training did not finish; the same command continues it", run.out.display());
+        }
+        let system = System::named(&run.robot)?;
+        let model = Model::load(&folder, &system, Some(&run.record.truth(&system).name()))?;
+        let mut learned = run.device.solver(model, &system, self.starts, |network| network)?;
+        let protocol = PassiveConfig { starts: self.starts, steps: frames(&run.robot), seed: STARTED, action: Action::Zero };
+        let scene = system.scene(system.usual_scenes().first().copied().unwrap_or("free"))?;
+        let report = passive(&system, &scene, &mut *system.spec.truth.solver(&system), &mut learned, protocol, &mut |_| ())?;
+        let arena = Arena::Model { folder: folder.clone(), device: run.device };
+        let share = |(policy, real): &(PathBuf, f64)| Ok(gap(*real, self.reward(policy, &arena)?).abs() / 100.0);
+        let gaps = if run.robot == "ant" { truth.iter().map(share).collect::<Result<Vec<f64>>>()? } else { Vec::new() };
+        let measurement = Measurement {
             seed: run.record.seed,
-            loss,
-            falling,
-            scales,
             error: summary(&system, &report.error),
-            standard_error: summary(&system, &report.standard_error),
             one_frame: report.curve.first().copied().unwrap_or(0.0),
             diverged: report.diverged,
             gap: (!gaps.is_empty()).then(|| gaps.iter().sum::<f64>() / gaps.len() as f64),
             hold: summary(&system, &report.hold),
-        })
+        };
+        Ok((ModelConfig::read(&folder)?, measurement))
     }
 }
 
-/// Where a robot's variants are rolled out.
-fn scene(system: &System) -> &str {
-    system.usual_scenes().first().copied().unwrap_or("free")
-}
-
-/// What a run's record says: validation loss, and [`Measured::falling`].
-fn record(run: &Path) -> Result<(f64, f64)> {
-    let path = run.join("metrics.jsonl");
-    let text = std::fs::read_to_string(&path).map_err(crate::error::file(&path))?;
-    let lines: Vec<serde_json::Value> =
-        text.lines().map(serde_json::from_str).collect::<std::result::Result<_, _>>().map_err(crate::error::format(&path))?;
-    let losses = |kind: &str| lines.iter().filter(|l| l["kind"] == kind).filter_map(|l| l["loss"].as_f64()).collect::<Vec<f64>>();
-    let (train, validation) = (losses("train"), losses("validation").pop());
-    let quarter = |k: usize| {
-        let part = &train[k * train.len() / 4..(k + 1) * train.len() / 4];
-        part.iter().sum::<f64>() / part.len() as f64
-    };
-    let Some(validation) = validation else { refuse!("{}: no validation loss; remove the run and train it anew", path.display()) };
-    let falling = quarter(2) / quarter(3);
-    figures(&format!("{}: fall of the training loss", path.display()), &[falling])?;
-    Ok((validation, falling))
-}
-
 impl Experiment for Ablations {
-    type Data = Ablated;
-
     fn name(&self) -> String {
         "ablations".into()
     }
@@ -181,7 +154,7 @@ impl Experiment for Ablations {
     }
 
     fn effort(&self) -> f64 {
-        self.runs().map_or(0, |runs| runs.len()) as f64 * self.updates as f64
+        (self.robot.len() * self.seed.len() * self.bars().count()) as f64 * self.updates as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
@@ -190,34 +163,32 @@ impl Experiment for Ablations {
         for robot in &self.robot {
             let system = System::named(robot)?;
             inputs.add(Input::robot(&system));
-            inputs.add(Input::motion(robot, scene(&system), &system.spec.truth.into())?);
+            inputs.add(Input::motion(robot, system.usual_scenes().first().copied().unwrap_or("free"), &system.spec.truth.into())?);
         }
-        if self.robot.iter().any(|r| r == "ant") {
+        if self.running() {
             runners()?.iter().try_for_each(|path| Input::policy(path).map(|policy| inputs.add(policy)))?;
         }
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<Ablated> {
+    fn measure(&self) -> Result<Measured> {
         self.check()?;
-        let ant = self.robot.iter().any(|r| r == "ant");
-        let paths = if ant { runners()? } else { Vec::new() };
-        let runners = paths.into_iter().map(|path| Runner::new(path, self.games, GAMES)).collect::<Result<Vec<_>>>()?;
-        let runs = self.runs()?;
-        let measured = each(&runs, |_, run, config| Ok((config.clone(), self.measured(run, &runners)?)))?;
-        // Seed after seed of a variant.
-        let n = self.seed.len().max(1);
-        let row = |(runs, all): (&[(&Change, RunConfig)], &[_])| Row::new(&runs[0].1.robot, runs[0].0.name, all);
-        let rows: Vec<Row> = runs.chunks(n).zip(measured.chunks(n)).filter_map(row).collect();
+        let paths = if self.running() { runners()? } else { Vec::new() };
+        let real = |path: PathBuf| self.reward(&path, &Arena::Truth(Truth::Articulated)).map(|reward| (path, reward));
+        let truth = paths.into_iter().map(real).collect::<Result<Vec<_>>>()?;
+        let mut rows = Vec::new();
+        for robot in &self.robot {
+            for bar in self.bars() {
+                let mut trained = Vec::new();
+                for seed in &self.seed {
+                    eprintln!("{robot}, {}, seed {seed}", bar.name);
+                    trained.push(self.measured(&bar.run(&self.nerd(robot, *seed)?), &truth)?);
+                }
+                rows.extend(Row::new(robot, bar, &trained));
+            }
+        }
         rows::check(&rows)?;
-        Ok(Ablated { settings: self.clone(), rows })
-    }
-
-    fn tables(&self, data: &Ablated) -> Result<Vec<Table>> {
-        Ok(tables::all(data))
-    }
-
-    fn pictures(&self, data: &Ablated, stem: &Path) -> Result<()> {
-        figure::draw(&data.rows, stem)
+        let tables = self.robot.iter().map(|robot| rows::table(&rows, robot, self)).collect();
+        Ok(Measured::new(&serde_json::json!({ "settings": self, "rows": &rows }), tables)?.with("figure", rows::figure(&rows, &self.robot)))
     }
 }

@@ -1,28 +1,30 @@
 //! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory ([`nerd_sim::calibrate`]).
 
-mod fit;
-mod floors;
-mod panels;
 mod split;
 mod tables;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use nerd_model::pick;
-use nerd_sim::log::{Published, specified};
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-
-use super::Experiment;
-use crate::error::Result;
-use crate::report::inputs::hex;
-use crate::report::{Input, Inputs, Table};
+use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
+use nerd_sim::log::{Log, Published, specified};
+use nerd_sim::prelude::*;
 use nerd_train::bounds::{FRAMES, SEEDS, STARTS};
+use nerd_train::progress::bar;
 use nerd_train::settings::settings;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-pub use split::{Scored, Split};
+use super::{Experiment, Measured};
+use crate::error::{Result, refuse};
+use crate::report::figure::{Axis, Figure, Panel, Series, Style};
+use crate::report::{Input, Inputs};
+use split::{Parts, Scored, Split};
 
-use split::Parts;
+/// Places of a profile, and rollouts behind each.
+const PLACES: usize = 9;
+const BEHIND: usize = 200;
 
 settings! {
     /// Analytic solvers calibrated to measured trajectories.
@@ -51,10 +53,6 @@ settings! {
         evaluations: usize = 1000, Whole(40..=1_000_000);
         /// Rollouts in an evaluation
         trials: usize = 500, Whole(STARTS);
-        /// Result of a calibration with the same splits (its JSON) whose fits are taken: nothing is fitted anew
-        fits: Option<PathBuf> = None, Text;
-        /// Result of a calibration with the same splits (its JSON) from whose fits the searches go on, for example with more substeps
-        begin: Option<PathBuf> = None, Text;
         /// Seed of splits and search
         seed: u64 = 0, Whole(SEEDS);
     }
@@ -63,11 +61,9 @@ settings! {
 /// One solver, calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibrated {
-    /// Its name in tables.
     pub solver: String,
-    /// Names of its parameters, with bounds, nominal value and unit.
+    /// Names of its parameters, with bounds around the nominal value, and units.
     pub parameters: Vec<(String, [f64; 3], String)>,
-    /// By split.
     pub splits: Vec<Split>,
     /// The objective along each parameter of the first split: values, and the objective there.
     pub profiles: Vec<Vec<[f64; 2]>>,
@@ -79,7 +75,6 @@ pub struct CalibratedAll {
     /// What was asked for.
     #[serde(flatten)]
     pub settings: Calibration,
-    /// Robot of the log.
     pub robot: String,
     /// What reading the log had to say.
     pub notes: Vec<String>,
@@ -87,22 +82,85 @@ pub struct CalibratedAll {
     pub sizes: [usize; 2],
     /// Predicting that nothing moves, on the judged part of every split.
     pub still: Vec<Scored>,
-    /// Falling through the ground.
-    #[serde(default)]
-    pub falling: Vec<Scored>,
-    /// How far the first solver's rollouts are from those that begin a frame later: what the noise of starts alone makes.
-    #[serde(default)]
-    pub noise: Vec<Scored>,
     /// What others published.
     #[serde(default)]
     pub published: Vec<Published>,
-    /// By solver.
     pub fitted: Vec<Calibrated>,
 }
 
-impl Experiment for Calibration {
-    type Data = CalibratedAll;
+impl Calibration {
+    fn engine(&self, solver: &str) -> Result<Engine> {
+        match solver {
+            "articulated" => Ok(Engine::Articulated(ArticulatedConfig::implicit(self.substeps, Friction::Coulomb))),
+            "rapier" => Ok(Engine::Rapier(RapierConfig { steps: 1, ..Default::default() })),
+            other => refuse!("--solvers {other}: known are articulated, rapier"),
+        }
+    }
 
+    /// A solver's parameters, and what they are of.
+    fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
+        let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
+        let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
+        if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
+            refuse!("`{name}` is named twice");
+        }
+        let parameters: Vec<Parameter> = match &self.parameters[..] {
+            [] => Parameter::usual(&log.system, &log.scene, solver == "rapier")?,
+            names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
+        };
+        // What a solver does not have is said before anything is searched.
+        subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect::<Vec<_>>())?;
+        Ok((subject, parameters))
+    }
+
+    fn calibrated(&self, log: &Log, solver: &str, parts: &[Parts]) -> Result<Calibrated> {
+        let (subject, parameters) = self.subject(log, solver)?;
+        let (bar, done) = (bar(solver, (parts.len() * self.evaluations) as u64), AtomicU64::new(0));
+        let one = |(k, part): (u64, &Parts)| -> Result<(Split, Vec<Vec<[f64; 2]>>)> {
+            let mut before = 0;
+            let progress = &mut |own: usize, _| {
+                let more = own.saturating_sub(before) as u64;
+                bar.set(done.fetch_add(more, Ordering::Relaxed) + more);
+                before = own;
+            };
+            let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed + k };
+            let fit = subject.fit(&parameters, &part.train, config, progress)?;
+            let (fitted, mut profiles) = (subject.with(&parameters, &fit.values)?, Vec::new());
+            if k == 0 {
+                let some: Vec<Trial> = thinned(&part.train, BEHIND);
+                let own = Fit { before: mean(&subject.distances(&some)?), ..fit.clone() };
+                profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
+            }
+            Ok((part.split(&subject, &fitted, fit, self.seed + k)?, profiles))
+        };
+        let found = parts.par_iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
+        let (splits, profiles): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        let profiles = profiles.into_iter().next().unwrap_or_default();
+        bar.finish();
+        if !splits.iter().all(|s: &Split| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
+            refuse!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
+        }
+        let solver = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
+        let parameters = parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();
+        Ok(Calibrated { solver, parameters, splits, profiles })
+    }
+
+    /// Calibrates all solvers.
+    pub fn all(&self) -> Result<CalibratedAll> {
+        let log = Log::read(&self.log, self.data.as_deref())?;
+        log.notes.iter().for_each(|note| eprintln!("{note}"));
+        self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
+        let trials = log.trials(self.frames, self.every);
+        let seeds = self.seed..self.seed + self.splits as u64;
+        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
+        let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
+        let fitted = self.solvers.iter().map(|solver| self.calibrated(&log, solver, &parts)).collect::<Result<_>>()?;
+        let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
+        Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted })
+    }
+}
+
+impl Experiment for Calibration {
     fn name(&self) -> String {
         let stem = self.log.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string());
         if self.name.is_empty() { format!("calibrate-{}", stem.unwrap_or_default()) } else { self.name.clone() }
@@ -119,15 +177,8 @@ impl Experiment for Calibration {
     fn inputs(&self) -> Result<Inputs> {
         let (spec, system) = specified(&self.log)?;
         let table = self.data.clone().unwrap_or_else(|| self.log.with_file_name(spec.file));
-        let mut all = Sha256::new();
-        for path in [&self.log, &table] {
-            all.update(std::fs::read(path).map_err(crate::error::file(path))?);
-        }
-        all.update(system.sha256());
-        let mut inputs = Inputs(vec![Input::Data { name: self.name(), sha256: hex(&all.finalize()) }]);
-        for fits in self.fits.iter().chain(&self.begin) {
-            inputs.add(Input::files("fits", std::slice::from_ref(fits))?);
-        }
+        let mut inputs = Inputs(vec![Input::files(&self.name(), &[self.log.clone(), table])?]);
+        inputs.add(Input::Data { name: system.name.clone(), sha256: system.sha256() });
         // Of every robot: what is hashed is how the solver steps.
         for solver in &self.solvers {
             let setting = if solver == "rapier" { pick::Setting::RapierSteps(1) } else { pick::Setting::Implicit(self.substeps) };
@@ -136,31 +187,30 @@ impl Experiment for Calibration {
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<CalibratedAll> {
-        let log = self.log()?;
-        log.notes.iter().for_each(|note| eprintln!("{note}"));
-        self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
-        let trials = log.trials(self.frames, self.every);
-        let seeds = self.seed..self.seed + self.splits as u64;
-        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
-        let sizes = [log.trajectories.len(), trials.len()];
-        let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
-        let falling = self.falling(&log, &parts)?;
-        let fitted = self.fitted(&log, sizes, &parts)?;
-        let noise = self.noise(&log, &fitted, &parts)?;
-        let (settings, robot) = (self.clone(), log.system.name.clone());
-        let (notes, published) = (log.notes, log.published);
-        Ok(CalibratedAll { settings, robot, notes, sizes, still, falling, noise, published, fitted })
+    fn measure(&self) -> Result<Measured> {
+        let found = self.all()?;
+        let measured = Measured::new(&found, vec![found.errors(), found.parameters()])?;
+        Ok(found
+            .fitted
+            .first()
+            .filter(|solver| !solver.profiles.is_empty())
+            .map_or(measured.clone(), |s| measured.with("figure", s.figure())))
     }
+}
 
-    fn tables(&self, data: &CalibratedAll) -> Result<Vec<Table>> {
-        Ok(vec![data.errors(), data.parameters()])
-    }
-
-    fn pictures(&self, data: &CalibratedAll, stem: &Path) -> Result<()> {
-        match data.fitted.first() {
-            Some(solver) if !solver.profiles.is_empty() => panels::draw(solver, stem),
-            _ => Ok(()),
-        }
+impl Calibrated {
+    /// The objective along each parameter, and where the fit is.
+    fn figure(&self) -> Figure {
+        let panel = |((k, profile), (name, _, unit)): ((usize, &Vec<[f64; 2]>), &(String, [f64; 3], String))| {
+            let at = self.splits[0].fit.values[k];
+            let points: Vec<(f64, f64)> = profile.iter().map(|p| (p[0], p[1].min(1.5))).collect();
+            let ends = points.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.1), b.max(p.1)));
+            let series =
+                vec![Series::new("objective", Style::Line, points), Series::new("fit", Style::Dashed, [(at, ends.0), (at, ends.1)])];
+            let label = if unit == "1" { name.clone() } else { format!("{name} ({unit})") };
+            Panel { x: Axis::linear(label), y: Axis::linear(""), series, ..Panel::default() }
+        };
+        let title = format!("{}: objective along each parameter, all others as fitted", self.solver);
+        Figure { title, columns: 4, panels: self.profiles.iter().enumerate().zip(&self.parameters).map(panel).collect() }
     }
 }

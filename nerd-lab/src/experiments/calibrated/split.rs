@@ -11,24 +11,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};
 
-/// Trials that are fitted to and those that are judged on; no trajectory is in both.
-#[derive(Clone)]
-pub struct Parts {
+/// Trials that are fitted to, and those that are judged on; no trajectory is in both.
+pub(super) struct Parts {
     pub train: Vec<Trial>,
-    pub judged: Vec<Trial>,
+    judged: Vec<Trial>,
     /// Whole trajectories of the judged part.
-    pub whole: Vec<Trial>,
+    whole: Vec<Trial>,
+    /// Trajectories that are judged on.
     ids: Vec<u64>,
 }
 
 /// Mean distances, and the ends of their 95 % intervals from resampling trajectories.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scored {
-    /// Mean over trials.
     pub mean: Distance,
-    /// Lower end.
     pub low: Distance,
-    /// Upper end.
     pub high: Distance,
 }
 
@@ -41,20 +38,16 @@ pub struct Split {
     pub fit: FitOf,
     /// Without the fit, on the judged part.
     pub before: Scored,
-    /// With it.
     pub after: Scored,
     /// Whole trajectories without the fit.
     pub whole_before: Scored,
-    /// And with it.
     pub whole_after: Scored,
 }
 
 /// Values of the parameters, and the objective on what they were fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitOf {
-    /// In their order.
     pub values: Vec<f64>,
-    /// Where 1 is no fit.
     pub objective: f64,
 }
 
@@ -64,10 +57,7 @@ const JUDGED: f64 = 0.5;
 const SETS: usize = 1000;
 
 impl Parts {
-    /// A random split: `train` % of the trajectories, and half of the rest.
-    ///
-    /// # Errors
-    /// If one part would be empty.
+    /// A random split: `train` % of the trajectories, and half of the rest. Neither part may be empty.
     pub fn new(log: &Log, trials: &[Trial], train: usize, seed: u64) -> Result<Self> {
         let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
         ids.dedup();
@@ -91,15 +81,7 @@ impl Parts {
         Ok(parts)
     }
 
-    /// Trajectories that are judged on.
-    pub fn ids(&self) -> &[u64] {
-        &self.ids
-    }
-
     /// A subject before and after its fit.
-    ///
-    /// # Errors
-    /// If neither can step.
     pub fn split(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
         let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
         Ok(Split {
@@ -121,7 +103,7 @@ impl Parts {
 
 impl Scored {
     /// Of trials' distances; whole trajectories are drawn with replacement.
-    pub fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
+    fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
         let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
         let groups: Vec<Vec<Distance>> = by_id.into_values().collect();
@@ -134,12 +116,8 @@ impl Scored {
                 x.sort_by(f64::total_cmp);
                 x[((x.len() - 1) as f64 * share).round() as usize]
             };
-            Distance {
-                position: of(|g| g.position),
-                rotation: of(|g| g.rotation),
-                joints: of(|g| g.joints),
-                other_side: of(|g| g.other_side),
-            }
+            let (position, rotation) = (of(|g| g.position), of(|g| g.rotation));
+            Distance { position, rotation, joints: of(|g| g.joints), other_side: of(|g| g.other_side) }
         };
         Self { mean: mean(distances), low: end(0.025), high: end(0.975) }
     }

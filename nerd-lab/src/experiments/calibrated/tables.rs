@@ -13,9 +13,7 @@ impl CalibratedAll {
     /// Errors on what nothing was fitted to.
     pub(super) fn errors(&self) -> Table {
         let joints = self.still.iter().any(|s| s.mean.joints > 0.0);
-        let plain = |name: &str, of: &[Scored]| line(name, joints, &of.iter().collect::<Vec<_>>(), None);
-        let mut rows = vec![plain("no motion", &self.still)];
-        rows.extend((!self.falling.is_empty()).then(|| plain("falling through the ground", &self.falling)));
+        let mut rows = vec![line("no motion", joints, &self.still.iter().collect::<Vec<_>>(), None)];
         let none = usize::from(joints) + 2;
         rows.extend(self.published.iter().map(|p| {
             let figures = [format!("{}, as published", p.method), digits(p.position), digits(p.rotation)];
@@ -26,7 +24,6 @@ impl CalibratedAll {
             rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
             rows.push(line(&format!("{}, calibrated", solver.solver), joints, &of(|s| &s.after), Some(&of(|s| &s.whole_after))));
         }
-        rows.extend((!self.noise.is_empty()).then(|| plain("the same rollout begun a frame later", &self.noise)));
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));
         header.extend(["other side up (%)", "whole trajectories"]);

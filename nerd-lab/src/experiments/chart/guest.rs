@@ -1,28 +1,24 @@
 //! MuJoCo's marks on a chart. Without contact its errors are measured against our converged reference, as all others.
-//! With contact it solves another problem (its contacts are soft constraints of its own), so there it is held against a
+//! With contact it solves another problem (its contacts are soft constraints of its own), so there it is compared with a
 //! run of its own at four times the most substeps: how fast it comes to its own answer, not how near that is to ours.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use nerd_sim::instruments::Replay;
 use nerd_sim::mjcf::{Referee, Scheme};
-use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use serde::{Deserialize, Serialize};
 
-use super::{Chart, Point};
+use super::{Plan, Point, powers};
 use crate::error::Result;
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
+use nerd_train::evaluate::{PassiveReport, passive};
 use nerd_train::progress;
 use nerd_train::stats::mean;
 
-/// What MuJoCo was held against.
+/// What MuJoCo was compared with.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Against {
-    /// MuJoCo's version.
+pub(super) struct Against {
     pub version: String,
-    /// In words.
     pub reference: String,
     /// That reference's distance from half its substeps, where it is MuJoCo's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,33 +26,27 @@ pub struct Against {
 }
 
 /// MuJoCo at the starts of an evaluation.
-pub(super) fn referee(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, config: PassiveConfig) -> Result<Referee> {
+pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
     let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
     Ok(Referee::new(python, system, scene, &starts, config.steps)?)
 }
 
 /// Its settings: integrator, name, substeps.
-fn settings(contact: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
+pub(super) fn settings(contact: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
     let schemes: &[(Scheme, &str, usize)] = if contact {
         &[(Scheme::Euler, "MuJoCo Euler (against itself)", most), (Scheme::ImplicitFast, "MuJoCo implicitfast (against itself)", most)]
     } else {
         &[(Scheme::Euler, "MuJoCo Euler", most), (Scheme::ImplicitFast, "MuJoCo implicitfast", most), (Scheme::Rk4, "MuJoCo RK4", 32)]
     };
-    let powers = |last: usize| std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last.min(most));
-    schemes.iter().flat_map(|(scheme, name, last)| powers(*last).map(move |n| (*scheme, *name, n))).collect()
-}
-
-/// How many marks it makes.
-pub(super) fn marks(contact: bool, most: usize) -> usize {
-    settings(contact, most).len()
+    schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
 /// Its points at powers of two of substeps; `truth` are the frames of our reference, named `reference`.
-pub(super) fn points(mujoco: &mut Referee, chart: &Chart, truth: &[Vec<f64>], reference: &str) -> Result<(Vec<Point>, Against)> {
-    let (contact, most, config) = (chart.contact(), chart.settings.substeps, chart.protocol);
+pub(super) fn points(mujoco: &mut Referee, plan: &Plan, most: usize, truth: &[Vec<f64>], reference: &str) -> Result<(Vec<Point>, Against)> {
+    let (contact, config) = (plan.contact(), plan.protocol);
     let errors = |truth: &[Vec<f64>], frames: &[Vec<f64>]| -> Result<PassiveReport> {
         let (mut truth, mut replay) = (Replay::new(truth), Replay::new(frames));
-        Ok(passive(&chart.system, &chart.scene, &mut truth, &mut replay, config, &mut |_| ())?)
+        Ok(passive(&plan.system, &plan.scene, &mut truth, &mut replay, config, &mut |_| ())?)
     };
     let mut against = Against { version: mujoco.version.clone(), reference: reference.into(), reference_error: None };
     let mut own = Vec::new();

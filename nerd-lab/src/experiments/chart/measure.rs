@@ -1,10 +1,11 @@
-//! Our own solvers, timed and held against the reference.
+//! Our own solvers, timed and compared with the reference.
 
 use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Recorder, Replay};
 use nerd_sim::prelude::*;
 
-use super::{Chart, ChartData, Method, Point, only_implicit};
+use super::shown::ChartData;
+use super::{Method, Plan, Point, only_implicit};
 use crate::error::Result;
 use crate::experiments::cost::timed;
 use nerd_train::evaluate::{PassiveReport, passive};
@@ -15,10 +16,10 @@ use nerd_train::{bounds, progress};
 type Frames = Vec<Vec<f64>>;
 
 /// Every method's point, and the frames of the reference.
-pub(super) fn all(chart: &Chart) -> Result<(ChartData, Frames)> {
-    let Chart { system, scene, methods, protocol, settings, .. } = chart;
-    let implicit = chart.contact() || only_implicit(system);
-    let (finest, reference) = if implicit { (4 * settings.substeps, "articulated, implicit") } else { (128, "articulated, RK4") };
+pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
+    let Plan { system, scene, methods, protocol } = plan;
+    let implicit = plan.contact() || only_implicit(system);
+    let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
     let solvers = methods.iter().map(|m| Ok(m.setting.solver(system)?)).collect::<Result<Vec<_>>>()?;
     let bar = progress::bar("solvers", solvers.len() as u64 + 1);
@@ -31,7 +32,7 @@ pub(super) fn all(chart: &Chart) -> Result<(ChartData, Frames)> {
     for (k, (method, solver)) in methods.iter().zip(solvers).enumerate() {
         bar.set(k as u64 + 1);
         bar.say(&method.setting.to_string());
-        let theirs = method.own.map(|own| recorded(chart, own.solver(system), &truth)).transpose()?;
+        let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
         match timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol) {
             Ok((report, microseconds)) => points.push(point(method, report, microseconds)?),
             Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
@@ -53,9 +54,9 @@ pub(super) fn all(chart: &Chart) -> Result<(ChartData, Frames)> {
 }
 
 /// The frames of a truth of another engine.
-fn recorded(chart: &Chart, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {
+fn recorded(plan: &Plan, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {
     let mut truth = Recorder::new(truth);
-    passive(&chart.system, &chart.scene, &mut truth, &mut Replay::new(idle), chart.protocol, &mut |_| ())?;
+    passive(&plan.system, &plan.scene, &mut truth, &mut Replay::new(idle), plan.protocol, &mut |_| ())?;
     Ok(truth.frames)
 }
 

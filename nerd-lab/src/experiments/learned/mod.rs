@@ -17,10 +17,10 @@ mod asks;
 
 use asks::{ASKS, Ask, Case, Maker};
 
-use super::Experiment;
 use super::stability::StabilityMap;
+use super::{Experiment, Measured};
 use crate::error::Result;
-use crate::report::{Input, Inputs, Table, heat};
+use crate::report::{Input, Inputs};
 use nerd_train::progress::bar;
 
 /// A model asked where it holds.
@@ -31,9 +31,6 @@ pub struct Learned {
 
 impl Learned {
     /// The model of a folder, asked the questions with one of `words` in their names, or all.
-    ///
-    /// # Errors
-    /// If the folder holds no model, or a word is in no name.
     pub fn new(folder: &Path, words: &[String]) -> Result<Self> {
         known(words, &ASKS.each_ref().map(|a| a.name))?;
         let config = ModelConfig::read(folder)?;
@@ -51,8 +48,6 @@ impl Learned {
 }
 
 impl Experiment for Learned {
-    type Data = StabilityMap;
-
     fn name(&self) -> String {
         let folder = self.case.model.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
         format!("stability-{folder}")
@@ -73,7 +68,7 @@ impl Experiment for Learned {
         Ok(Inputs(vec![Input::robot(system), Input::model(model)?, motion(&truth)?, motion(&Setting::RapierSteps(4))?]))
     }
 
-    fn measure(&self) -> Result<StabilityMap> {
+    fn measure(&self) -> Result<Measured> {
         let case = &self.case;
         let makers: [(&str, &Maker); 4] = [
             ("learned", &|system| Ok(Box::new(Neural::on_cpu(Model::load(&case.model, system, None)?, system)))),
@@ -93,14 +88,6 @@ impl Experiment for Learned {
             rows.push(Line { row, figure, unit, source, why, limit: ask.limit, cells });
         }
         bar.finish();
-        Ok(StabilityMap { methods: makers.map(|m| m.0.to_string()).into(), rows })
-    }
-
-    fn tables(&self, data: &StabilityMap) -> Result<Vec<Table>> {
-        Ok(vec![data.table()])
-    }
-
-    fn pictures(&self, data: &StabilityMap, stem: &Path) -> Result<()> {
-        heat::draw(&format!("Where it holds: {}", self.title()), &data.methods, &data.rows, stem)
+        StabilityMap { methods: makers.map(|m| m.0.to_string()).into(), rows }.measured()
     }
 }

@@ -23,11 +23,11 @@ use nerd_sim::prelude::*;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Experiment;
 use super::cost::{each, on_one_core};
+use super::{Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::report::replay::Replay;
-use crate::report::{Input, Inputs, Table, motions};
+use crate::report::{Input, Inputs, motions};
 use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS};
 use nerd_train::choice::{Choice, describe};
 use nerd_train::device::Device;
@@ -62,18 +62,14 @@ settings! {
 /// What was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Moved {
-    /// Robot.
     pub robot: String,
-    /// The reference, in words.
     pub reference: String,
-    /// A solver each.
     pub rows: Vec<Row>,
 }
 
 /// One solver.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Name in the legend.
     pub series: String,
     /// Substeps a frame, of an analytic one.
     pub substeps: Option<usize>,
@@ -110,9 +106,6 @@ impl Motions {
     }
 
     /// The first motion in the first model, and in the truth that this learned.
-    ///
-    /// # Errors
-    /// If there is no model, it cannot be loaded, or a solver cannot step.
     pub fn replay(&self) -> Result<Replay> {
         let Some(model) = self.model.first() else { refuse!("--replay shows a model beside its truth: name one with --model") };
         bounds::memory(&[("--frames", self.frames)], 256 * System::named(&self.robot)?.robot.links.len())?;
@@ -203,6 +196,40 @@ impl Motions {
         Ok(vec![self.row(&series, Some(setting), rolled, truth)?])
     }
 
+    /// Rolls all out.
+    pub fn moved(&self) -> Result<Moved> {
+        self.fits()?;
+        let system = System::named(&self.robot)?;
+        if system.robot.contact_points.is_empty() {
+            refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
+        }
+        let (config, entries) = (self.config(), self.entries());
+        bounds::memory(&[("--starts", self.starts), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
+        bounds::time(&[("--starts", self.starts), ("--frames", self.frames), ("4 x --substeps", 4 * self.substeps)])?;
+        let finest = 4 * self.substeps;
+        let bar = progress::bar("solvers", entries.len() as u64 + 1);
+        bar.say(&format!("reference, x{finest}"));
+        // One by one: a batch of a few motions would keep a core or two busy.
+        let one = |env: usize| Ok(record(&system, &mut *Setting::Implicit(finest).solver(&system)?, &config, env as u64, 1)?);
+        let recordings: Vec<Recording> = (0..self.starts).into_par_iter().map(one).collect::<Result<_>>()?;
+        let torques: Vec<f64> = recordings.iter().flat_map(|own| own.torques.iter().copied()).collect();
+        let start = begin(&system, &config, 0, self.starts)?;
+        let d = system.robot.state_dim();
+        let at = |frame: usize, env: usize| points(&system, &recordings[env].states[(frame + 1) * d..][..d]);
+        let looked = (1..=self.frames / self.look()).map(|k| k * self.look() - 1);
+        let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
+        let rows = on_one_core(|| {
+            let mut rows = Vec::new();
+            for (k, entry) in entries.iter().enumerate() {
+                bar.set(k as u64 + 1);
+                rows.extend(self.rows(entry, &start, &torques, &truth)?);
+            }
+            Ok(rows)
+        })?;
+        bar.finish();
+        Ok(Moved { robot: system.name.clone(), reference: format!("articulated, implicit, {finest} substeps"), rows })
+    }
+
     fn row(
         &self,
         series: &str,
@@ -240,8 +267,6 @@ fn points(system: &System, state: &[f64]) -> Vec<Vector3<f64>> {
 }
 
 impl Experiment for Motions {
-    type Data = Moved;
-
     fn name(&self) -> String {
         let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
         format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
@@ -265,45 +290,9 @@ impl Experiment for Motions {
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<Moved> {
-        self.fits()?;
-        let system = System::named(&self.robot)?;
-        if system.robot.contact_points.is_empty() {
-            refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
-        }
-        let (config, entries) = (self.config(), self.entries());
-        bounds::memory(&[("--starts", self.starts), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
-        bounds::time(&[("--starts", self.starts), ("--frames", self.frames), ("4 x --substeps", 4 * self.substeps)])?;
-        let finest = 4 * self.substeps;
-        let bar = progress::bar("solvers", entries.len() as u64 + 1);
-        bar.say(&format!("reference, x{finest}"));
-        // One by one: a batch of a few motions would keep a core or two busy.
-        let one = |env: usize| Ok(record(&system, &mut *Setting::Implicit(finest).solver(&system)?, &config, env as u64, 1)?);
-        let recordings: Vec<Recording> = (0..self.starts).into_par_iter().map(one).collect::<Result<_>>()?;
-        let torques: Vec<f64> = recordings.iter().flat_map(|own| own.torques.iter().copied()).collect();
-        let start = begin(&system, &config, 0, self.starts)?;
-        let d = system.robot.state_dim();
-        let at = |frame: usize, env: usize| points(&system, &recordings[env].states[(frame + 1) * d..][..d]);
-        let looked = (1..=self.frames / self.look()).map(|k| k * self.look() - 1);
-        let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
-        let rows = on_one_core(|| {
-            let mut rows = Vec::new();
-            for (k, entry) in entries.iter().enumerate() {
-                bar.set(k as u64 + 1);
-                rows.extend(self.rows(entry, &start, &torques, &truth)?);
-            }
-            Ok(rows)
-        })?;
-        bar.finish();
-        Ok(Moved { robot: system.name.clone(), reference: format!("articulated, implicit, {finest} substeps"), rows })
-    }
-
-    fn tables(&self, data: &Moved) -> Result<Vec<Table>> {
-        Ok(vec![self.table(data)])
-    }
-
-    fn pictures(&self, data: &Moved, stem: &Path) -> Result<()> {
-        self.figure(data).save(stem)
+    fn measure(&self) -> Result<Measured> {
+        let data = self.moved()?;
+        Ok(Measured::new(&data, vec![self.table(&data)])?.with("figure", self.figure(&data)))
     }
 }
 

@@ -3,14 +3,14 @@
 use super::{LOOK, Motions, Moved};
 use crate::experiments::Experiment;
 use crate::report::Table;
-use crate::report::plot::{Figure, Series};
+use crate::report::figure::{Axis, Figure, Panel, Series, push};
 use crate::report::table::digits;
 use nerd_train::device::Device;
 use nerd_train::stats::{mean, percentile};
 
 impl Motions {
     /// The table.
-    pub(super) fn table(&self, data: &Moved) -> Table {
+    pub fn table(&self, data: &Moved) -> Table {
         let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
         let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
         let rows = data.rows.iter().map(|row| {
@@ -48,11 +48,8 @@ impl Motions {
         let mut series: Vec<Series> = Vec::new();
         for row in &data.rows {
             let Some(microseconds) = row.microseconds.filter(|_| !row.motions.is_empty()) else { continue };
-            let mark = (microseconds, mean(&row.motions), row.substeps.map_or_else(String::new, |n| format!("x{n}")));
-            match series.iter_mut().find(|s| s.name == row.series) {
-                Some(s) => s.points.push(mark),
-                None => series.push(Series { name: row.series.clone(), points: vec![mark] }),
-            }
+            let word = row.substeps.map_or_else(String::new, |n| format!("x{n}"));
+            push(&mut series, &row.series, (microseconds, mean(&row.motions), word));
         }
         let mut levels: Vec<(f64, String)> = Vec::new();
         for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {
@@ -63,17 +60,13 @@ impl Motions {
                 None => levels.push((error, row.series.clone())),
             }
         }
-        Figure {
-            title: format!("{}: motions that no solver has seen", data.robot),
-            x: match self.device {
-                Device::Cpu => "microseconds a frame, one environment, one core".into(),
-                Device::Cuda => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
-            },
-            y: format!("mean distance of contact points over {} frames (m)", self.frames),
-            series,
-            front: Vec::new(),
-            levels,
-        }
+        let x = Axis::log(match self.device {
+            Device::Cpu => "microseconds a frame, one environment, one core".into(),
+            Device::Cuda => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
+        });
+        let y = Axis::log(format!("mean distance of contact points over {} frames (m)", self.frames));
+        let title = format!("{}: motions that no solver has seen", data.robot);
+        Figure::single(title, Panel { x, y, series, levels, ..Panel::default() })
     }
 
     /// What a table says of a card.

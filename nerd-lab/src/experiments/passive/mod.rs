@@ -15,10 +15,10 @@ use nerd_sim::instruments::Shaken;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 
-use super::Experiment;
+use super::{Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::paper;
-use crate::report::{Input, Inputs, Table};
+use crate::report::{Input, Inputs};
 use nerd_train::choice::Choice;
 use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
@@ -33,7 +33,6 @@ pub struct Case {
     pub robot: String,
     /// Scenes; none stands for all of the robot's.
     pub scenes: Vec<String>,
-    /// What is measured.
     pub solver: Choice,
     /// What it is held against; none stands for what a model learned, else `articulated`.
     pub truth: Option<Truth>,
@@ -41,7 +40,6 @@ pub struct Case {
     pub starts: usize,
     /// Frames; none stands for the paper's, 1000 for Cartpole, 100 for the pendulum.
     pub steps: Option<usize>,
-    /// What drives the joints.
     pub action: Action,
     /// Noise (rad/s or m/s) on all velocities after every frame of the solver.
     pub shake: f64,
@@ -67,9 +65,6 @@ impl Default for Case {
 
 impl Case {
     /// The models that come with the project, by robot, over so many starts.
-    ///
-    /// # Errors
-    /// If there is none, or one of them cannot be read.
     pub fn shipped(starts: usize, device: Device) -> Result<Vec<Self>> {
         let mut models = Vec::new();
         for folder in shipped::folders(&shipped::models(), "")? {
@@ -111,9 +106,6 @@ struct Asked {
 
 impl Passive {
     /// Finds all that the cases name; a result called `name`, of starts with this seed.
-    ///
-    /// # Errors
-    /// If a robot, scene, model or chart is not there, a case says nothing, or asks for more than can be borne.
     pub fn new(name: &str, seed: u64, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
@@ -138,6 +130,19 @@ impl Passive {
         }
         Ok(Self { name: name.into(), seed, asked })
     }
+
+    /// Rolls all out.
+    pub fn rows(&self) -> Result<Rows> {
+        let bar = progress::bar("rollout frames", self.asked.iter().map(|a| a.work() as u64).sum());
+        let (mut done, mut rows) = (0, Vec::new());
+        for asked in &self.asked {
+            bar.say(&format!("{} in {}", asked.system.name, asked.scene.name));
+            rows.push(asked.measure(&mut |step| bar.set((done + step * asked.protocol.starts) as u64))?);
+            done += asked.work();
+        }
+        bar.finish();
+        Ok(Rows { rows })
+    }
 }
 
 /// Refuses what says nothing, and what is more than can be borne.
@@ -156,7 +161,8 @@ fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize
     // Two batches with what their solvers keep, sums over steps, working memory of the truth.
     let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());
     bounds::memory(&[("--starts", case.starts)], bytes)?;
-    Ok(bounds::time(&[("--starts", case.starts), ("--frames", steps), ("substeps", case.solver.substeps().max(system.spec.substeps))])?)
+    let substeps = case.solver.substeps().max(system.spec.substeps);
+    Ok(bounds::time(&[("--starts", case.starts), ("--frames", steps), ("substeps", substeps)])?)
 }
 
 impl Asked {
@@ -194,8 +200,6 @@ impl Asked {
 }
 
 impl Experiment for Passive {
-    type Data = Rows;
-
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -218,19 +222,8 @@ impl Experiment for Passive {
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<Rows> {
-        let bar = progress::bar("rollout frames", self.asked.iter().map(|a| a.work() as u64).sum());
-        let (mut done, mut rows) = (0, Vec::new());
-        for asked in &self.asked {
-            bar.say(&format!("{} in {}", asked.system.name, asked.scene.name));
-            rows.push(asked.measure(&mut |step| bar.set((done + step * asked.protocol.starts) as u64))?);
-            done += asked.work();
-        }
-        bar.finish();
-        Ok(Rows { rows })
-    }
-
-    fn tables(&self, data: &Rows) -> Result<Vec<Table>> {
-        Ok(vec![data.table(), data.summary()])
+    fn measure(&self) -> Result<Measured> {
+        let rows = self.rows()?;
+        Measured::new(&rows, vec![rows.table(), rows.summary()])
     }
 }

@@ -5,6 +5,7 @@ use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use crate::report::Table;
+use crate::report::figure::{Axis, Figure, Panel, Series, Style};
 use crate::report::table::{digits, pair};
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
 use nerd_train::shipped;
@@ -13,27 +14,21 @@ use nerd_train::stats::mean;
 /// What was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rows {
-    /// A scene each.
     pub rows: Vec<Row>,
 }
 
 /// One scene's errors.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Robot.
     pub robot: String,
     /// Solver, of a learned one form and size.
     pub method: String,
     /// Folder of a learned one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// Scene.
     pub scene: String,
-    /// What it is held against.
     pub truth: String,
-    /// Trajectories and frames.
     pub protocol: PassiveConfig,
-    /// Errors and floors.
     pub report: PassiveReport,
     /// What the paper says, whose truth is `articulated`.
     pub paper: Option<Vec<f64>>,
@@ -42,18 +37,8 @@ pub struct Row {
 impl Rows {
     /// All of it.
     pub fn table(&self) -> Table {
-        let header = [
-            "robot",
-            "method",
-            "scene",
-            "starts x steps",
-            "error (rad or m)",
-            "standard error",
-            "paper",
-            "hold last",
-            "constant velocity",
-            "diverged",
-        ];
+        let errors = ["error (rad or m)", "standard error", "paper", "hold last", "constant velocity"];
+        let header = [&["robot", "method", "scene", "starts x steps"], &errors[..], &["diverged"]].concat();
         let cells = self.rows.iter().map(|r| {
             let p = &r.report;
             vec![
@@ -103,9 +88,19 @@ impl Rows {
         let lines: Vec<_> = lines.collect();
         Table::new("summary", &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last"]).with(lines)
     }
-}
 
-impl Rows {
+    /// How the error of a robot's models grows, a line for each scene; none of a robot that is not there.
+    pub fn growth(&self, robot: &str) -> Option<Figure> {
+        let rows = self.rows.iter().filter(|row| row.robot == robot);
+        let line = |row: &Row| {
+            let points = row.report.curve.iter().enumerate().map(|(frame, error)| (frame as f64 + 1.0, *error));
+            Series::new(format!("{}, {}", row.scene, row.method), Style::Line, points)
+        };
+        let series: Vec<Series> = rows.map(line).collect();
+        let panel = Panel { x: Axis::log("frame"), y: Axis::log("mean error (rad or m)"), ..Panel::default() };
+        (!series.is_empty()).then(|| Figure::single(format!("{robot}: passive motion"), Panel { series, ..panel }))
+    }
+
     /// How far these errors are from another measurement of the same, in words; none if nothing is the same.
     pub fn agreement(&self, other: &Self) -> Option<String> {
         let pairs = self.rows.iter().filter_map(|a| Some((a, other.rows.iter().find(|b| a.measures(b))?)));

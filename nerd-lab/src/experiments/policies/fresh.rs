@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use nerd_sim::prelude::*;
 
-use super::{Policies, Row, of, percent};
+use super::{Policies, Row, percent};
 use crate::error::{Result, refuse};
 use crate::experiments::games::truth_of;
 use crate::paper::policy_reward;
@@ -29,7 +29,7 @@ impl Policies {
                 for seed in seeds {
                     let out = self.runs.join(format!("{task}-{word}-{seed}"));
                     let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
-                    runs.push(PolicyRun { task, arena, config, seed: *seed, fast: false, until: None, minutes: None, out });
+                    runs.push(PolicyRun { task, arena, config, seed: *seed, fast: false, until: None, minutes: self.minutes, out });
                 }
             }
         }
@@ -74,7 +74,7 @@ fn done(run: &PolicyRun) -> Result<bool> {
     if found.provenance.get("learned in") != Some(&identity) || found.ppo != run.config {
         refuse!("{} holds a policy of another arena or other settings: take another --runs", path.display());
     }
-    Ok(found.iterations >= run.config.iterations)
+    Ok(run.minutes.is_some() || found.iterations >= run.config.iterations)
 }
 
 /// The same without seeds.
@@ -85,6 +85,11 @@ pub(super) fn summary(rows: &[Row]) -> Table {
         *row = [0, 1, 2, 6].map(|column| row[column].clone()).into();
     }
     table
+}
+
+/// The policies of a task that were trained in a learned simulator, or those of the truth.
+fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
+    rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural") == learned).collect()
 }
 
 /// Gaps by task and seed, and what policies earn in the truth by where they were trained.

@@ -10,8 +10,8 @@ use nerd_sim::truth::Truth;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Experiment;
 use super::games::{Reward, games, gap, gap_error, truth_of};
+use super::{Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::paper::policy_reward;
 use crate::report::{Input, Inputs, Table};
@@ -22,7 +22,6 @@ use nerd_train::progress::bar;
 use nerd_train::settings::settings;
 use nerd_train::shipped::{self, from_root};
 
-mod curves;
 mod fresh;
 
 settings! {
@@ -43,6 +42,8 @@ settings! {
         recipe: String = "small".into(), Words(&["small", "paper"]);
         /// With --fresh: folder of the policies' runs; the same command goes on with those that are not done
         runs: PathBuf = "out/fresh".into(), Text;
+        /// With --fresh: minutes after which each training stops [default: none]
+        minutes: Option<f64> = None, Positive;
         /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it learned
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
@@ -59,21 +60,13 @@ settings! {
 /// One policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Task.
     pub task: String,
-    /// Folder of the policy.
     pub policy: String,
-    /// What it was trained in.
     pub trained_in: String,
-    /// Truth it was played in.
     pub truth: String,
-    /// Model it was played in.
     pub model: Option<String>,
-    /// Games in each.
     pub games: usize,
-    /// In the truth.
     pub real: Reward,
-    /// In the learned simulator.
     pub learned: Option<Reward>,
     /// `(learned - real) / |real|` in percent.
     pub gap: Option<f64>,
@@ -82,18 +75,8 @@ pub struct Row {
     pub gap_error: Option<f64>,
 }
 
-/// All of them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Played {
-    /// By policy.
-    pub rows: Vec<Row>,
-}
-
 impl Policies {
     /// Folders of the policies.
-    ///
-    /// # Errors
-    /// If there is none, or they cannot be listed.
     pub fn folders(&self) -> Result<Vec<PathBuf>> {
         if !self.policy.is_empty() {
             return Ok(self.policy.clone());
@@ -140,8 +123,6 @@ impl Policies {
 }
 
 impl Experiment for Policies {
-    type Data = Played;
-
     fn name(&self) -> String {
         let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
         match one {
@@ -181,7 +162,7 @@ impl Experiment for Policies {
         Ok(inputs)
     }
 
-    fn measure(&self) -> Result<Played> {
+    fn measure(&self) -> Result<Measured> {
         let folders = if self.fresh.is_empty() { self.folders()? } else { self.train()? };
         let (bar, done) = (bar("policies played", folders.len() as u64), AtomicU64::new(0));
         let row = |path: &PathBuf| {
@@ -189,46 +170,15 @@ impl Experiment for Policies {
             bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
             row
         };
-        let rows = folders.par_iter().map(row).collect::<Result<_>>()?;
+        let rows = folders.par_iter().map(row).collect::<Result<Vec<Row>>>()?;
         bar.finish();
-        Ok(Played { rows })
-    }
-
-    fn tables(&self, data: &Played) -> Result<Vec<Table>> {
-        if !self.fresh.is_empty() {
-            return Ok(vec![fresh::summary(&data.rows), fresh::gaps(&data.rows), each(&data.rows)]);
-        }
-        if data.rows.len() == 1 {
-            return Ok(vec![each(&data.rows)]);
-        }
-        Ok(vec![summary(&data.rows), by_task(&data.rows), each(&data.rows)])
-    }
-
-    fn pictures(&self, data: &Played, stem: &Path) -> Result<()> {
-        // That of one policy stands in its run's folder.
-        if self.fresh.is_empty() && data.rows.len() > 1 { curves::draw(&data.rows, stem) } else { Ok(()) }
+        let mut tables = if self.fresh.is_empty() { Vec::new() } else { vec![fresh::summary(&rows), fresh::gaps(&rows)] };
+        tables.push(each(&rows));
+        Measured::new(&serde_json::json!({ "rows": rows }), tables)
     }
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
-
-/// The policies of a task that were trained in a learned simulator, or those of the truth.
-fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
-    rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural") == learned).collect()
-}
-
-/// Mean over policies, in the truth.
-fn mean(rows: &[&Row]) -> f64 {
-    rows.iter().map(|r| r.real.mean).sum::<f64>() / rows.len() as f64
-}
-
-/// Gap of the means over policies, as the paper's, and its standard error, both in percent.
-fn together(rows: &[&Row]) -> Option<(f64, f64)> {
-    let played: Vec<_> = rows.iter().filter_map(|r| Some((r.real.mean, r.learned?.mean, r.gap_error.unwrap_or(f64::NAN)))).collect();
-    let (real, learned) = played.iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-    let error = played.iter().map(|(real, _, error)| (real * error).powi(2)).sum::<f64>().sqrt() / real.abs();
-    Some((gap(real, learned), error)).filter(|(gap, _)| gap.is_finite())
-}
 
 /// A gap with its standard error, where that is known.
 fn percent(gap: f64, error: Option<f64>) -> String {
@@ -236,45 +186,6 @@ fn percent(gap: f64, error: Option<f64>) -> String {
         Some(error) => format!("{gap:+.2} +- {error:.2}"),
         None => format!("{gap:+.2}"),
     }
-}
-
-/// Tasks with the means of their policies and the spread over games.
-fn by_task(rows: &[Row]) -> Table {
-    let spread = |rows: &[&Row]| {
-        let square = |r: &&Row| r.real.spread.powi(2) + (r.real.mean - mean(rows)).powi(2);
-        let spread = (rows.iter().map(square).sum::<f64>() / rows.len() as f64).sqrt();
-        if rows.is_empty() { "-".into() } else { format!("{:.1} +- {spread:.1}", mean(rows)) }
-    };
-    let lines = nerd_tasks::names().into_iter().filter_map(|task| {
-        let (learned, truth) = (of(rows, task, true), of(rows, task, false));
-        let gap = together(&learned).map_or_else(|| "-".into(), |(gap, error)| percent(gap, Some(error)));
-        let seeds = learned.iter().filter_map(|r| r.gap).map(|g| format!("{g:+.2}")).collect::<Vec<_>>().join(", ");
-        let (reward, theirs) =
-            policy_reward(task).map_or(("-".into(), "-".into()), |p| (p[0].to_string(), format!("{:+.2}", self::gap(p[0], p[1]))));
-        let line = || vec![task.to_string(), spread(&learned), gap, reward, theirs, seeds, spread(&truth)];
-        (!learned.is_empty() || !truth.is_empty()).then(line)
-    });
-    let header = [
-        "task",
-        "trained in NeRD, reward in the truth",
-        "gap (%)",
-        "the paper's reward",
-        "its gap (%)",
-        "gaps by policy",
-        "trained in the truth, reward there",
-    ];
-    let note = format!("{NOTE} +-: of a reward its standard deviation over games and policies, of a gap its standard error over games.");
-    Table::new("tasks", &header).with(lines).noted(&note)
-}
-
-/// The same without single policies and those of the truth.
-fn summary(rows: &[Row]) -> Table {
-    let mut table = by_task(rows);
-    table.name = "summary".into();
-    table.rows.retain(|row| row[1] != "-");
-    table.header.truncate(5);
-    table.rows.iter_mut().for_each(|row| row.truncate(5));
-    table
 }
 
 /// Name of a policy's folder, or of its run where it is the run's own.
@@ -299,21 +210,13 @@ fn each(rows: &[Row]) -> Table {
         ]
     });
     let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
-    let table = Table::new("policies", &header).with(lines);
     let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
-    if rows.iter().all(|r| r.real.success.is_none()) {
-        return table.noted(&note);
-    }
-    with_success(table, rows).noted(&format!("{note} Success: games whose task says that they succeeded."))
-}
-
-/// With the share of games that succeeded, of tasks that speak of it.
-fn with_success(mut table: Table, rows: &[Row]) -> Table {
-    table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
-    let share =
-        |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or_else(|| "-".into(), |share| format!("{:.0}", 100.0 * share));
-    for (line, row) in table.rows.iter_mut().zip(rows) {
-        line.extend([share(Some(&row.real)), share(row.learned.as_ref())]);
+    let mut table = Table::new("policies", &header).with(lines).noted(&note);
+    if rows.iter().any(|r| r.real.success.is_some()) {
+        table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
+        let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share));
+        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.extend([share(Some(&row.real)), share(row.learned.as_ref())]));
+        table.note += " Success: games whose task says that they succeeded.";
     }
     table
 }

@@ -1,13 +1,15 @@
 //! Pieces of the page.
 
-use crate::report::replay::{Replay, escape};
+use std::path::Path;
+
+use crate::report::artifact::Artifact;
+use crate::report::replay::{Replay, escape, script};
 use crate::report::{Provenance, Table};
 
 /// A part of the page under a heading.
 pub struct Section {
     title: &'static str,
     lead: &'static str,
-    /// HTML.
     pub body: String,
 }
 
@@ -43,10 +45,28 @@ pub fn table(table: &Table) -> String {
 
 /// Where a figure comes from.
 pub fn from(name: &str, provenance: &Provenance) -> String {
-    format!("<p class=from>results/{}.json: {}</p>", escape(name), escape(&provenance.to_string().replace('`', "")))
+    format!("<p class=from>results/{}: {}</p>", escape(name), escape(&provenance.to_string().replace('`', "")))
+}
+
+/// Tables of a result, by name, and where they come from; nothing if it is not there.
+pub fn result(results: &Path, name: &str, tables: &[&str]) -> String {
+    let Ok(result) = Artifact::read(results, name) else { return String::new() };
+    let shown: String = tables.iter().filter_map(|name| result.table(name)).map(table).collect();
+    shown + &from(name, &result.provenance)
+}
+
+/// A part that opens when it is clicked.
+pub fn folded(title: &str, body: &str) -> String {
+    format!("<details><summary>{title}</summary>{body}</details>")
+}
+
+/// A picture of a result, if it is there.
+pub fn picture(results: &Path, file: &str) -> String {
+    let svg = std::fs::read_to_string(results.join(file)).unwrap_or_default();
+    if svg.is_empty() { svg } else { format!("<div class=picture>{svg}</div>") }
 }
 
 /// A replay that starts when it is seen.
 pub fn motion(replay: &Replay) -> String {
-    format!("<div class=motion><script type=application/json>{}</script></div>", replay.json())
+    format!("<div class=motion><script type=application/json>{}</script></div>", script(replay))
 }

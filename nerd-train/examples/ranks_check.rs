@@ -12,7 +12,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_cuda::Device;
-use nerd_lab::experiments::cards::{network, windows};
 use nerd_model::transformer::Weights;
 use nerd_train::learner::cuda::{CudaLearner, Precision};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState};
@@ -123,4 +122,22 @@ fn several(ranks: &Ranks) -> Outcome {
         }
     }
     Ok(())
+}
+
+/// The paper's network.
+fn network() -> TransformerConfig {
+    TransformerConfig::paper(37, 4, 192)
+}
+
+/// Windows to learn from: uniform inputs, and targets that mix two of them.
+fn windows() -> Windows {
+    let TransformerConfig { inputs, outputs, .. } = network();
+    let (trajectories, frames) = (200, 100);
+    let noise = |i: usize| draw(2, 0, i as u64, 1 << 24) as f32 / (1 << 23) as f32 - 1.0;
+    let x: Vec<f32> = (0..trajectories * frames * inputs).map(noise).collect();
+    let y = (0..trajectories * frames * outputs).map(|k| {
+        let token = &x[k / outputs * inputs..][..inputs];
+        token[k % outputs] - token[0] * token[inputs - 1]
+    });
+    Windows { inputs, outputs, frames, history: network().sequence(), y: y.collect(), x }
 }

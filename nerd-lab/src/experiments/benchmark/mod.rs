@@ -1,0 +1,126 @@
+//! Solvers on a graphics card beside the CPU's: errors and frames a second of the articulated solver and of models, whose batch
+//! never leaves the card, and of MuJoCo Warp where a Python has it; and how fast policies learn there.
+
+#[cfg(feature = "cuda")]
+mod learning;
+#[cfg(feature = "cuda")]
+mod pace;
+
+use std::path::PathBuf;
+
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_train::bounds::{SEEDS, STARTS, SUBSTEPS};
+use nerd_train::choice::Choice;
+use nerd_train::settings::settings;
+use nerd_train::shipped;
+
+use super::{Experiment, Measured};
+use crate::error::Result;
+#[cfg(not(feature = "cuda"))]
+use crate::error::refuse;
+use crate::report::{Input, Inputs};
+
+settings! {
+    /// Solvers and training on a graphics card.
+    pub struct Benchmark {
+        /// Name of the result
+        name: String = "benchmark".into(), Text;
+        /// Robots with their scenes, ROBOT:SCENE, comma-separated
+        robots: Vec<String> = ["pendulum:ground1", "cube:ground", "ant:ground", "anymal:ground", "franka:free"].map(String::from).into(), Texts;
+        /// Rollouts whose error is measured
+        rollouts: usize = 256, Whole(STARTS);
+        /// Environments of the timed batch, and of training
+        environments: usize = 8192, Whole(STARTS);
+        /// Substeps of the implicit step, comma-separated
+        substeps: Vec<usize> = vec![1, 2, 4, 8, 16, 32], Wholes(SUBSTEPS);
+        /// Substeps of the explicit step, of Runge-Kutta where nothing touches, comma-separated
+        explicit: Vec<usize> = vec![16, 64, 256], Wholes(SUBSTEPS);
+        /// Tasks whose training is timed, in the models of their robots and in four implicit substeps, comma-separated [default: none]
+        tasks: Vec<String> = Vec::new(), Texts;
+        /// Python that has MuJoCo Warp, to measure that engine too [default: none]
+        warp: Option<PathBuf> = None, Text;
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+    }
+}
+
+impl Benchmark {
+    /// Robots and scenes.
+    fn pairs(&self) -> Result<Vec<(&str, &str)>> {
+        let wrong = |text: &str| anyhow::anyhow!("robots {text}: write ROBOT:SCENE, for example ant:ground");
+        self.robots.iter().map(|text| text.split_once(':').ok_or_else(|| wrong(text))).collect()
+    }
+
+    /// The settings of a robot in a scene: steps, and the model that comes with the project.
+    fn settings(&self, robot: &str, contact: bool) -> Vec<Setting> {
+        let one = if contact { Setting::Euler } else { Setting::Rk4 };
+        let steps = self.substeps.iter().copied().map(Setting::Implicit).chain(self.explicit.iter().copied().map(one));
+        let model = shipped::models().join(robot);
+        steps.chain(model.join("config.json").exists().then_some(Setting::Neural(model))).collect()
+    }
+}
+
+impl Experiment for Benchmark {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn effort(&self) -> f64 {
+        (self.robots.len() * (self.rollouts + self.environments) + self.tasks.len()) as f64
+    }
+
+    fn inputs(&self) -> Result<Inputs> {
+        let mut inputs = Inputs::default();
+        for (robot, scene) in self.pairs()? {
+            inputs.add(Input::robot(&*System::named(robot)?));
+            for setting in self.settings(robot, true).into_iter().filter(|s| matches!(s, Setting::Neural(_))).chain([Setting::Accurate]) {
+                inputs.solver(&Choice::Setting(setting), robot, scene)?;
+            }
+        }
+        for task in &self.tasks {
+            let robot = nerd_tasks::named(task)?.robot();
+            inputs.add(Input::robot(&*System::named(robot)?));
+            inputs.add(Input::model(&shipped::model_of_task(task, robot))?);
+        }
+        Ok(inputs)
+    }
+
+    #[cfg(not(feature = "cuda"))]
+    fn measure(&self) -> Result<Measured> {
+        refuse!("benchmark needs a build with `--features cuda`: cargo run --release -p xtask --features cuda -- measure benchmark")
+    }
+
+    #[cfg(feature = "cuda")]
+    fn measure(&self) -> Result<Measured> {
+        let (mut paces, mut learning, mut version) = (Vec::new(), Vec::new(), None);
+        let bar = nerd_train::progress::bar("robots and tasks", (self.robots.len() + self.tasks.len()) as u64);
+        for (k, (robot, scene)) in self.pairs()?.into_iter().enumerate() {
+            bar.set(k as u64);
+            let course = pace::Course::new(robot, scene, self)?;
+            paces.extend(course.ours(&self.settings(robot, course.touching()))?);
+            if let Some(python) = &self.warp {
+                let (found, guests) = course.warp(python)?;
+                version = Some(found);
+                paces.extend(guests);
+            }
+        }
+        for (k, task) in self.tasks.iter().enumerate() {
+            bar.set((self.robots.len() + k) as u64);
+            learning.extend(learning::both(task, self.environments, self.seed)?);
+        }
+        bar.finish();
+        pace::mark(&mut paces);
+        let mut tables = vec![pace::table(&paces, self, version.as_deref())];
+        tables.extend((!learning.is_empty()).then(|| learning::table(&learning)));
+        let mut measured = Measured::new(&serde_json::json!({ "paces": &paces, "learning": &learning, "warp": version }), tables)?;
+        for (robot, scene) in self.pairs()? {
+            measured = measured.with(format!("{robot}-{scene}"), pace::figure(&paces, &format!("{robot}, {scene}"), self.environments));
+        }
+        Ok(measured)
+    }
+}

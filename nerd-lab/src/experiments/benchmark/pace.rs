@@ -1,0 +1,245 @@
+//! What settings cost on a card, and how accurate they are there.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use nerd_core::state::difference;
+use nerd_model::pick::Setting;
+use nerd_sim::articulated::device::Real;
+use nerd_sim::mjcf::{Referee, Scheme};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use nerd_train::device::resident;
+use nerd_train::learner::cuda::Precision;
+use serde::Serialize;
+
+use super::Benchmark;
+use crate::error::Result;
+use crate::report::Table;
+use crate::report::figure::{Axis, Figure, Panel, front, push};
+use crate::report::table::digits;
+
+/// Frames after which most robots touch something: there rollouts begin.
+const FALL: usize = 25;
+/// Frames of a rollout whose error is measured, and at every how many of them it is looked at.
+const FRAMES: usize = 100;
+const LOOK: usize = 10;
+/// Most steps of MuJoCo Warp in a frame; its reference has four times as many.
+const STEPS: usize = 32;
+
+/// One setting.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Pace {
+    /// Robot and scene.
+    of: String,
+    /// The solver, as a legend has it, and which of the series.
+    series: String,
+    label: String,
+    /// Mean distance (rad, m) from the reference over a rollout: the CPU's solver, the card's.
+    errors: [Option<f64>; 2],
+    /// Frames a second of all environments: the CPU's on all cores, the card's.
+    frames: [Option<f64>; 2],
+    /// Environments of the timed batch that were given up.
+    lost: usize,
+    /// Whether no other of the robot beats it in both.
+    front: bool,
+}
+
+/// A robot in a scene, and the starts of its rollouts.
+pub(super) struct Course<'a> {
+    of: String,
+    system: Arc<System>,
+    batch: Batch,
+    asked: &'a Benchmark,
+}
+
+impl<'a> Course<'a> {
+    /// Starts, each after a fall.
+    pub fn new(robot: &str, scene: &str, asked: &'a Benchmark) -> Result<Self> {
+        let system = System::named(robot)?;
+        let mut batch = Batch::new(&system, &system.scene(scene)?, asked.rollouts);
+        (0..asked.rollouts).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(asked.seed, env as u64))));
+        let (mut solver, torques) = (Articulated::new(ArticulatedConfig::accurate(&system)), idle(&batch));
+        (0..FALL).try_for_each(|_| solver.step(&mut batch, &torques))?;
+        Ok(Self { of: format!("{robot}, {scene}"), system, batch, asked })
+    }
+
+    /// Whether the robot can touch something.
+    pub fn touching(&self) -> bool {
+        !self.system.robot.contact_points.is_empty() && !self.batch.scenes[0].colliders.is_empty()
+    }
+
+    /// Our solvers, analytic and learned.
+    pub fn ours(&self, settings: &[Setting]) -> Result<Vec<Pace>> {
+        let (system, n) = (&self.system, self.asked.environments);
+        let truth = states(&mut Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)), self.batch.clone())?;
+        let mut paces = Vec::new();
+        for setting in settings {
+            let all = [Precision::F32, Precision::Tf32];
+            for precision in if matches!(setting, Setting::Neural(_)) { &all[..] } else { &all[..1] } {
+                let (mut cpu, mut card) = (setting.solver(system)?, resident(setting, system, Real::F32, *precision)?);
+                let alone = *precision == Precision::F32;
+                let error = |states: Vec<Vec<f64>>| Some(distance(system, &truth, &states));
+                let on_cpu = if alone { error(states(&mut *cpu, self.batch.clone())?) } else { None };
+                let errors = [on_cpu, error(states(&mut *card, self.batch.clone())?)];
+                let mut many = self.crowd(n);
+                let torques = idle(&many);
+                // Kernels are compiled and memory taken once.
+                left(card.roll(&mut many, &torques, 1))?;
+                let mut one = many.clone();
+                let steps = || (0..LOOK).try_for_each(|_| left(cpu.step(&mut one, &torques)).map(drop));
+                let slow = if alone { Some(rate(n * LOOK, steps)?) } else { None };
+                let mut lost = 0;
+                let fast = rate(n * FRAMES, || {
+                    lost = left(card.roll(&mut many, &torques, FRAMES))?;
+                    Ok(())
+                })?;
+                let label = match setting {
+                    Setting::Neural(folder) => {
+                        format!("{}{}", folder.file_name().unwrap_or_default().to_string_lossy(), if alone { "" } else { ", TF32" })
+                    }
+                    other => format!("x{}", other.substeps().unwrap_or(1)),
+                };
+                let (of, series) = (self.of.clone(), setting.series().into());
+                paces.push(Pace { of, series, label, errors, frames: [slow, Some(fast)], lost, front: false });
+            }
+        }
+        Ok(paces)
+    }
+
+    /// MuJoCo Warp: its version, and its steps a frame against a run of its own.
+    pub fn warp(&self, python: &Path) -> Result<(String, Vec<Pace>)> {
+        let mut warp = Referee::warp(python, &self.batch, FRAMES)?;
+        warp.worlds = self.asked.environments;
+        let looks = |frames: Vec<Vec<f64>>| -> Vec<Vec<f64>> { frames.into_iter().skip(LOOK - 1).step_by(LOOK).collect() };
+        let mut paces = Vec::new();
+        // Where nothing is damped, implicitfast is Euler.
+        for (plain, series) in [(false, "MuJoCo Warp"), (true, "MuJoCo Warp, its default friction")] {
+            warp.plain = plain;
+            let truth = looks(warp.play(Scheme::Euler, 4 * STEPS, false)?.frames);
+            for steps in std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= STEPS) {
+                let played = warp.play(Scheme::Euler, steps, true)?;
+                let errors = [None, Some(distance(&self.system, &truth, &looks(played.frames)))];
+                let frames = [None, Some((self.asked.environments * FRAMES) as f64 / played.seconds)];
+                let (of, series, label, lost) = (self.of.clone(), series.into(), format!("x{steps}"), played.lost);
+                paces.push(Pace { of, series, label, errors, frames, lost, front: false });
+            }
+        }
+        Ok((warp.version.clone(), paces))
+    }
+
+    /// So many environments, from the starts in turn.
+    fn crowd(&self, n: usize) -> Batch {
+        let mut crowd = Batch::new(&self.system, &self.batch.scenes[0], n);
+        let d = self.system.robot.state_dim();
+        crowd.states.chunks_exact_mut(d).zip(self.batch.states.chunks_exact(d).cycle()).for_each(|(to, from)| to.copy_from_slice(from));
+        crowd
+    }
+}
+
+/// Marks what nothing else of the same robot beats in both.
+pub(super) fn mark(paces: &mut [Pace]) {
+    for i in 0..paces.len() {
+        let beaten = |p: &Pace| match (p.errors[1], p.frames[1], paces[i].errors[1], paces[i].frames[1]) {
+            (Some(e), Some(f), Some(own), Some(fast)) => {
+                p.lost == 0 && p.of == paces[i].of && e <= own && f >= fast && (e < own || f > fast)
+            }
+            _ => false,
+        };
+        paces[i].front = paces[i].lost == 0 && !paces.iter().any(beaten);
+    }
+}
+
+/// No torques.
+fn idle(batch: &Batch) -> Vec<f64> {
+    vec![0.0; batch.len() * batch.system.robot.joint_count()]
+}
+
+/// How many environments could not be stepped; they stay where they were.
+fn left(stepped: Result<(), StepError>) -> Result<usize> {
+    Ok(stepped.err().map_or(Ok(Vec::new()), StepError::faults)?.len())
+}
+
+/// So much work a second.
+fn rate(work: usize, run: impl FnOnce() -> Result<()>) -> Result<f64> {
+    let began = Instant::now();
+    run()?;
+    Ok(work as f64 / began.elapsed().as_secs_f64())
+}
+
+/// States at every so many frames of a rollout.
+fn states(solver: &mut dyn Solver, mut batch: Batch) -> Result<Vec<Vec<f64>>> {
+    let torques = idle(&batch);
+    let look = |_| {
+        (0..LOOK).try_for_each(|_| left(solver.step(&mut batch, &torques)).map(drop))?;
+        Ok(batch.states.clone())
+    };
+    (0..FRAMES / LOOK).map(look).collect()
+}
+
+/// Mean length of the way between configurations.
+fn distance(system: &System, truth: &[Vec<f64>], states: &[Vec<f64>]) -> f64 {
+    let (robot, d) = (&system.robot, system.robot.state_dim());
+    let mut way = vec![0.0; robot.nv()];
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in truth.iter().zip(states).flat_map(|(a, b)| a.chunks_exact(d).zip(b.chunks_exact(d))) {
+        difference(robot, &a[..robot.nq()], &b[..robot.nq()], &mut way);
+        sum += way.iter().map(|x| x.abs()).sum::<f64>() / way.len() as f64;
+        count += 1.0;
+    }
+    sum / count
+}
+
+impl Pace {
+    /// Microseconds of a frame of one environment, among all of them.
+    fn microseconds(&self) -> Option<f64> {
+        self.frames[1].map(|frames| 1e6 / frames)
+    }
+}
+
+/// All settings.
+pub(super) fn table(paces: &[Pace], asked: &Benchmark, warp: Option<&str>) -> Table {
+    let cell = |x: Option<f64>| x.map_or_else(|| "-".into(), digits);
+    let lines = paces.iter().map(|p| {
+        let [[on_cpu, on_card], [slow, fast]] = [p.errors, p.frames].map(|pair| pair.map(cell));
+        let front = if p.front { "*" } else { "" }.into();
+        vec![
+            p.of.clone(),
+            format!("{} {}", p.series, p.label),
+            on_cpu,
+            on_card,
+            slow,
+            fast,
+            cell(p.microseconds()),
+            p.lost.to_string(),
+            front,
+        ]
+    });
+    let guest = warp.map_or_else(String::new, |version| {
+        format!(" MuJoCo {version} is compared with its own converged run, all others with ours; its time is that of its steps alone.")
+    });
+    let note = format!(
+        "No torques. Error: mean distance of configurations from `converged` over {FRAMES} frames, {} rollouts that begin {FALL} frames after a \
+         start. Frames/s: {} environments together, on all cores of the CPU with 64 bits over {LOOK} frames, and on the card, which holds them for \
+         {FRAMES} frames, with 32 bits; transfers are counted. Lost: environments that were given up.{guest} Front (*): no other setting is faster and \
+         nearer to its reference.",
+        asked.rollouts, asked.environments,
+    );
+    let header =
+        ["robot, scene", "solver", "error, CPU (rad, m)", "error, card", "frames/s, CPU", "frames/s, card", "us a frame", "lost", "front"];
+    Table::new("pace", &header).with(lines).noted(&note)
+}
+
+/// Error against time of a robot's settings, and the front.
+pub(super) fn figure(paces: &[Pace], of: &str, environments: usize) -> Figure {
+    // What has no error to draw, or one of a rollout that left, is in the table.
+    let shown =
+        || paces.iter().filter(|p| p.of == of).filter_map(|p| Some((p, p.microseconds()?, p.errors[1].filter(|e| *e > 0.0 && *e < 10.0)?)));
+    let mut series = vec![front(shown().filter(|(p, ..)| p.front).map(|(_, time, error)| (time, error)).collect())];
+    shown().for_each(|(p, time, error)| push(&mut series, &p.series, (time, error, p.label.clone())));
+    let x = Axis::log(format!("microseconds a frame and environment, of {environments}"));
+    let y = Axis::log(format!("mean |dq| over {FRAMES} frames (rad or m)"));
+    let title = format!("{of} on a GPU: speed against accuracy (x4: four substeps a frame)");
+    Figure::single(title, Panel { x, y, series, ..Panel::default() })
+}

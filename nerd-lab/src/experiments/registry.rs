@@ -1,0 +1,66 @@
+//! The experiments that `cargo xtask measure NAME --set KEY=VALUE` makes.
+
+use nerd_train::settings::{Given, Key, Settings};
+
+use super::Experiment;
+use crate::error::{Result, refuse};
+
+/// One of them.
+#[derive(Debug)]
+pub struct Entry {
+    /// How a command line calls it.
+    pub name: &'static str,
+    /// What it measures, in one line.
+    pub about: &'static str,
+    pub keys: fn() -> Vec<&'static Key>,
+    make: fn(&Given) -> Result<Box<dyn Experiment>>,
+}
+
+/// All of them.
+pub static REGISTRY: [Entry; 5] = [
+    entry::<super::ablations::Ablations>("ablations", "The paper's Figure A.2: NeRD with one design decision taken back at a time"),
+    entry::<super::benchmark::Benchmark>("benchmark", "Solvers, and how fast policies learn, on graphics cards (needs --features cuda)"),
+    entry::<super::judges::Judges>(
+        "judges",
+        "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
+    ),
+    entry::<super::motions::Motions>("motions", "Errors of solvers along motions of a data set's kind that none has seen"),
+    entry::<super::policies::Policies>(
+        "policies",
+        "Policies in the truth and in the model that learned it; with `fresh`, the strict protocol",
+    ),
+];
+
+const fn entry<T: Settings + Experiment + 'static>(name: &'static str, about: &'static str) -> Entry {
+    Entry { name, about, keys: T::keys, make: |given| Ok(Box::new(settings::<T>(given)?)) }
+}
+
+fn settings<T: Settings>(given: &Given) -> Result<T> {
+    T::default().with(given).map_err(anyhow::Error::msg)
+}
+
+impl Entry {
+    /// The experiment of this name.
+    pub fn named(name: &str) -> Result<&'static Self> {
+        match REGISTRY.iter().find(|entry| entry.name == name) {
+            Some(entry) => Ok(entry),
+            None => refuse!("no experiment `{name}`: known are {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
+        }
+    }
+
+    /// The experiment with these settings, each `KEY=VALUE`.
+    pub fn with(&self, set: &[String]) -> Result<Box<dyn Experiment>> {
+        let mut given = Given::new();
+        for text in set {
+            let Some((name, value)) = text.split_once('=') else { refuse!("--set {text}: KEY=VALUE is needed") };
+            let keys = (self.keys)();
+            let Some(key) = keys.iter().find(|key| key.name() == name) else {
+                let known: Vec<String> = keys.iter().map(|key| key.name()).collect();
+                refuse!("--set {name}: settings of {} are {}", self.name, known.join(", "));
+            };
+            let value = key.values.parse(value).map_err(|needed| anyhow::anyhow!("--set {name}={value}: {needed}"))?;
+            given.insert(name.into(), value);
+        }
+        (self.make)(&given)
+    }
+}

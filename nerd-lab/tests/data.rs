@@ -1,0 +1,100 @@
+//! What a data set holds, and what a replay shows.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nerd_lab::inspect::Inspection;
+use nerd_lab::report::replay::{Replay, Solid};
+use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, sha256_of, write_shard};
+use nerd_sim::prelude::*;
+
+/// Ten trajectories of 30 frames.
+fn data(robot: &str, folder: &Path) -> (Arc<System>, Manifest) {
+    let system = System::named(robot).expect("built in");
+    let config = GenerateConfig { transitions: 300, frames: 30, ..Default::default() };
+    let truth = Truth::default();
+    let manifest = generate(&system, &mut *truth.solver(&system), &truth.name(), &config, folder, &mut |_, _| ()).expect("written");
+    (system, manifest)
+}
+
+#[test]
+fn every_number_of_a_data_set_is_counted_once() {
+    for (robot, columns, endless) in [("pendulum", 41, 2), ("ant", 244, 0)] {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let (system, manifest) = data(robot, folder.path());
+        let found = Inspection::of(folder.path(), &manifest, &system, 1e3).expect("looked through");
+        let counts = &found.counts;
+        assert_eq!((counts.trajectories, counts.tokens, counts.wraps.len()), (10, 300, endless), "{robot}");
+        assert_eq!(found.kinds.iter().map(|kind| kind.columns).sum::<usize>(), columns, "{robot}");
+        for kind in &found.kinds {
+            let expected = match kind.name.as_str() {
+                "contact depths" => counts.points_seen,
+                "contact normals" | "contact points" => 3 * counts.points_seen,
+                _ => 300,
+            };
+            assert_eq!(kind.count, expected, "{robot}: {kind:?}");
+            assert!(kind.count == 0 || kind.min <= kind.mean && kind.mean <= kind.max, "{robot}: {kind:?}");
+        }
+    }
+}
+
+#[test]
+fn a_trajectory_that_is_not_finite_or_beyond_the_bound_is_left_out_and_counted() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let (system, mut manifest) = data("pendulum", folder.path());
+    let path = folder.path().join("shard-00000.safetensors");
+    let (mut recording, header) = read_shard(&path).expect("a shard");
+    let row = recording.states.len() / recording.trajectories;
+    recording.states[2 * row + 5] = f64::NAN;
+    recording.states[7 * row + 3] = 1e300;
+    write_shard(&path, &recording, &header).expect("written");
+    let refused = |manifest: &Manifest, bound: f64, words: &str| {
+        let found = Inspection::of(folder.path(), manifest, &system, bound).expect_err("refused").to_string();
+        assert!(found.contains(words) && found.contains(&folder.path().display().to_string()), "`{found}` does not name {words}");
+    };
+    // As training does, it refuses shards that its manifest was not written for.
+    refused(&manifest, 1e3, "SHA-256");
+    manifest.sha256 = sha256_of([recording.sha256()]);
+    refused(&manifest, 1e305, "--bound 1");
+    let counts = Inspection::of(folder.path(), &manifest, &system, 1e3).expect("looked through").counts;
+    assert_eq!((counts.not_finite, counts.beyond, counts.tokens), (1, 1, 240), "{counts:?}");
+}
+
+const SCENE: &str = "[[scene]]\nname = \"own\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n\
+    box = [{ size = [0.4, 0.8, 0.1], at = [0.5, 0.0, 0.05] }]\npeg = [{ radius = 0.02, height = 0.1, at = [0.5, 0.1, 0.1] }]";
+
+fn cable(held: &str) -> Batch {
+    let cable = format!("[cable]\nlength = 0.7\ndiameter = 0.01\nmass = 0.1\nbending = 1e-3\nlinks = 7\nheld = \"{held}\"\n{SCENE}");
+    let system = Arc::new(System::from_toml("cable", &cable).expect("a cable"));
+    Batch::new(&system, &system.scene("own").expect("its scene"), 1)
+}
+
+#[test]
+fn a_cable_is_shown_rod_by_rod_however_it_is_held() {
+    for (held, grippers) in [("gripper", 1), ("fixed", 0), ("free", 0)] {
+        let replay = Replay::new(held, &cable(held), 0.1);
+        let (on_links, standing): (Vec<Solid>, Vec<Solid>) = replay.shapes.into_iter().partition(|solid| solid.link.is_some());
+        let (rods, rest): (Vec<Solid>, Vec<Solid>) = on_links.into_iter().partition(|solid| solid.kind == "capsule");
+        let length: f64 = rods.iter().map(|rod| 2.0 * rod.size[1]).sum();
+        assert!(rods.len() == 7 && (length - 0.7).abs() < 1e-9, "{held}: {} rods, {length} m", rods.len());
+        assert!(rods.iter().all(|rod| rod.size[0] == 0.005), "{held}: as thick as the cable");
+        assert_eq!(rest.len(), grippers, "{held}");
+        let kinds: Vec<&str> = standing.iter().map(|solid| solid.kind).collect();
+        assert_eq!(kinds, ["box", "cylinder"], "{held}: what is in the scene, but for the floor");
+    }
+}
+
+#[test]
+fn motions_are_as_far_apart_as_their_contact_points() {
+    let mut batch = cable("gripper");
+    let mut replay = Replay::new("two", &batch, 0.1);
+    let mut state = batch.state(0).to_vec();
+    for (name, shift) in [("one", 0.0), ("other", 0.03)] {
+        replay.begin(name);
+        state[0] += shift;
+        batch.reset(0, &state);
+        replay.add(&batch);
+    }
+    replay.compare(&batch.system.robot);
+    assert!(replay.apart.len() == 1 && (replay.apart[0] - 0.03).abs() < 1e-6, "moved by 0.03 m: {:?} m apart", replay.apart);
+}

@@ -1,0 +1,41 @@
+//! `cargo xtask measure NAME --set KEY=VALUE`: an experiment of the laboratory ([`nerd_lab::experiments::REGISTRY`]).
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use nerd_lab::experiments::{Entry, REGISTRY};
+use nerd_lab::report::Table;
+use nerd_train::shipped::results;
+
+use crate::out::{conduct, table};
+
+/// Measure an experiment of the laboratory.
+#[derive(clap::Args, Clone, Debug)]
+pub struct MeasureArgs {
+    /// Its name; without one, all are listed with their settings
+    pub name: Option<String>,
+    /// A setting; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Folder to write [default: results]
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the verb.
+pub fn run(args: MeasureArgs) -> Result<()> {
+    let Some(name) = &args.name else {
+        list();
+        return Ok(());
+    };
+    conduct(&*Entry::named(name)?.with(&args.set)?, &args.out.unwrap_or_else(results))
+}
+
+/// The experiments, and what may be set.
+fn list() {
+    for entry in &REGISTRY {
+        println!("{}: {}", entry.name, entry.about);
+        let rows = (entry.keys)().into_iter().map(|key| vec![key.name(), key.help().to_string()]);
+        table(&Table::new(entry.name, &["setting", "what it means"]).with(rows));
+    }
+}
