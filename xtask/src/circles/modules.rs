@@ -1,0 +1,169 @@
+//! A crate's modules as its sources declare them: names, imports, and the paths that each module uses.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use syn::spanned::Spanned;
+use syn::{Attribute, Item, UseTree, Visibility};
+
+use super::paths::Paths;
+
+/// What a name in a module means. A name may mean several things: a module and a function, or one thing for each feature.
+pub enum Name {
+    Module(usize),
+    Item,
+    Import(Vec<String>),
+}
+
+/// A path that a module uses, by its segments.
+pub struct Used {
+    pub path: Vec<String>,
+    pub line: usize,
+}
+
+/// A module. An inline module has its parent's file.
+#[derive(Default)]
+pub struct Module {
+    pub file: PathBuf,
+    pub parent: Option<usize>,
+    pub names: HashMap<String, Vec<Name>>,
+    pub globs: Vec<Used>,
+    pub used: Vec<Used>,
+}
+
+/// All modules below `src/lib.rs` or `src/main.rs`, which is the first. Tests are left out, features are not.
+pub fn read(root: &Path) -> Result<Vec<Module>> {
+    let mut modules = Vec::new();
+    file(&mut modules, root, None, root.parent().unwrap_or(Path::new("")))?;
+    Ok(modules)
+}
+
+/// Reads one file as a module; `folder` has its children.
+fn file(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder: &Path) -> Result<usize> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let parsed = syn::parse_file(&text).with_context(|| format!("cannot parse {}", path.display()))?;
+    module(modules, path, parent, folder, &parsed.items)
+}
+
+fn module(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder: &Path, items: &[Item]) -> Result<usize> {
+    let id = modules.len();
+    modules.push(Module { file: path.into(), parent, ..Default::default() });
+    for item in items {
+        if attributes(item).iter().any(of_tests) {
+            continue;
+        }
+        if let Item::Mod(child) = item {
+            let name = child.ident.to_string();
+            let below = match &child.content {
+                Some((_, items)) => module(modules, path, Some(id), &folder.join(&name), items)?,
+                None => {
+                    let candidates = [folder.join(format!("{name}.rs")), folder.join(&name).join("mod.rs")];
+                    let named = child.attrs.iter().find_map(path_of).map(|p| path.with_file_name("").join(p));
+                    let source = named.or_else(|| candidates.into_iter().find(|c| c.is_file())).unwrap_or_default();
+                    let plain = source.file_name().is_none_or(|f| f != "mod.rs");
+                    let folder = if plain { source.with_extension("") } else { source.with_file_name("") };
+                    file(modules, &source, Some(id), &folder).with_context(|| format!("mod {name} in {}", path.display()))?
+                }
+            };
+            modules[id].names.entry(name).or_default().push(Name::Module(below));
+            continue;
+        }
+        if let Some(name) = defined(item) {
+            modules[id].names.entry(name).or_default().push(Name::Item);
+        }
+        if let Item::Use(import) = item {
+            modules[id].import(&import.tree, matches!(import.vis, Visibility::Inherited));
+            continue;
+        }
+        Paths::of(&mut modules[id], item);
+    }
+    Ok(id)
+}
+
+impl Module {
+    /// Takes the names of a `use`; one that is private is also a use of what it names.
+    pub fn import(&mut self, tree: &UseTree, private: bool) {
+        self.leaves(tree, &mut Vec::new(), private);
+    }
+
+    fn leaves(&mut self, tree: &UseTree, above: &mut Vec<String>, private: bool) {
+        let line = tree.span().start().line;
+        match tree {
+            UseTree::Path(part) => {
+                above.push(part.ident.to_string());
+                self.leaves(&part.tree, above, private);
+                above.pop();
+            }
+            UseTree::Group(group) => group.items.iter().for_each(|part| self.leaves(part, above, private)),
+            UseTree::Glob(_) => self.globs.push(Used { path: above.clone(), line }),
+            UseTree::Name(leaf) => self.leaf(above, &leaf.ident.to_string(), None, line, private),
+            UseTree::Rename(leaf) => self.leaf(above, &leaf.ident.to_string(), Some(leaf.rename.to_string()), line, private),
+            #[allow(unreachable_patterns)]
+            _ => {}
+        }
+    }
+
+    fn leaf(&mut self, above: &[String], name: &str, renamed: Option<String>, line: usize, private: bool) {
+        let mut path = above.to_vec();
+        if name != "self" {
+            path.push(name.into());
+        }
+        let known = renamed.or_else(|| path.last().cloned()).unwrap_or_default();
+        self.names.entry(known).or_default().push(Name::Import(path.clone()));
+        if private {
+            self.used.push(Used { path, line });
+        }
+    }
+}
+
+fn of_tests(attribute: &Attribute) -> bool {
+    let words = |list: &syn::MetaList| list.tokens.to_string();
+    match &attribute.meta {
+        syn::Meta::Path(path) => path.is_ident("test"),
+        syn::Meta::List(list) => {
+            list.path.is_ident("cfg") && { words(list) }.split(|c: char| !c.is_alphanumeric()).any(|w| w == "test") && !words(list).contains("not")
+        }
+        syn::Meta::NameValue(_) => false,
+    }
+}
+
+fn path_of(attribute: &Attribute) -> Option<String> {
+    let syn::Meta::NameValue(pair) = &attribute.meta else { return None };
+    let syn::Expr::Lit(syn::ExprLit { lit: syn::Lit::Str(text), .. }) = &pair.value else { return None };
+    pair.path.is_ident("path").then(|| text.value())
+}
+
+fn attributes(item: &Item) -> &[Attribute] {
+    match item {
+        Item::Const(i) => &i.attrs,
+        Item::Enum(i) => &i.attrs,
+        Item::Fn(i) => &i.attrs,
+        Item::Impl(i) => &i.attrs,
+        Item::Macro(i) => &i.attrs,
+        Item::Mod(i) => &i.attrs,
+        Item::Static(i) => &i.attrs,
+        Item::Struct(i) => &i.attrs,
+        Item::Trait(i) => &i.attrs,
+        Item::Type(i) => &i.attrs,
+        Item::Use(i) => &i.attrs,
+        _ => &[],
+    }
+}
+
+fn defined(item: &Item) -> Option<String> {
+    let ident = match item {
+        Item::Const(i) => &i.ident,
+        Item::Enum(i) => &i.ident,
+        Item::Fn(i) => &i.sig.ident,
+        Item::Macro(i) => i.ident.as_ref()?,
+        Item::Static(i) => &i.ident,
+        Item::Struct(i) => &i.ident,
+        Item::Trait(i) => &i.ident,
+        Item::TraitAlias(i) => &i.ident,
+        Item::Type(i) => &i.ident,
+        Item::Union(i) => &i.ident,
+        _ => return None,
+    };
+    Some(ident.to_string())
+}
