@@ -3,6 +3,7 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use nerd_lab::experiments::{drawn, redraw};
 use nerd_lab::report::manifest::Manifest;
 use nerd_lab::report::marks::{Marks, documents, unmarked};
 use nerd_lab::report::{Table, write};
@@ -30,6 +31,11 @@ pub enum Part {
     },
     /// Write the figures of the results into README and docs
     Write,
+    /// Draw records anew, tables and pictures, from what was measured then
+    Redraw {
+        /// Which [default: all that can be]
+        names: Vec<String>,
+    },
 }
 
 /// Runs the verb.
@@ -42,6 +48,11 @@ pub fn run(args: ResultsArgs) -> Result<()> {
         Some(Part::Write) => {
             fill(true)?.iter().for_each(|words| eprintln!("{words}"));
             Ok(())
+        }
+        Some(Part::Redraw { names }) => {
+            let records = manifest.artefact.iter().map(|entry| entry.name.clone()).filter(|name| drawn(name));
+            let names = if names.is_empty() { records.collect() } else { names };
+            Ok(names.iter().try_for_each(|name| redraw(&results(), name))?)
         }
     }
 }

@@ -8,9 +8,9 @@ use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::learned::Learned;
 use nerd_lab::experiments::stability::Stability;
 use nerd_sim::suite::Fault;
+use nerd_train::device::Device;
 
-use crate::common::{DEVICES, Device, word};
-use crate::flags::unused;
+use crate::options::{DEVICES, unused, word};
 use crate::out::{conduct, tables};
 
 /// Show where methods fail.

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use nerd_train::run::{Recipe, RunConfig};
 
-use crate::keys::Keys;
-use crate::numbers::count;
+use crate::options::{Keys, Whole, value};
 use crate::ranks;
 
 /// Train a NeRD model.
@@ -21,10 +20,10 @@ pub struct TrainArgs {
     #[arg(long)]
     pub recipe: Option<String>,
     /// Processes of this machine that share the run out among them [default: 1, or WORLD_SIZE where a launcher set it]
-    #[arg(long, value_name = "N", conflicts_with = "gpus", value_parser = count::<usize>(1..=1024))]
+    #[arg(long, value_name = "N", conflicts_with = "gpus", value_parser = value::<usize>(Whole(1..=1024)))]
     pub ranks: Option<usize>,
     /// As many ranks, each with a graphics card of its own: `--ranks N --device cuda`
-    #[arg(long, value_name = "N", value_parser = count::<usize>(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = value::<usize>(Whole(1..=1024)))]
     pub gpus: Option<usize>,
     #[command(flatten)]
     pub keys: Keys<RunConfig>,

@@ -10,7 +10,8 @@ pub fn components(graph: &Graph) -> Vec<BTreeSet<String>> {
     let reach: BTreeMap<&String, BTreeSet<&String>> = graph.keys().map(|from| (from, reached(graph, from))).collect();
     let mut sets = BTreeSet::new();
     for (from, to) in &reach {
-        let both: BTreeSet<String> = to.iter().filter(|other| reach.get(*other).is_some_and(|r| r.contains(from))).map(|s| s.to_string()).collect();
+        let both: BTreeSet<String> =
+            to.iter().filter(|other| reach.get(*other).is_some_and(|r| r.contains(from))).map(|s| s.to_string()).collect();
         if !both.is_empty() {
             sets.insert(both);
         }
@@ -34,8 +35,10 @@ fn reached<'a>(graph: &'a Graph, from: &'a String) -> BTreeSet<&'a String> {
 
 /// Circles, the shortest first, until cutting the edge of fewest uses in each leaves none. That edge is a circle's last step.
 pub fn circles(graph: &Graph, within: &BTreeSet<String>) -> Vec<Vec<String>> {
-    let inside = |edges: &BTreeMap<String, usize>| edges.iter().filter(|(to, _)| within.contains(*to)).map(|(to, n)| (to.clone(), *n)).collect();
-    let mut graph: Graph = graph.iter().filter(|(from, _)| within.contains(*from)).map(|(from, edges)| (from.clone(), inside(edges))).collect();
+    let inside =
+        |edges: &BTreeMap<String, usize>| edges.iter().filter(|(to, _)| within.contains(*to)).map(|(to, n)| (to.clone(), *n)).collect();
+    let mut graph: Graph =
+        graph.iter().filter(|(from, _)| within.contains(*from)).map(|(from, edges)| (from.clone(), inside(edges))).collect();
     let mut all = Vec::new();
     while let Some(mut circle) = graph.keys().filter_map(|name| shortest(&graph, name)).min_by_key(Vec::len) {
         let n = circle.len();

@@ -108,7 +108,8 @@ mod tests {
         let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
         let (body, deep) = (("body/mod.rs", OWN), ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n"));
         // Through the re-export at the root, inside a macro.
-        let name = ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
+        let name =
+            ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let end = "closed by name.rs:4 crate::body::Deep::of";
         let file = format!("by file, 2 in the knot: body/deep.rs -> name.rs -> body/deep.rs, {end}");
         assert_eq!(circles_of(&[lib, body, deep, name]), [file, format!("by folder, 2 in the knot: body -> name.rs -> body, {end}")]);
@@ -127,7 +128,8 @@ mod tests {
     fn tests_declarations_and_reexports_close_none() {
         let lib = ("lib.rs", "mod a;\nmod b;\npub use b::Second;\n#[cfg(test)]\nmod tests { use super::b::Second; }\n");
         let a = ("a.rs", "pub struct First;\n#[cfg(test)]\nmod tests {\n    use crate::Second;\n}\n");
-        let b = ("b.rs", "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n");
+        let b =
+            ("b.rs", "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n");
         assert_eq!(circles_of(&[lib, a, b]), [""; 0]);
     }
 }

@@ -73,7 +73,7 @@ fn module(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder:
             modules[id].names.entry(name).or_default().push(Name::Item);
         }
         if let Item::Use(import) = item {
-            modules[id].import(&import.tree, matches!(import.vis, Visibility::Inherited));
+            modules[id].import(&[], &import.tree, matches!(import.vis, Visibility::Inherited));
             continue;
         }
         Paths::of(&mut modules[id], item);
@@ -82,49 +82,34 @@ fn module(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder:
 }
 
 impl Module {
-    /// Takes the names of a `use`; one that is private is also a use of what it names.
-    pub fn import(&mut self, tree: &UseTree, private: bool) {
-        self.leaves(tree, &mut Vec::new(), private);
-    }
-
-    fn leaves(&mut self, tree: &UseTree, above: &mut Vec<String>, private: bool) {
+    /// Takes the names of a `use` below a path; one that is private is also a use of what it names.
+    pub fn import(&mut self, above: &[String], tree: &UseTree, private: bool) {
         let line = tree.span().start().line;
+        let below = |name: &syn::Ident| if name == "self" { above.to_vec() } else { [above, &[name.to_string()]].concat() };
         match tree {
-            UseTree::Path(part) => {
-                above.push(part.ident.to_string());
-                self.leaves(&part.tree, above, private);
-                above.pop();
-            }
-            UseTree::Group(group) => group.items.iter().for_each(|part| self.leaves(part, above, private)),
-            UseTree::Glob(_) => self.globs.push(Used { path: above.clone(), line }),
-            UseTree::Name(leaf) => self.leaf(above, &leaf.ident.to_string(), None, line, private),
-            UseTree::Rename(leaf) => self.leaf(above, &leaf.ident.to_string(), Some(leaf.rename.to_string()), line, private),
-            #[allow(unreachable_patterns)]
-            _ => {}
+            UseTree::Path(part) => self.import(&below(&part.ident), &part.tree, private),
+            UseTree::Group(group) => group.items.iter().for_each(|part| self.import(above, part, private)),
+            UseTree::Glob(_) => self.globs.push(Used { path: above.into(), line }),
+            UseTree::Name(leaf) => self.name(below(&leaf.ident), None, line, private),
+            UseTree::Rename(leaf) => self.name(below(&leaf.ident), Some(leaf.rename.to_string()), line, private),
         }
     }
 
-    fn leaf(&mut self, above: &[String], name: &str, renamed: Option<String>, line: usize, private: bool) {
-        let mut path = above.to_vec();
-        if name != "self" {
-            path.push(name.into());
-        }
-        let known = renamed.or_else(|| path.last().cloned()).unwrap_or_default();
-        self.names.entry(known).or_default().push(Name::Import(path.clone()));
-        if private {
-            self.used.push(Used { path, line });
-        }
+    fn name(&mut self, path: Vec<String>, renamed: Option<String>, line: usize, private: bool) {
+        let name = renamed.or_else(|| path.last().cloned()).unwrap_or_default();
+        self.names.entry(name).or_default().push(Name::Import(path.clone()));
+        self.used.extend(private.then_some(Used { path, line }));
     }
 }
 
 fn of_tests(attribute: &Attribute) -> bool {
-    let words = |list: &syn::MetaList| list.tokens.to_string();
     match &attribute.meta {
         syn::Meta::Path(path) => path.is_ident("test"),
-        syn::Meta::List(list) => {
-            list.path.is_ident("cfg") && { words(list) }.split(|c: char| !c.is_alphanumeric()).any(|w| w == "test") && !words(list).contains("not")
+        syn::Meta::List(list) if list.path.is_ident("cfg") => {
+            let condition = list.tokens.to_string();
+            condition.split(|c: char| !c.is_alphanumeric()).any(|word| word == "test") && !condition.contains("not")
         }
-        syn::Meta::NameValue(_) => false,
+        _ => false,
     }
 }
 
@@ -134,18 +119,13 @@ fn path_of(attribute: &Attribute) -> Option<String> {
     pair.path.is_ident("path").then(|| text.value())
 }
 
+/// Of items that may be for tests alone.
 fn attributes(item: &Item) -> &[Attribute] {
     match item {
         Item::Const(i) => &i.attrs,
-        Item::Enum(i) => &i.attrs,
         Item::Fn(i) => &i.attrs,
         Item::Impl(i) => &i.attrs,
-        Item::Macro(i) => &i.attrs,
         Item::Mod(i) => &i.attrs,
-        Item::Static(i) => &i.attrs,
-        Item::Struct(i) => &i.attrs,
-        Item::Trait(i) => &i.attrs,
-        Item::Type(i) => &i.attrs,
         Item::Use(i) => &i.attrs,
         _ => &[],
     }

@@ -84,7 +84,7 @@ impl<'a, 'ast> Visit<'ast> for Paths<'a> {
     }
 
     fn visit_item_use(&mut self, import: &'ast syn::ItemUse) {
-        self.module.import(&import.tree, true);
+        self.module.import(&[], &import.tree, true);
     }
 }
 
