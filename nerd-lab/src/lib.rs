@@ -8,6 +8,7 @@ macro_rules! eprintln {
 }
 
 pub mod campaign;
+pub mod circles;
 pub mod cotrain;
 pub mod error;
 pub mod experiments;

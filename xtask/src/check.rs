@@ -5,9 +5,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use nerd_lab::circles;
 use nerd_train::shipped::root;
-
-use crate::circles;
 
 /// Format, clippy, circles of imports, docs, tests.
 #[derive(clap::Args, Clone, Debug)]

@@ -55,15 +55,15 @@ pub struct EvaluateArgs {
     /// Name of the result to write [default: passive]
     #[arg(long)]
     pub name: Option<String>,
-    /// Folder for the result, NAME.json and .md, or FILE.json, which names it, too; without either nothing is written [default
-    /// with --name: results]
+    /// Folder for the result; without it and --name nothing is written [default with --name: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
 
 /// Runs the verb.
 pub fn run(args: EvaluateArgs) -> Result<()> {
-    let (name, folder) = place(&args)?;
+    let folder = args.out.clone().or_else(|| args.name.as_ref().map(|_| results()));
+    let name = args.name.clone().unwrap_or_else(|| "passive".into());
     let action = match args.drive {
         _ if args.limp => Action::Limp,
         0.0 => Action::Zero,
@@ -103,15 +103,4 @@ fn replay(args: &EvaluateArgs) -> Result<Option<(PathBuf, Replay)>> {
     let scene = args.scene.first().map_or_else(|| system.usual_scenes()[0].to_string(), String::clone);
     let motion = motions::passive(&args.robot, &scene, &folder, args.frames.unwrap_or(300), args.seed)?;
     Ok(Some((file.clone(), motion)))
-}
-
-/// Name of the result and its folder, if it is to be written.
-fn place(args: &EvaluateArgs) -> Result<(String, Option<PathBuf>)> {
-    let named = |name: Option<&str>| name.unwrap_or("passive").to_string();
-    let Some(out) = &args.out else { return Ok((named(args.name.as_deref()), args.name.as_ref().map(|_| results()))) };
-    match out.file_name().and_then(|name| name.to_str()?.strip_suffix(".json")) {
-        Some(_) if args.name.is_some() => bail!("--out {}: a folder is needed beside --name", out.display()),
-        Some(name) => Ok((name.into(), out.parent().map(Into::into))),
-        None => Ok((named(args.name.as_deref()), Some(out.clone()))),
-    }
 }

@@ -20,7 +20,6 @@ macro_rules! eprintln {
 
 mod campaign;
 mod check;
-mod circles;
 mod commands;
 mod dataset;
 mod evaluate;
@@ -109,7 +108,7 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Stability(args) => stability::run(args),
         Verb::Measure(args) => measure::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
-        Verb::Results(args) => results::run(args, || commands::reference(program())),
+        Verb::Results(args) => results::run(args, commands::reference(program())),
         Verb::Report(args) => report::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Calibrate(args) => args.run(),

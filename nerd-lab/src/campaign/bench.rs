@@ -22,7 +22,7 @@ const TEXTS: [(&str, &str); 8] = [
 ];
 
 /// Trains the smallest model there is.
-const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 \
+const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 2 --history 4 --transitions 200 --frames 20 --updates 2 \
                      --batch 4 --rollouts 1";
 
 /// A folder in memory where the system has one: what is written there need not last.

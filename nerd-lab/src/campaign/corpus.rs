@@ -4,7 +4,7 @@ use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
 use super::case::Kind;
-use super::judge::{Case, Files, Verdict};
+use super::judge::{Case, Files, Outcome, Verdict};
 use super::text::repeated;
 
 /// A case in `corpus.toml`.
@@ -19,9 +19,9 @@ pub struct Entry {
     line: Option<String>,
     /// The file, in place of the kind's first one.
     file: Option<String>,
-    /// All of its text; or some of it and what replaces that; or nothing, and it goes.
-    text: Option<String>,
+    /// What is replaced in it, or all of it.
     from: Option<String>,
+    /// By what; without it the file goes.
     to: Option<String>,
 }
 
@@ -43,14 +43,14 @@ impl Entry {
         if self.kind == Kind::Urdf {
             files.remove("f/robot.toml");
         }
-        match (&self.text, &self.from, &self.to) {
-            (Some(text), ..) => drop(files.insert(name.into(), repeated(text).into())),
-            (None, Some(from), Some(to)) => {
+        match (&self.from, self.to.as_deref().map(repeated)) {
+            (None, Some(to)) => drop(files.insert(name.into(), to.into())),
+            (Some(from), Some(to)) => {
                 let text = String::from_utf8_lossy(files.get(name).map_or(&[], Vec::as_slice)).into_owned();
                 ensure!(text.contains(from), "corpus.toml, {}: no `{from}` in {name}", self.name);
-                files.insert(name.into(), text.replacen(from, &repeated(to), 1).into());
+                files.insert(name.into(), text.replacen(from, &to, 1).into());
             }
-            _ => drop(files.remove(name)),
+            (_, None) => drop(files.remove(name)),
         }
         let mut before: Vec<String> = match (&self.line, self.kind) {
             (Some(lines), _) => lines.lines().map(String::from).collect(),
@@ -64,11 +64,12 @@ impl Entry {
 
     /// What is wrong with what became of it.
     pub fn wrong(&self, verdict: &Verdict) -> Option<String> {
-        let (right, became) = match verdict {
-            Verdict::Accepted => (self.expect == "accepted", "accepted".into()),
-            Verdict::Refused(words) => (self.expect != "accepted" && words.contains(&self.expect), format!("refused: {words}")),
-            Verdict::Fault(fault, words) => (false, format!("{}: {words}", fault.name())),
+        let Verdict(outcome, words) = verdict;
+        let right = match outcome {
+            Outcome::Accepted => self.expect == "accepted",
+            Outcome::Refused => self.expect != "accepted" && words.contains(&self.expect),
+            _ => false,
         };
-        (!right).then(|| format!("{} {}: {became}, expected `{}`", self.kind.name(), self.name, self.expect))
+        (!right).then(|| format!("{} {}: {}: {words}, expected `{}`", self.kind.name(), self.name, outcome.name(), self.expect))
     }
 }

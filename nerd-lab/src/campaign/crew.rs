@@ -13,7 +13,7 @@ use anyhow::{Result, bail};
 
 use super::bench::{read, scratch};
 use super::case::Kind;
-use super::judge::{Call, Case, Fault, Verdict, judge};
+use super::judge::{Call, Case, Outcome, Verdict, judge};
 
 /// What a case may take.
 const TIME: Duration = Duration::from_secs(10);
@@ -58,7 +58,7 @@ pub fn keep_panics() {
 pub fn caught(case: &Case, call: Call) -> Result<Verdict> {
     catch_unwind(AssertUnwindSafe(|| judge(case, call))).unwrap_or_else(|_| {
         let words = PANIC.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        Ok(Verdict::Fault(Fault::Panic, words))
+        Ok(Verdict(Outcome::Panic, words))
     })
 }
 
@@ -106,14 +106,14 @@ pub fn try_all(program: &Path, cases: Cases, good: &Path, hear: &mut dyn FnMut(u
             }
             place.worker.kill()?;
             let (status, words) = (place.worker.wait()?, std::fs::read_to_string(errors(place.next % stride))?.trim().replace('\n', " "));
-            let fault = match ended.map(|status| status.code()) {
-                None => Fault::Time,
-                Some(None) if words.contains("memory allocation of") => Fault::Memory,
-                Some(None) => Fault::Abort,
+            let outcome = match ended.map(|status| status.code()) {
+                None => Outcome::Time,
+                Some(None) if words.contains("memory allocation of") => Outcome::Memory,
+                Some(None) => Outcome::Abort,
                 // What makes cases must not fail, whatever becomes of them.
                 Some(Some(_)) => bail!("the campaign failed: {words}"),
             };
-            hear(place.next, Verdict::Fault(fault, format!("{status}: {words}")));
+            hear(place.next, Verdict(outcome, format!("{status}: {words}")));
             (place.heard, place.next) = (Instant::now(), place.next + stride);
             if place.next < cases.count {
                 place.worker = hire(place.next)?;

@@ -32,30 +32,29 @@ impl Case {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Verdict {
-    Refused(String),
-    Accepted,
-    Fault(Fault, String),
-}
+/// What became of a case: its column, and words.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Verdict(pub Outcome, pub String);
 
-/// What must not happen.
+/// Whatever comes behind `Accepted` must not happen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Fault {
+pub enum Outcome {
+    Refused,
+    Accepted,
     Panic,
     /// The process died of a signal.
     Abort,
     Memory,
     Time,
-    /// A number that is not finite was accepted, or came out.
+    /// A number that is not finite came out.
     NotFinite,
     /// A refusal left files or had no words, or a result is not whole.
     Untidy,
 }
 
-impl Fault {
+impl Outcome {
     /// Columns of all.
-    pub const NAMES: [&str; 6] = ["panics", "aborts", "over memory", "over time", "not finite", "untidy"];
+    pub const NAMES: [&str; 8] = ["refused", "accepted", "panics", "aborts", "over memory", "over time", "not finite", "untidy"];
 
     pub fn name(self) -> &'static str {
         Self::NAMES[self as usize]
@@ -84,21 +83,19 @@ pub fn judge(case: &Case, call: Call) -> Result<Verdict> {
     let ended = call(&words);
     let left: Vec<PathBuf> = below(&here)?.into_iter().filter(|path| !had.contains(path)).collect();
     let kept = std::fs::read("there").is_ok_and(|text| text == b"x") && Path::new("null").is_symlink();
-    Ok(match ended {
+    let (outcome, words) = match ended {
         Ok(()) => match left.iter().try_for_each(|path| whole(path)) {
-            Ok(()) => Verdict::Accepted,
-            Err(words) if words.contains(NOT_FINITE) => Verdict::Fault(Fault::NotFinite, words),
-            Err(words) => Verdict::Fault(Fault::Untidy, words),
+            Ok(()) => (Outcome::Accepted, String::new()),
+            Err(words) => (if words.contains(NOT_FINITE) { Outcome::NotFinite } else { Outcome::Untidy }, words),
         },
-        Err(words) if words.is_empty() || words.len() > WORDS => {
-            Verdict::Fault(Fault::Untidy, format!("a refusal of {} bytes", words.len()))
-        }
+        Err(words) if words.is_empty() || words.len() > WORDS => (Outcome::Untidy, format!("a refusal of {} bytes", words.len())),
         Err(words) if !left.is_empty() || case.before.is_empty() && Path::new("out").exists() => {
-            Verdict::Fault(Fault::Untidy, format!("a refusal left {left:?}: {words}"))
+            (Outcome::Untidy, format!("a refusal left {left:?}: {words}"))
         }
-        Err(words) if !kept => Verdict::Fault(Fault::Untidy, format!("a refusal replaced a file: {words}")),
-        Err(words) => Verdict::Refused(words),
-    })
+        Err(words) if !kept => (Outcome::Untidy, format!("a refusal replaced a file: {words}")),
+        Err(words) => (Outcome::Refused, words),
+    };
+    Ok(Verdict(outcome, words))
 }
 
 /// A line that must succeed: the program's; `rm FILE`; `cut FILE`, which takes a file's second half away; `stamp FOLDER`, which makes a

@@ -27,7 +27,7 @@ use case::Kind;
 pub use crew::work;
 use crew::{Cases, try_all};
 pub use judge::Call;
-use judge::{Fault, Verdict};
+use judge::{Outcome, Verdict};
 use kills::KILLS;
 
 /// Faults whose files are kept, at most.
@@ -51,8 +51,8 @@ pub struct Campaign {
 /// Counts and faults.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Found {
-    /// By kind of input: refused, accepted, then faults by their kind.
-    pub cases: BTreeMap<String, [u64; 2 + Fault::NAMES.len()]>,
+    /// By kind of input, what became of them.
+    pub cases: BTreeMap<String, [u64; Outcome::NAMES.len()]>,
     /// By command, what became of killed runs.
     pub kills: BTreeMap<String, [u64; KILLS.len()]>,
     /// Every fault in words; those of cases by number.
@@ -93,7 +93,7 @@ impl Found {
     fn tables(&self) -> Vec<Table> {
         let row = |name: &String, counts: &[u64]| [vec![name.clone()], counts.iter().map(u64::to_string).collect()].concat();
         let case = |(name, counts): (&String, &[u64; 8])| row(name, &[&[counts.iter().sum()], &counts[..]].concat());
-        let cases = Table::new("cases", &[&["input", "cases", "refused", "accepted"], &Fault::NAMES[..]].concat());
+        let cases = Table::new("cases", &[&["input", "cases"], &Outcome::NAMES[..]].concat());
         let kills = Table::new("kills", &[&["command"], &KILLS[..]].concat());
         vec![cases.with(self.cases.iter().map(case)), kills.with(self.kills.iter().map(|(name, counts)| row(name, counts)))]
     }
@@ -107,26 +107,22 @@ impl Campaign {
         let (bar, mut faults, mut done) = (bar("cases", self.cases), Vec::new(), 0);
         try_all(&self.program, Cases { seed: self.seed, count: self.cases }, good.path(), &mut |number, verdict| {
             let kind = Kind::of(number);
-            let counts = found.cases.entry(kind.name().into()).or_default();
-            match verdict {
-                Verdict::Refused(_) => counts[0] += 1,
-                Verdict::Accepted => counts[1] += 1,
-                Verdict::Fault(fault, words) => {
-                    counts[2 + fault as usize] += 1;
-                    found.faults.push(format!("case {number} ({}): {}: {words}", kind.name(), fault.name()));
-                    faults.push((number, kind, fault));
-                }
+            let Verdict(outcome, words) = verdict;
+            found.cases.entry(kind.name().into()).or_default()[outcome as usize] += 1;
+            if outcome > Outcome::Accepted {
+                found.faults.push(format!("case {number} ({}): {}: {words}", kind.name(), outcome.name()));
+                faults.push((number, kind, outcome));
             }
             done += 1;
             bar.set(done);
         })?;
         bar.finish();
         let files = bench::read(good.path())?;
-        for (number, kind, fault) in faults.into_iter().take(KEPT) {
+        for (number, kind, outcome) in faults.into_iter().take(KEPT) {
             let mut case = kind.make(self.seed, number, &files);
             case.files.retain(|name, bytes| files.get(name) != Some(bytes));
             case.files.insert("line.txt".into(), case.line.into());
-            bench::write(&self.kept.join(format!("{}-{}-{number}", kind.name(), fault.name().replace(' ', "-"))), &case.files)?;
+            bench::write(&self.kept.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
         }
         Ok(())
     }

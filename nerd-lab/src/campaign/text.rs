@@ -22,9 +22,9 @@ impl Dictionary {
         Self { words: words.chain(lines.lines().map(|line| format!("\n{}\n", repeated(line)))).collect(), spaced }
     }
 
-    /// Changes a text up to four times; sometimes its bytes, whatever they mean.
+    /// Changes a text up to four times, or not at all; sometimes its bytes, whatever they mean.
     pub fn change(&self, session: &mut Session, bytes: &mut Vec<u8>) {
-        let times = [1, 1, 1, 1, 2, 2, 3, 4][dice(session, 8)];
+        let times = [0, 1, 1, 1, 1, 2, 2, 4][dice(session, 8)];
         match std::str::from_utf8(bytes) {
             Ok(text) if dice(session, 16) > 0 => {
                 let mut words = self.split(text);

@@ -10,6 +10,7 @@ pub mod games;
 pub mod judges;
 pub mod learned;
 pub mod motions;
+pub mod outside;
 pub mod passive;
 pub mod policies;
 pub mod registry;

@@ -17,7 +17,7 @@ pub struct Entry {
 }
 
 /// All of them.
-pub static REGISTRY: [Entry; 5] = [
+pub static REGISTRY: [Entry; 6] = [
     entry::<super::ablations::Ablations>("ablations", "The paper's Figure A.2: NeRD with one design decision taken back at a time"),
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers, and how fast policies learn, on graphics cards (needs --features cuda)"),
     entry::<super::judges::Judges>(
@@ -25,6 +25,7 @@ pub static REGISTRY: [Entry; 5] = [
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
     ),
     entry::<super::motions::Motions>("motions", "Errors of solvers along motions of a data set's kind that none has seen"),
+    entry::<super::outside::Outside>("outside", "Crates and first builds of the packages of examples/"),
     entry::<super::policies::Policies>(
         "policies",
         "Policies in the truth and in the model that learned it; with `fresh`, the strict protocol",

@@ -70,7 +70,7 @@ pub enum ModelError {
     #[error(transparent)]
     Chain(#[from] NoChain),
     /// The folder does not say which robot or which weights it is of.
-    #[error("{path}: `config.json` has no `{key}`, so nothing tells whether it fits; `cargo xtask stamp {path}` adds it", path = path.display())]
+    #[error("{path}: `config.json` has no `{key}`, so nothing tells whether it fits; train it again, or save it anew after `Model::stamp`", path = path.display())]
     NoStamp {
         /// The folder.
         path: PathBuf,

@@ -6,7 +6,6 @@
 
 mod config;
 mod error;
-mod stamp;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -16,7 +15,6 @@ use sha2::{Digest, Sha256};
 
 pub use config::ModelConfig;
 pub use error::ModelError;
-pub use stamp::{models_in, stamp};
 
 use crate::normalizer::{Moments, Normalizer};
 use crate::transformer::{Storage, Weights};

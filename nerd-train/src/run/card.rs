@@ -178,7 +178,7 @@ pub fn export(
     card.push_str("\n`cargo xtask evaluate --solver neural --model FOLDER` measures its errors; compare them with its base alone\n");
     card.push_str("(`--solver articulated`). Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
-    // becomes 0.017): for that `cargo xtask light` rounds with more care.
+    // becomes 0.017).
     let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
     Ok(Model { config, normalizer, weights }.save(folder, &card, storage)?)
 }
