@@ -1,13 +1,12 @@
 //! Good files that cases are made from: robots, states, models, a data set, a policy; and what is like them, and is not.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use nerd_sim::prelude::*;
-use tempfile::TempDir;
 
-use super::judge::{Files, below};
+use super::files::{Files, read, write};
 
 /// Those that are text.
 const TEXTS: [(&str, &str); 8] = [
@@ -24,28 +23,6 @@ const TEXTS: [(&str, &str); 8] = [
 /// Trains the smallest model there is.
 const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 2 --history 4 --transitions 200 --frames 20 --updates 2 \
                      --batch 4 --rollouts 1";
-
-/// A folder in memory where the system has one: what is written there need not last.
-pub fn scratch() -> Result<TempDir> {
-    let memory = Path::new("/dev/shm");
-    Ok(if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }?)
-}
-
-/// Writes files below a folder.
-pub fn write(folder: &Path, files: &Files) -> Result<()> {
-    for (name, bytes) in files {
-        let path = folder.join(name);
-        std::fs::create_dir_all(path.parent().unwrap_or(folder))?;
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
-    }
-    Ok(())
-}
-
-/// Every file below a folder, by name; none where there is no folder.
-pub fn read(folder: &Path) -> Result<Files> {
-    let name = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().into_owned();
-    below(folder)?.iter().map(|path| Ok((name(path), std::fs::read(path)?))).collect()
-}
 
 /// Makes the good files in a folder's `f`, with the program itself.
 pub fn build(program: &Path, folder: &Path) -> Result<()> {

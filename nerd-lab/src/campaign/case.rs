@@ -5,7 +5,8 @@ use mutatis::Session;
 use nerd_sim::prelude::System;
 use serde::Deserialize;
 
-use super::judge::{Case, Files};
+use super::files::Files;
+use super::judge::Case;
 use super::text::{Dictionary, dice};
 
 /// What is changed.

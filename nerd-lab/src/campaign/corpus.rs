@@ -4,7 +4,8 @@ use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
 use super::case::Kind;
-use super::judge::{Case, Files, Outcome, Verdict};
+use super::files::Files;
+use super::judge::{Case, Outcome, Verdict};
 use super::text::repeated;
 
 /// A case in `corpus.toml`.

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 
-use super::bench::{read, scratch};
 use super::case::Kind;
+use super::files::{read, scratch};
 use super::judge::{Call, Case, Outcome, Verdict, judge};
 
 /// What a case may take.

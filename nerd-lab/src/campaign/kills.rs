@@ -11,8 +11,7 @@ use nerd_train::progress::bar;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::bench::read;
-use super::judge::{Files, below, whole};
+use super::files::{Files, below, read, whole};
 
 /// Commands, and the files that must come out the same; of a folder, all.
 const JOBS: [(&str, &[&str]); 4] = [

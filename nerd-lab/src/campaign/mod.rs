@@ -19,6 +19,7 @@ mod bench;
 mod case;
 mod corpus;
 mod crew;
+mod files;
 mod judge;
 mod kills;
 mod text;
@@ -102,7 +103,7 @@ impl Found {
 impl Campaign {
     /// Tries all cases, and writes the files of those that are faults.
     fn change(&self, found: &mut Found) -> Result<()> {
-        let good = bench::scratch()?;
+        let good = files::scratch()?;
         bench::build(&self.program, good.path())?;
         let (bar, mut faults, mut done) = (bar("cases", self.cases), Vec::new(), 0);
         try_all(&self.program, Cases { seed: self.seed, count: self.cases }, good.path(), &mut |number, verdict| {
@@ -117,12 +118,12 @@ impl Campaign {
             bar.set(done);
         })?;
         bar.finish();
-        let files = bench::read(good.path())?;
+        let files = files::read(good.path())?;
         for (number, kind, outcome) in faults.into_iter().take(KEPT) {
             let mut case = kind.make(self.seed, number, &files);
             case.files.retain(|name, bytes| files.get(name) != Some(bytes));
             case.files.insert("line.txt".into(), case.line.into());
-            bench::write(&self.kept.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
+            files::write(&self.kept.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
         }
         Ok(())
     }
@@ -130,9 +131,9 @@ impl Campaign {
 
 /// Tries the corpus in this process: how many cases it has, and those that did not end as they should.
 pub fn replay(program: &Path, call: Call) -> Result<(usize, Vec<String>)> {
-    let (good, here) = (bench::scratch()?, bench::scratch()?);
+    let (good, here) = (files::scratch()?, files::scratch()?);
     bench::build(program, good.path())?;
-    let (files, entries) = (bench::read(good.path())?, corpus::entries()?);
+    let (files, entries) = (files::read(good.path())?, corpus::entries()?);
     std::env::set_current_dir(here.path())?;
     nerd_train::progress::quiet();
     crew::keep_panics();

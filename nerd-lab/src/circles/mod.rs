@@ -5,6 +5,7 @@
 //! since its children may use what it defines.
 
 mod graph;
+mod module;
 mod modules;
 mod paths;
 mod resolve;
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use graph::{Graph, circles, components};
+use graph::{Graph, circles};
 use resolve::{Use, uses};
 
 /// Uses of an edge that a line names.
@@ -71,19 +72,16 @@ fn lines(how: &str, uses: &[Use], ends: impl Fn(&Use) -> Option<(String, String)
         *graph.entry(from.clone()).or_default().entry(to.clone()).or_default() += 1;
         behind.entry((from, to)).or_default().push(used);
     }
-    let mut lines = Vec::new();
     // Of names that are all files, the circles by file tell.
-    let folders = |set: &BTreeSet<String>| how == "by file" || set.iter().any(|name| !name.ends_with(".rs"));
-    for set in components(&graph).into_iter().filter(folders) {
-        for circle in circles(&graph, &set) {
-            let (first, last) = (circle[0].clone(), circle[circle.len() - 1].clone());
-            let all = &behind[&(last, first.clone())];
-            let some = all.iter().take(SHOWN).map(|u| format!("{}:{} {}", u.from.display(), u.line, u.path)).collect::<Vec<_>>();
-            let closing = some.join(", ") + &if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
-            lines.push(format!("{how}, {} in the knot: {} -> {first}, closed by {closing}", set.len(), circle.join(" -> ")));
-        }
-    }
-    lines
+    let new = |circle: &Vec<String>| how == "by file" || circle.iter().any(|name| !name.ends_with(".rs"));
+    let line = |circle: Vec<String>| {
+        let (first, last) = (circle[0].clone(), circle[circle.len() - 1].clone());
+        let all = &behind[&(last, first.clone())];
+        let closing: Vec<_> = all.iter().take(SHOWN).map(|u| format!("{}:{} {}", u.from.display(), u.line, u.path)).collect();
+        let more = if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
+        format!("{how}: {} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
+    };
+    circles(&graph).into_iter().filter(new).map(line).collect()
 }
 
 #[cfg(test)]
@@ -111,8 +109,8 @@ mod tests {
         let name =
             ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let end = "closed by name.rs:4 crate::body::Deep::of";
-        let file = format!("by file, 2 in the knot: body/deep.rs -> name.rs -> body/deep.rs, {end}");
-        assert_eq!(circles_of(&[lib, body, deep, name]), [file, format!("by folder, 2 in the knot: body -> name.rs -> body, {end}")]);
+        let file = format!("by file: body/deep.rs -> name.rs -> body/deep.rs, {end}");
+        assert_eq!(circles_of(&[lib, body, deep, name]), [file, format!("by folder: body -> name.rs -> body, {end}")]);
     }
 
     #[test]
@@ -121,7 +119,7 @@ mod tests {
         let b = [("a/high.rs", "use crate::b::*;\npub type High = Mid;\n"), ("b.rs", "use super::a::low;\npub struct Mid(low::Low);\n")];
         let lines = circles_of(&[a, [b[0], b[1], ("unused.rs", "")]].concat());
         assert_eq!(lines.len(), 1, "{lines:?}");
-        assert!(lines[0].starts_with("by folder, 2 in the knot"), "{lines:?}");
+        assert!(lines[0].starts_with("by folder: "), "{lines:?}");
     }
 
     #[test]

@@ -1,36 +1,12 @@
-//! A crate's modules as its sources declare them: names, imports, and the paths that each module uses.
+//! A crate's modules as its sources declare them.
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
-use syn::spanned::Spanned;
-use syn::{Attribute, Item, UseTree, Visibility};
+use syn::{Attribute, Item, Visibility};
 
+use super::module::{Module, Name};
 use super::paths::Paths;
-
-/// What a name in a module means. A name may mean several things: a module and a function, or one thing for each feature.
-pub enum Name {
-    Module(usize),
-    Item,
-    Import(Vec<String>),
-}
-
-/// A path that a module uses, by its segments.
-pub struct Used {
-    pub path: Vec<String>,
-    pub line: usize,
-}
-
-/// A module. An inline module has its parent's file.
-#[derive(Default)]
-pub struct Module {
-    pub file: PathBuf,
-    pub parent: Option<usize>,
-    pub names: HashMap<String, Vec<Name>>,
-    pub globs: Vec<Used>,
-    pub used: Vec<Used>,
-}
 
 /// All modules below `src/lib.rs` or `src/main.rs`, which is the first. Tests are left out, features are not.
 pub fn read(root: &Path) -> Result<Vec<Module>> {
@@ -79,27 +55,6 @@ fn module(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder:
         Paths::of(&mut modules[id], item);
     }
     Ok(id)
-}
-
-impl Module {
-    /// Takes the names of a `use` below a path; one that is private is also a use of what it names.
-    pub fn import(&mut self, above: &[String], tree: &UseTree, private: bool) {
-        let line = tree.span().start().line;
-        let below = |name: &syn::Ident| if name == "self" { above.to_vec() } else { [above, &[name.to_string()]].concat() };
-        match tree {
-            UseTree::Path(part) => self.import(&below(&part.ident), &part.tree, private),
-            UseTree::Group(group) => group.items.iter().for_each(|part| self.import(above, part, private)),
-            UseTree::Glob(_) => self.globs.push(Used { path: above.into(), line }),
-            UseTree::Name(leaf) => self.name(below(&leaf.ident), None, line, private),
-            UseTree::Rename(leaf) => self.name(below(&leaf.ident), Some(leaf.rename.to_string()), line, private),
-        }
-    }
-
-    fn name(&mut self, path: Vec<String>, renamed: Option<String>, line: usize, private: bool) {
-        let name = renamed.or_else(|| path.last().cloned()).unwrap_or_default();
-        self.names.entry(name).or_default().push(Name::Import(path.clone()));
-        self.used.extend(private.then_some(Used { path, line }));
-    }
 }
 
 fn of_tests(attribute: &Attribute) -> bool {

@@ -3,7 +3,7 @@
 use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 
-use super::modules::{Module, Used};
+use super::module::{Module, Used};
 
 /// Collects paths into a module.
 pub struct Paths<'a> {

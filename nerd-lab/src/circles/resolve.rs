@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::modules::{Module, Name};
+use super::module::{Module, Name};
 
 /// One file uses what another one defines.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]

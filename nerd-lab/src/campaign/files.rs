@@ -1,0 +1,88 @@
+//! Files of cases, and whether those that the program wrote are whole.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use safetensors::tensor::{Dtype, SafeTensors};
+use tempfile::TempDir;
+
+/// Files by name.
+pub type Files = BTreeMap<String, Vec<u8>>;
+
+/// In the words of a number that is not finite.
+pub const NOT_FINITE: &str = "not finite";
+
+/// A folder in memory where the system has one: what is written there need not last.
+pub fn scratch() -> Result<TempDir> {
+    let memory = Path::new("/dev/shm");
+    Ok(if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }?)
+}
+
+/// Writes files below a folder.
+pub fn write(folder: &Path, files: &Files) -> Result<()> {
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().unwrap_or(folder))?;
+        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Every file below a folder, by name; none where there is no folder.
+pub fn read(folder: &Path) -> Result<Files> {
+    let name = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().into_owned();
+    below(folder)?.iter().map(|path| Ok((name(path), std::fs::read(path)?))).collect()
+}
+
+/// Says what is wrong with a file that the program wrote, by its ending: it ends where it should, and holds numbers where it should.
+pub fn whole(path: &Path) -> Result<(), String> {
+    let wrong = |reason: String| format!("{}: {reason}", path.file_name().unwrap_or_default().to_string_lossy());
+    let bytes = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
+    let json = |text: &[u8]| serde_json::from_slice::<serde_json::Value>(text).map(drop).map_err(|e| e.to_string());
+    let checked = match path.extension().and_then(|e| e.to_str()).unwrap_or_default() {
+        "json" => json(&bytes),
+        // Of a log that grows line by line the last one may be cut.
+        "jsonl" => bytes.split_inclusive(|b| *b == b'\n').filter(|line| line.ends_with(b"\n")).try_for_each(json),
+        "csv" if bytes.last().is_some_and(|b| *b != b'\n') => Err("no end".into()),
+        "csv" => {
+            let odd = |cell: &&str| cell.trim().parse::<f64>().is_ok_and(|x| !x.is_finite());
+            let text = String::from_utf8_lossy(&bytes);
+            text.split([',', '\n']).find(odd).map_or(Ok(()), |cell| Err(format!("holds {cell}, which is {NOT_FINITE}")))
+        }
+        "safetensors" => tensors(&bytes),
+        "tmp" => Err("left over".into()),
+        _ => Ok(()),
+    };
+    checked.map_err(wrong)
+}
+
+/// Distances in empty space are infinite.
+fn tensors(bytes: &[u8]) -> Result<(), String> {
+    let file = SafeTensors::deserialize(bytes).map_err(|e| e.to_string())?;
+    let finite = |view: &safetensors::tensor::TensorView| match view.dtype() {
+        Dtype::F32 => view.data().as_chunks().0.iter().all(|b| f32::from_le_bytes(*b).is_finite()),
+        Dtype::F64 => view.data().as_chunks().0.iter().all(|b| f64::from_le_bytes(*b).is_finite()),
+        _ => true,
+    };
+    let wrong = file.tensors().into_iter().find(|(name, view)| !name.contains("depths") && !finite(view));
+    wrong.map_or(Ok(()), |(name, _)| Err(format!("`{name}` is {NOT_FINITE}")))
+}
+
+/// Every file below a folder, in order; no link is followed. None below one that is not there.
+pub fn below(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    if !folder.exists() {
+        return Ok(found);
+    }
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        match entry.file_type()?.is_dir() {
+            true => found.extend(below(&entry.path())?),
+            false => found.push(entry.path()),
+        }
+    }
+    found.sort();
+    Ok(found)
+}
