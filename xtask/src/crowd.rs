@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use nerd_sim::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance, Table};
+use nerd_sim::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
 
 use nerd_train::progress::bar;
 

@@ -21,8 +21,10 @@ macro_rules! eprintln {
 mod campaign;
 mod check;
 mod commands;
+mod crowd;
 mod dataset;
 mod evaluate;
+mod files;
 mod inspect;
 mod list;
 mod measure;
@@ -37,6 +39,7 @@ mod results;
 mod rollout;
 mod solvers;
 mod stability;
+mod stand;
 mod train;
 mod urdf;
 

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use nerd_sim::survey::{Course, Found, STANDING, Standing, stand};
 use nerd_lab::report::table::digits;
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance, Table};
+use nerd_sim::survey::{Course, Found, STANDING, Standing, stand};
 
 use nerd_train::progress::bar;
 

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use nerd_lab::cotrain::{CoTrain, CoTrainConfig};
 use nerd_lab::experiments::policies::Policies;
+use nerd_lab::report::curve;
+use nerd_lab::report::game::replay;
 use nerd_train::device::Device;
-use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder, replay};
+use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder};
 
 mod arena;
 
@@ -136,6 +138,7 @@ fn train(args: TrainArgs) -> Result<()> {
     let run = PolicyRun { task, arena, config, seed, fast: false, until, minutes, out };
     ranks::run(args.ranks.or(args.gpus), |ranks| {
         if let Some(done) = run.train_among(ranks)? {
+            curve::draw(&run.out, &done.title)?;
             say(&done);
         }
         Ok(())
