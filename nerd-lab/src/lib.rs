@@ -9,6 +9,7 @@ macro_rules! eprintln {
 
 pub mod campaign;
 pub mod choice;
+pub mod circles;
 pub mod cotrain;
 pub mod error;
 pub mod experiments;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nerd_lab::choice::Choice;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
 use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
@@ -13,7 +14,6 @@ use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
 use nerd_tasks::named;
-use nerd_lab::choice::Choice;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 use nerd_train::ppo::folder::{PolicyConfig, save};
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};

@@ -4,10 +4,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_lab::campaign::{Campaign, Program, Rollout, Source};
+use nerd_lab::campaign::{Call, Campaign, Found, replay, work};
 use nerd_lab::experiments::{Experiment, conduct};
-
-use crate::solvers::SolverArgs;
 
 /// Try hostile input.
 #[derive(clap::Args, Clone, Debug)]
@@ -27,41 +25,39 @@ pub struct CampaignArgs {
     /// Folder to write the counts into, as campaign.json and campaign.md
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
-    /// Try the files of a corpus in place of changed ones
-    #[arg(long, value_name = "FOLDER")]
-    pub replay: Vec<PathBuf>,
-    /// First case of a worker, and how much further its next one stands
+    /// Try the corpus of faults that were found once, in place of changed input
+    #[arg(long)]
+    pub replay: bool,
+    /// Order of a worker
     #[arg(long, hide = true, value_delimiter = ',')]
-    pub work: Option<Vec<u64>>,
+    pub work: Option<Vec<String>>,
 }
 
-/// Runs the verb.
-pub fn run(args: CampaignArgs) -> Result<()> {
-    let program = Program { path: std::env::current_exe()?, rollout };
-    let CampaignArgs { cases, seed, kills, faults: kept, .. } = args;
-    if let Some([first, stride]) = args.work.as_deref() {
-        return Ok(nerd_lab::campaign::work(program, &Source { seed, cases, corpus: args.replay }, *first, *stride)?);
+/// Runs the verb; `call` runs the others.
+pub fn run(args: CampaignArgs, call: Call) -> Result<()> {
+    if let Some(order) = &args.work {
+        return work(call, order);
     }
-    if !args.replay.is_empty() {
-        nerd_lab::campaign::replay(&program, &args.replay)?.iter().for_each(|line| println!("{line}"));
+    let program = std::env::current_exe()?;
+    if args.replay {
+        let (tried, wrong) = replay(&program, call)?;
+        if !wrong.is_empty() {
+            bail!("{} of {tried} cases: {}", wrong.len(), wrong.join("; "));
+        }
+        println!("{tried} cases ended as they should");
         return Ok(());
     }
+    let CampaignArgs { cases, seed, kills, faults: kept, .. } = args;
     let campaign = Campaign { program, seed, cases, kills, kept };
-    let found = match &args.out {
-        Some(out) => conduct(&campaign, out)?.data,
-        None => campaign.measure()?,
+    let (data, tables) = match &args.out {
+        Some(out) => conduct(&campaign, out).map(|result| (result.data, result.tables))?,
+        None => campaign.measure().map(|measured| (measured.data, measured.tables))?,
     };
-    crate::out::tables(&campaign.tables(&found)?);
+    crate::out::tables(&tables);
+    let found: Found = serde_json::from_value(data.into())?;
     found.faults.iter().take(20).for_each(|words| eprintln!("{words}"));
     match found.faults.len() {
         0 => Ok(()),
-        n => bail!("{n} faults; files of the first stand in {}", campaign.kept.display()),
+        n => bail!("{n} faults; files of the first are in {}", campaign.kept.display()),
     }
-}
-
-/// The verb `rollout`, without a process of its own.
-fn rollout(job: &Rollout) -> Result<(), String> {
-    let (robot, scene, states, out) = (job.robot.into(), job.scene.into(), job.states.into(), job.out.into());
-    let args = crate::rollout::RolloutArgs { robot, scene, solver: SolverArgs::default(), states, frames: None, out };
-    crate::rollout::run(args).map_err(|e| format!("{e:#}"))
 }

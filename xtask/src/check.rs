@@ -1,50 +1,58 @@
-//! `cargo xtask check`: format, clippy, documentation, outside packages, tests; stops at the first that fails, and says how long each took.
+//! `cargo xtask check`: format, circles of imports, clippy, documentation, outside packages, tests. It stops at the first that fails,
+//! and says how long each took.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use nerd_lab::circles;
+use nerd_train::shipped::root;
 
-/// Format, clippy, docs, tests.
+/// Format, clippy, circles of imports, docs, tests.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CheckArgs {
     /// Leave the tests out
     #[arg(long)]
     pub quick: bool,
+    /// Circles of imports alone
+    #[arg(long)]
+    pub circles: bool,
 }
 
-/// What is asked of cargo, cheapest first. Clippy and the documentation share what they compile of the dependencies; the CUDA
-/// engine needs no CUDA to be type-checked, and only what knows the feature is checked again. What stands outside the workspace is built a package at a time, each with the features that it alone asks for.
-const STEPS: [(&str, &[&str]); 10] = [
-    ("format", &["fmt", "--all", "--check"]),
-    ("format of examples", &["fmt", "--all", "--check", "--manifest-path", "examples/Cargo.toml"]),
-    ("clippy", &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]),
-    (
-        "clippy with CUDA",
-        &["clippy", "--release", "--workspace", "--all-targets", "--features", "nerd-train/cuda,xtask/cuda", "--", "-D", "warnings"],
-    ),
-    ("documentation", &["doc", "--release", "--workspace", "--no-deps"]),
-    ("core-only", &outside("core-only")),
-    ("sim-only", &outside("sim-only")),
-    ("model-only", &outside("model-only")),
-    ("own-task", &outside("own-task")),
-    ("tests", &["test", "--release", "--workspace"]),
+/// What is asked of cargo, cheapest first. Clippy and the documentation share what they compile of the dependencies; the CUDA engine
+/// needs no CUDA to be type-checked, and only what knows the feature is checked again. What is outside the workspace is built a
+/// package at a time, each with the features that it alone asks for.
+const STEPS: [(&str, &str); 10] = [
+    ("format", "fmt --all --check"),
+    ("format of examples", "fmt --all --check --manifest-path examples/Cargo.toml"),
+    ("clippy", "clippy --release --workspace --all-targets -- -D warnings"),
+    ("clippy with CUDA", "clippy --release --workspace --all-targets --features nerd-train/cuda,xtask/cuda -- -D warnings"),
+    ("documentation", "doc --release --workspace --no-deps"),
+    ("core-only", OUTSIDE),
+    ("sim-only", OUTSIDE),
+    ("model-only", OUTSIDE),
+    ("own-task", OUTSIDE),
+    ("tests", "test --release --workspace"),
 ];
 
-const fn outside(package: &'static str) -> [&'static str; 12] {
-    let shared = ["clippy", "--release", "--locked", "--manifest-path", "examples/Cargo.toml", "--target-dir", "target", "-p"];
-    let [a, b, c, d, e, f, g, h] = shared;
-    [a, b, c, d, e, f, g, h, package, "--", "-D", "warnings"]
-}
+/// Of one package, whose name comes behind it.
+const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.toml --target-dir target -p";
 
 /// Runs the verb.
 pub fn run(args: CheckArgs) -> Result<()> {
-    let mut took: Vec<(&str, Duration)> = Vec::new();
-    for (what, arguments) in STEPS.into_iter().filter(|(what, _)| !(args.quick && *what == "tests")) {
-        eprintln!("{what}: cargo {}", arguments.join(" "));
+    let started = Instant::now();
+    let lines = circles::of_workspace(&root())?;
+    lines.iter().for_each(|line| eprintln!("{line}"));
+    if !lines.is_empty() {
+        bail!("{} circles of imports", lines.len());
+    }
+    let mut took: Vec<(&str, Duration)> = vec![("no circle of imports:", started.elapsed())];
+    for (what, line) in STEPS.into_iter().filter(|(what, _)| !args.circles && !(args.quick && *what == "tests")) {
+        let line = if line == OUTSIDE { format!("{line} {what} -- -D warnings") } else { line.into() };
+        eprintln!("{what}: cargo {line}");
         let started = Instant::now();
         let mut cargo = Command::new("cargo");
-        cargo.args(arguments);
+        cargo.args(line.split(' '));
         if what == "documentation" {
             cargo.env("RUSTDOCFLAGS", "-D warnings");
         }

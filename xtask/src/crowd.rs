@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use nerd_lab::report::Artifact;
 use nerd_lab::report::table::digits;
-use nerd_lab::report::{Input, Inputs, Provenance, Table};
+use nerd_lab::report::{Artifact, Input, Inputs, Provenance, Table};
 use nerd_lab::survey::{CROWD, Crowd, Found, Pace, SETTINGS, crowd};
 
-use crate::common::bar;
+use nerd_train::progress::bar;
 
 /// Measures each file's robot.
 pub fn run(files: &[Found], mujoco: &Path, n: usize, out: Option<&Path>) -> Result<()> {

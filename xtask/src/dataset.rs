@@ -6,14 +6,12 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Error, Result};
+use anyhow::Result;
 use nerd_sim::dataset::Part;
 use nerd_sim::prelude::*;
 use nerd_train::run::RecordConfig;
-use nerd_train::settings::Settings;
 
-use crate::keys::Keys;
-use crate::numbers::{TRANSITIONS, count};
+use crate::options::{Keys, TRANSITIONS, Whole, value};
 use crate::ranks::alone;
 
 /// Record random trajectories.
@@ -25,7 +23,7 @@ pub struct DatasetArgs {
     #[command(flatten)]
     pub keys: Keys<RecordConfig>,
     /// Transitions in all, rounded up to whole trajectories
-    #[arg(long, default_value_t = 1_000_000, value_parser = count::<usize>(TRANSITIONS))]
+    #[arg(long, default_value_t = 1_000_000, value_parser = value::<usize>(Whole(TRANSITIONS)))]
     pub transitions: usize,
     /// One of n parts, i/n, for machines that share the work: parts may be made at once, in any order, and again; the last one
     /// writes the manifest, and the folder is as if it had been made at once
@@ -41,7 +39,7 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     alone("dataset", "--part shares the work out")?;
     let (system, part) = (System::named(&args.robot)?, args.part);
     nerd_train::progress::notes(&system);
-    let config = RecordConfig::default().with(&args.keys.given).map_err(Error::msg)?;
+    let config = args.keys.settings()?;
     let started = std::time::Instant::now();
     let Some(manifest) = config.write_part(&system, args.transitions, part, &args.out)? else {
         println!("part {part} is there; {} is complete once all parts are", args.out.display());

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
+use nerd_lab::choice::Choice;
 use nerd_lab::experiments::passive::{Case, Passive};
 use nerd_lab::page::motions;
 use nerd_lab::page::replay::Replay;
@@ -11,7 +12,7 @@ use nerd_sim::prelude::*;
 use nerd_train::evaluate::Action;
 use nerd_train::shipped::results;
 
-use crate::numbers::{FRAMES, SEEDS, STARTS, count, within};
+use crate::options::{FRAMES, Number, SEEDS, STARTS, Whole, value};
 use crate::out::{conduct, tables};
 use crate::solvers::SolverArgs;
 
@@ -27,23 +28,23 @@ pub struct EvaluateArgs {
     #[command(flatten)]
     pub solver: SolverArgs,
     /// Trajectories (the paper: 2048)
-    #[arg(long, default_value_t = 256, value_parser = count::<usize>(STARTS))]
+    #[arg(long, default_value_t = 256, value_parser = value::<usize>(Whole(STARTS)))]
     pub starts: usize,
     /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
-    #[arg(long, value_parser = count::<usize>(FRAMES))]
+    #[arg(long, value_parser = value::<usize>(Whole(FRAMES)))]
     pub frames: Option<usize>,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
+    #[arg(long, default_value_t = 500, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
     /// Random torques of the training data times this, in place of passive motion
-    #[arg(long, default_value_t = 0.0, value_parser = within(0.0..=1e3))]
+    #[arg(long, default_value_t = 0.0, value_parser = value::<f64>(Number(0.0..=1e3)))]
     pub drive: f64,
     /// No torque whatever, in place of what a position law holds its pose with
     #[arg(long, conflicts_with = "drive")]
     pub limp: bool,
     /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
     /// sensitivity drives apart what differs a little
-    #[arg(long, default_value_t = 0.0, value_parser = within(0.0..=1e3))]
+    #[arg(long, default_value_t = 0.0, value_parser = value::<f64>(Number(0.0..=1e3)))]
     pub shake: f64,
     /// Hold the truth against itself: every error must be 0
     #[arg(long)]
@@ -54,7 +55,7 @@ pub struct EvaluateArgs {
     /// Name of the result to write [default: passive]
     #[arg(long)]
     pub name: Option<String>,
-    /// Folder of results to write NAME into; without it or --name nothing is written [default with --name: results]
+    /// Folder for the result; without it and --name nothing is written [default with --name: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }

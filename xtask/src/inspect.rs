@@ -9,31 +9,28 @@ use nerd_sim::dataset::Manifest;
 use nerd_sim::prelude::*;
 use nerd_sim::system::Source;
 
-use crate::numbers::positive;
+use crate::options::{Positive, value};
 
 /// Show what a data set holds, or with --robot alone what is known of a robot.
 #[derive(clap::Args, Clone, Debug)]
 pub struct InspectArgs {
     /// Folder that `dataset` wrote
-    #[arg(required_unless_present_any = ["data", "robot"])]
+    #[arg(required_unless_present = "robot")]
     pub folder: Option<PathBuf>,
-    /// The same
-    #[arg(long, conflicts_with = "folder")]
-    pub data: Option<PathBuf>,
     /// Robot: built in, or the path of a .urdf [default: the one the folder names]
     #[arg(long)]
     pub robot: Option<String>,
     /// Largest number a state may hold; a trajectory beyond it is left out and counted
-    #[arg(long, default_value_t = 1e3, value_parser = positive)]
+    #[arg(long, default_value_t = 1e3, value_parser = value::<f64>(Positive))]
     pub bound: f64,
 }
 
 /// Runs the verb.
 pub fn run(args: InspectArgs) -> Result<()> {
-    if let (None, None, Some(robot)) = (&args.folder, &args.data, &args.robot) {
-        return known(robot);
-    }
-    let folder = args.folder.as_ref().or(args.data.as_ref()).context("no folder to inspect")?;
+    let folder = match (&args.folder, &args.robot) {
+        (Some(folder), _) => folder,
+        (None, robot) => return known(robot.as_deref().unwrap_or_default()),
+    };
     let manifest = Manifest::read(folder)
         .with_context(|| format!("no data set to inspect; make one with `cargo xtask dataset --out {}`", folder.display()))?;
     let robot = args.robot.as_ref().unwrap_or(&manifest.robot);

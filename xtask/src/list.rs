@@ -1,6 +1,5 @@
 //! `cargo xtask list robots|scenes|tasks|models|rows`: what there is to name on the command line.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -113,14 +112,13 @@ fn tasks() -> Result<Table> {
 }
 
 fn models() -> Result<Table> {
-    let known = folders(&root().join("models"), "")?;
-    let rows = known.iter().filter_map(|folder| Some(described(folder, &ModelConfig::read(folder).ok()?)));
+    let mut rows = Vec::new();
+    for folder in [folders(&root().join("models"), "")?, folders(&root().join("models/sizes"), "")?].concat() {
+        let Ok(model) = ModelConfig::read(&folder) else { continue };
+        let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
+        rows.push([&[from_root(&folder), model.robot.clone(), model.truth.clone(), describe(&model)], &numbers[..]].concat());
+    }
     Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
-}
-
-fn described(folder: &Path, model: &ModelConfig) -> Vec<String> {
-    let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
-    [&[from_root(folder), model.robot.clone(), model.truth.clone(), describe(model)], &numbers[..]].concat()
 }
 
 fn rows() -> Table {

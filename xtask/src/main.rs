@@ -1,11 +1,16 @@
 //! `cargo xtask VERB`: one file per verb. Bad input ends with one line and exit code 2, and leaves no file behind.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
+use anyhow::Result;
+use clap::error::ErrorKind;
 use clap::{Command, CommandFactory, FromArgMatches, Parser};
+use nerd_lab::experiments::calibrated::Calibration;
+use nerd_lab::experiments::chart::Chart;
 use nerd_train::provenance::Provenance;
 
-// Standard `println!` and `eprintln!` panic where nobody reads.
+// The standard macros panic where nobody reads.
 macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
@@ -15,24 +20,18 @@ macro_rules! eprintln {
 
 mod campaign;
 mod check;
-mod common;
-mod completions;
-mod conduct;
+mod commands;
 mod crowd;
 mod dataset;
 mod evaluate;
 mod files;
-mod flags;
 mod inspect;
-mod keys;
 mod list;
 mod measure;
-mod numbers;
+mod options;
 mod out;
-mod outside;
 mod policy;
 mod ranks;
-mod reference;
 mod refusals;
 mod report;
 mod reproduce;
@@ -40,11 +39,9 @@ mod results;
 mod rollout;
 mod solvers;
 mod stability;
-mod stamp;
 mod stand;
 mod train;
 mod urdf;
-mod verbs;
 
 /// Read by NCCL.
 const MULTICAST: &str = "NCCL_NVLS_ENABLE";
@@ -64,8 +61,10 @@ enum Verb {
     /// Measure how far a solver drifts from the truth
     Evaluate(evaluate::EvaluateArgs),
     /// Draw speed against accuracy of every solver of a scene
-    Chart(conduct::ConductArgs<nerd_lab::experiments::chart::Chart>),
-    /// Measure an experiment of the laboratory
+    Chart(measure::Conduct<Chart>),
+    /// Show where each method stays right, bends and breaks
+    Stability(stability::StabilityArgs),
+    /// Measure what the project's tables and figures show
     Measure(measure::MeasureArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
@@ -75,40 +74,59 @@ enum Verb {
     Report(report::ReportArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
-    /// Show where each method stays right, bends and breaks
-    Stability(stability::StabilityArgs),
     /// Fit parameters of robot, contact and scene to measured trajectories, and judge them on others
-    Calibrate(conduct::ConductArgs<nerd_lab::experiments::calibrated::Calibration>),
-    /// Write into models which robot and which weights they are of, for `Model::load` to hold them to
-    Stamp(stamp::StampArgs),
+    Calibrate(measure::Conduct<Calibration>),
     /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
     Urdf(urdf::UrdfArgs),
     /// Show robots, scenes, tasks, models, rows: what can be named here
     List(list::ListArgs),
-    /// Print completions for bash, zsh or fish
-    Completions(completions::CompletionsArgs),
-    /// Write the reference of all commands
-    Reference(reference::ReferenceArgs),
     /// Try hostile input: files and command lines changed at random, runs killed
     Campaign(campaign::CampaignArgs),
-    /// Build the packages of `examples/` from nothing, and count what they stand on
-    Outside(outside::OutsideArgs),
-    /// Format, clippy, docs, tests
+    /// Format, clippy, circles of imports, docs, tests
     Check(check::CheckArgs),
 }
 
 /// The command line.
 fn program() -> Command {
-    verbs::prepare(Verb::command())
+    commands::prepare(Verb::command())
 }
 
-fn parse() -> Result<Verb, clap::Error> {
+fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Verb, clap::Error> {
     let mut program = program();
-    let matches = program.try_get_matches_from_mut(std::env::args_os())?;
-    if verbs::as_json(&matches) {
+    let matches = program.try_get_matches_from_mut(words)?;
+    if commands::as_json(&matches) {
         out::json();
     }
     Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut program))
+}
+
+fn run(verb: Verb) -> Result<()> {
+    match verb {
+        Verb::Dataset(args) => dataset::run(args),
+        Verb::Inspect(args) => inspect::run(args),
+        Verb::Train(args) => train::run(*args),
+        Verb::Rollout(args) => rollout::run(args),
+        Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Chart(args) => args.run(),
+        Verb::Stability(args) => stability::run(args),
+        Verb::Measure(args) => measure::run(args),
+        Verb::Reproduce(args) => reproduce::run(args),
+        Verb::Results(args) => results::run(args, commands::reference(program())),
+        Verb::Report(args) => report::run(args),
+        Verb::Policy(args) => policy::run(args),
+        Verb::Calibrate(args) => args.run(),
+        Verb::Urdf(args) => urdf::run(args),
+        Verb::List(args) => list::run(args),
+        Verb::Campaign(args) => campaign::run(args, call),
+        Verb::Check(args) => check::run(args),
+    }
+}
+
+/// Runs a command line within this process, for the campaign: nothing, or the line that it would end with.
+fn call(words: &[&str]) -> Result<(), String> {
+    let words = ["cargo xtask"].iter().chain(words).map(OsString::from);
+    let verb = parse(words).map_err(|e| refusals::usage(&e))?;
+    run(verb).map_err(|e| refusals::failure(&e))
 }
 
 fn main() -> ExitCode {
@@ -117,36 +135,14 @@ fn main() -> ExitCode {
         // SAFETY: no other thread runs yet.
         unsafe { std::env::set_var(MULTICAST, "0") };
     }
-    let verb = match parse() {
-        Ok(verb) => verb,
-        Err(error) => return refusals::unsaid(&error),
-    };
     Provenance::begin();
-    let done = match verb {
-        Verb::Dataset(args) => dataset::run(args),
-        Verb::Inspect(args) => inspect::run(args),
-        Verb::Train(args) => train::run(*args),
-        Verb::Rollout(args) => rollout::run(args),
-        Verb::Evaluate(args) => evaluate::run(args),
-        Verb::Chart(args) => args.run(),
-        Verb::Measure(args) => measure::run(args),
-        Verb::Reproduce(args) => reproduce::run(args),
-        Verb::Results(args) => results::run(args),
-        Verb::Report(args) => report::run(args),
-        Verb::Policy(args) => policy::run(args),
-        Verb::Stability(args) => stability::run(args),
-        Verb::Calibrate(args) => args.run(),
-        Verb::Stamp(args) => stamp::run(args),
-        Verb::Urdf(args) => urdf::run(args),
-        Verb::List(args) => list::run(args),
-        Verb::Completions(args) => completions::run(args),
-        Verb::Reference(args) => reference::run(args),
-        Verb::Campaign(args) => campaign::run(args),
-        Verb::Outside(args) => outside::run(args),
-        Verb::Check(args) => check::run(args),
-    };
-    match done.and_then(|()| out::finish()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => refusals::end(&refusals::failure(&error)),
+    match parse(std::env::args_os()) {
+        Ok(verb) => match run(verb).and_then(|()| out::finish()) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => refusals::end(&refusals::failure(&error)),
+        },
+        // Who asks for help, or for nothing at all, sees the verbs.
+        Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
+        Err(error) => refusals::end(&refusals::usage(&error)),
     }
 }

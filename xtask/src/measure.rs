@@ -3,11 +3,41 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_lab::experiments::{Entry, REGISTRY};
+use nerd_lab::experiments::{Entry, Experiment, REGISTRY};
 use nerd_lab::report::Table;
+use nerd_train::settings::Settings;
 use nerd_train::shipped::results;
 
-use crate::out::{conduct, table};
+use crate::options::Keys;
+use crate::out::{conduct, table, tables};
+
+/// An experiment that is a verb of its own: its settings as options, and where its result goes.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static> {
+    #[command(flatten)]
+    pub keys: Keys<T>,
+    /// Folder to write [default: results]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T> {
+    /// Measures it into the folder, and shows its tables.
+    pub fn run(self) -> Result<()> {
+        conduct(&self.keys.settings()?, &self.out.unwrap_or_else(results))
+    }
+
+    /// Measures it; writes only where a folder is named.
+    pub fn try_out(self) -> Result<()> {
+        match &self.out {
+            Some(_) => self.run(),
+            None => {
+                tables(&self.keys.settings()?.measure()?.tables);
+                Ok(())
+            }
+        }
+    }
+}
 
 /// Measure an experiment of the laboratory.
 #[derive(clap::Args, Clone, Debug)]

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use nerd_lab::page::{MOTIONS, page};
+use nerd_train::progress::bar;
 use nerd_train::shipped::results;
 
-use crate::common::bar;
-use crate::numbers::{FRAMES, count};
+use crate::options::{FRAMES, Whole, value};
 
 /// Write the page.
 #[derive(clap::Args, Clone, Debug)]
@@ -16,7 +16,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "FILE", default_value = "out/report.html")]
     pub out: PathBuf,
     /// Frames of each replay
-    #[arg(long, default_value_t = 240, value_parser = count::<usize>(FRAMES))]
+    #[arg(long, default_value_t = 240, value_parser = value::<usize>(Whole(FRAMES)))]
     pub frames: usize,
     /// FILE for the moving picture of README, drawn by a browser [default: none]
     #[arg(long, value_name = "FILE")]

@@ -7,14 +7,15 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use nerd_lab::choice::Choice;
 use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::passive::{Case, Passive, Rows};
 use nerd_lab::report::Artifact;
+use nerd_train::device::Device;
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
-use crate::common::{DEVICES, Device, word};
-use crate::numbers::{SEEDS, STARTS, count};
+use crate::options::{DEVICES, SEEDS, STARTS, Whole, value, word};
 use crate::out::{conduct, measured};
 
 /// Charts of it, robot and scene.
@@ -33,7 +34,7 @@ pub struct ReproduceArgs {
     #[arg(long)]
     pub train: bool,
     /// Trajectories by scene (the paper: 2048)
-    #[arg(long, default_value_t = 256, value_parser = count::<usize>(STARTS))]
+    #[arg(long, default_value_t = 256, value_parser = value::<usize>(Whole(STARTS)))]
     pub starts: usize,
     /// Leave the charts out
     #[arg(long)]
@@ -42,7 +43,7 @@ pub struct ReproduceArgs {
     #[arg(long, default_value_t = Device::Cpu, value_parser = word::<Device>(DEVICES))]
     pub device: Device,
     /// Seed of the starts
-    #[arg(long, default_value_t = 500, value_parser = count::<u64>(SEEDS))]
+    #[arg(long, default_value_t = 500, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
     /// Folder to write; `results` replaces the committed ones, unless they have more behind them [default: out/reproduce]
     #[arg(long, value_name = "FOLDER")]

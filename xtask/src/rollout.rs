@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use nerd_sim::prelude::*;
 use nerd_sim::rollout::States;
+use nerd_train::bounds::{memory, time};
+use nerd_train::progress::bar;
 
-use crate::flags::unused;
-use crate::numbers::{self, FRAMES, count};
+use crate::options::{FRAMES, Whole, unused, value};
 use crate::solvers::{SolverArgs, SolverName};
 
 /// What `--help` says of the files.
@@ -40,7 +41,7 @@ pub struct RolloutArgs {
     #[arg(long, value_name = "FILE")]
     pub states: PathBuf,
     /// Frames to roll out [default: as many as the file has]
-    #[arg(long, value_parser = count::<usize>(FRAMES))]
+    #[arg(long, value_parser = value::<usize>(Whole(FRAMES)))]
     pub frames: Option<usize>,
     /// CSV to write
     #[arg(long, value_name = "FILE")]
@@ -60,11 +61,11 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let steps = steps(&args, &file)?;
     let n = file.trajectories.len();
     // The table is written whole, so it is kept until then: some 20 characters a number.
-    numbers::memory(&[("trajectories", n), ("--frames", steps)], 24 * (system.robot.state_dim() + 2))?;
-    numbers::memory(&[("trajectories", n)], bytes)?;
-    numbers::time(&[("trajectories", n), ("--frames", steps), ("substeps", choice.substeps())])?;
+    memory(&[("trajectories", n), ("--frames", steps)], 24 * (system.robot.state_dim() + 2))?;
+    memory(&[("trajectories", n)], bytes)?;
+    time(&[("trajectories", n), ("--frames", steps), ("substeps", choice.substeps())])?;
     let mut solver = choice.build(&system, &scene.name, n)?;
-    let bar = crate::common::bar("frames", steps as u64);
+    let bar = bar("frames", steps as u64);
     let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
     bar.finish();
     crate::files::write(&args.out, &table)

@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use anyhow::{Result, anyhow};
 use nerd_lab::choice::Choice;
 use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_train::device::Device;
 use nerd_train::shipped;
 
-use crate::common::{DEVICES, Device, TRUTHS, word};
-use crate::flags::unused;
-use crate::numbers::{SUBSTEPS, count, positive};
-use nerd_sim::truth::Truth;
+use crate::options::{DEVICES, Positive, SUBSTEPS, TRUTHS, Whole, unused, value, word};
 
 /// Which solver, and how it is set.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -27,7 +26,7 @@ pub struct SolverArgs {
     pub friction: Option<FrictionName>,
     /// Substeps a frame, in place of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
     /// nothing to touch), of `rapier` its iterations
-    #[arg(long, value_parser = count::<usize>(SUBSTEPS))]
+    #[arg(long, value_parser = value::<usize>(Whole(SUBSTEPS)))]
     pub substeps: Option<usize>,
     /// Truth that the model of `neural` must have learned, and that `evaluate` holds a solver against [default: the
     /// model's, else the robot's own]
@@ -36,9 +35,9 @@ pub struct SolverArgs {
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE/result.json` found to be at most so far (mean |dq|, rad or m)
+    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE.json` found to be at most so far (mean |dq|, rad or m)
     /// from a converged motion
-    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    #[arg(long, value_name = "ERROR", value_parser = value::<f64>(Positive))]
     pub tolerance: Option<f64>,
     /// Where `neural` is computed [default: cpu]
     #[arg(long, value_parser = word::<Device>(DEVICES))]

@@ -6,11 +6,11 @@ use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::learned::Learned;
-use nerd_lab::experiments::stability::Stability;
 use nerd_lab::experiments::stability::Fault;
+use nerd_lab::experiments::stability::Stability;
+use nerd_train::device::Device;
 
-use crate::common::{DEVICES, Device, word};
-use crate::flags::unused;
+use crate::options::{DEVICES, unused, word};
 use crate::out::{conduct, tables};
 
 /// Show where methods fail.

@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use anyhow::Result;
-use nerd_lab::report::Artifact;
 use nerd_lab::report::table::digits;
-use nerd_lab::report::{Input, Inputs, Provenance, Table};
+use nerd_lab::report::{Artifact, Input, Inputs, Provenance, Table};
 use nerd_lab::survey::{Course, Found, STANDING, Standing, stand};
 
-use crate::common::bar;
+use nerd_train::progress::bar;
 
 /// Every 100th frame stands in the table of courses.
 const EVERY: usize = 100;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_train::run::{Recipe, RunConfig};
 
-use crate::keys::Keys;
+use crate::options::Keys;
 use crate::ranks;
 
 /// Train a NeRD model, as one process or as one of several that `torchrun` or another launcher starts.

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use nerd_lab::survey::{FRAMES, Found, PinocchioError, Surveyed, differences, find, survey};
 
-use crate::common::bar;
-use nerd_lab::report::Artifact;
 use nerd_lab::report::table::digits;
-use nerd_lab::report::{Input, Inputs, Provenance, Table};
+use nerd_lab::report::{Artifact, Input, Inputs, Provenance, Table};
+use nerd_train::progress::bar;
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]

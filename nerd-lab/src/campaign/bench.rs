@@ -1,106 +1,62 @@
-//! Where cases are tried: a folder for files, and small models to be spoilt.
+//! Good files that cases are made from: robots, states, models, a data set, a policy; and what is like them, and is not.
 
-use std::collections::BTreeMap;
-use std::io;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
+use std::process::Command;
 
-use nerd_model::base::Base;
-use nerd_model::features::Features;
-use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::form::{Form, View};
-use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{Positions, Storage, TransformerConfig, Weights};
+use anyhow::{Result, ensure};
 use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use tempfile::TempDir;
 
-use crate::campaign::Program;
-use crate::campaign::case::Files;
+use super::files::{Files, read, write};
 
-/// The robot of models.
-pub const ROBOT: &str = "pendulum";
+/// Those that are text.
+const TEXTS: [(&str, &str); 8] = [
+    ("robot.toml", include_str!("../../assets/campaign/robot.toml")),
+    ("robot.urdf", include_str!("../../assets/campaign/robot.urdf")),
+    ("robot.csv", "traj,step,arm,d_arm\n0,0,0.1,0.2\n"),
+    ("states.csv", "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n1,0,-1,0.5,0,1\n"),
+    ("cartpole.csv", include_str!("../../assets/campaign/cartpole.csv")),
+    ("cube.csv", include_str!("../../assets/campaign/cube.csv")),
+    ("driven.csv", include_str!("../../assets/campaign/driven.csv")),
+    ("pendulum.csv", include_str!("../../assets/campaign/pendulum.csv")),
+];
 
-/// A folder of its own, gone with it.
-pub struct Bench {
-    folder: TempDir,
-    /// What is tried.
-    pub program: Program,
-    /// The robot of the models.
-    pub system: Arc<System>,
-    /// Files of good models: in the paper's form, and a stream on flight.
-    pub models: [Files; 2],
-}
+/// Trains the smallest model there is.
+const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 2 --history 4 --transitions 200 --frames 20 --updates 2 \
+                     --batch 4 --rollouts 1";
 
-impl Bench {
-    /// In memory where the system has such a folder: what is written here need not last.
-    pub fn new(program: Program) -> io::Result<Self> {
-        let memory = Path::new("/dev/shm");
-        let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }?;
-        let system = System::named(ROBOT).map_err(io::Error::other)?;
-        let models = [(Base::State, Positions::Table), (Base::Flight, Positions::Rotary)];
-        let [paper, stream] = models.map(|(base, positions)| tiny(&system, base, positions, &folder.path().join("tiny")));
-        Ok(Self { folder, program, system, models: [paper?, stream?] })
+/// Makes the good files in a folder's `f`, with the program itself.
+pub fn build(program: &Path, folder: &Path) -> Result<()> {
+    let mut files: Files = TEXTS.iter().map(|(name, text)| (name.to_string(), text.as_bytes().to_vec())).collect();
+    let [(_, spec), (_, xml), ..] = TEXTS;
+    let (pendulum, urdf) = System::texts("pendulum").unwrap_or_default();
+    for (name, text) in [
+        // The same names, other physics.
+        ("other/robot.toml", spec),
+        ("other/robot.urdf", &xml.replace("mass value=\"1\"", "mass value=\"2\"")),
+        ("other/pendulum.toml", pendulum),
+        ("other/pendulum.urdf", &urdf.replace("mass value=\"25", "mass value=\"2")),
+        ("misnamed/robot.toml", &spec.replace("robot.urdf", "nobody.urdf")),
+        ("misnamed/robot.urdf", xml),
+        ("deep/robot.toml", &spec.replace("1/60", &format!("1{}", "/1".repeat(200_000)))),
+        ("deep/robot.urdf", xml),
+        ("mixed/robot.urdf", xml),
+    ] {
+        files.insert(name.into(), text.into());
     }
-
-    /// A folder in it.
-    pub fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+    files.insert("mixed/latin.urdf".into(), b"<robot name=\"\xe9\"/>".into());
+    let folder = &folder.join("f");
+    write(folder, &files)?;
+    for (line, from, to) in [
+        ("dataset --robot pendulum --transitions 200 --frames 20".into(), "", "data"),
+        ("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8".into(), "policy", "policy"),
+        (TRAIN.into(), "model", "paper"),
+        (format!("{TRAIN} --stream --sequence 6 --base flight"), "model", "model"),
+    ] {
+        let made = tempfile::tempdir()?;
+        let mut command = Command::new(program);
+        let out = command.args(line.split(' ')).arg("--out").arg(made.path()).env("NERD_COMMIT", "campaign").output()?;
+        ensure!(out.status.success(), "`{line}` failed: {}", String::from_utf8_lossy(&out.stderr));
+        write(&folder.join(to), &read(&made.path().join(from))?)?;
     }
-
-    /// A folder in it, with nothing inside.
-    pub fn empty(&self, name: &str) -> io::Result<PathBuf> {
-        let path = self.path(name);
-        if path.exists() {
-            std::fs::remove_dir_all(&path)?;
-        }
-        std::fs::create_dir_all(&path)?;
-        Ok(path)
-    }
-}
-
-/// Writes files into a folder.
-pub fn write(folder: &Path, files: &Files) -> io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    files.iter().try_for_each(|(name, bytes)| std::fs::write(folder.join(name), bytes))
-}
-
-/// A model of random weights.
-fn tiny(system: &Arc<System>, base: Base, positions: Positions, folder: &Path) -> io::Result<Files> {
-    let form = Form::from(base);
-    let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
-    let network = TransformerConfig {
-        inputs,
-        outputs,
-        embedding: 16,
-        layers: 2,
-        heads: 2,
-        block: 8,
-        history: 4,
-        head: 8,
-        positions,
-        architecture: Default::default(),
-    };
-    let config = ModelConfig {
-        robot: system.name.clone(),
-        robot_sha256: system.robot_sha256(),
-        truth: Truth::Articulated.name(),
-        base,
-        view: View::Own,
-        network,
-        // Saving makes it.
-        model_sha256: String::new(),
-        data_sha256: "0".repeat(64),
-        transitions: 1000,
-        updates: 1,
-        batch: 1,
-        provenance: BTreeMap::new(),
-    };
-    let moments = |width: usize| Moments { mean: vec![0.0; width], variance: vec![1e-3; width], epsilon: 1e-5 };
-    let normalizer = Normalizer { inputs: moments(inputs), outputs: moments(outputs) };
-    Model { config, normalizer, weights: Weights::init(network, 1) }
-        .save(folder, "a tiny model\n", Storage::F32)
-        .map_err(io::Error::other)?;
-    let read = |name: &str| Ok((name.to_string(), std::fs::read(folder.join(name))?));
-    ["config.json", "normalizer.json", "model.safetensors"].into_iter().map(read).collect()
+    Ok(())
 }

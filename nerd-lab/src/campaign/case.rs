@@ -1,43 +1,41 @@
-//! A case: a few files made from a number, and what became of them. The same seed and number make the same bytes, so a case
-//! that killed its process is made again to be shown.
+//! Cases by number: good files of one kind, one of them changed, and a command line that uses them. The same seed and number make the
+//! same bytes, so a case that killed its process is made again to be shown.
 
-use std::collections::BTreeMap;
-use std::error::Error;
-use std::io;
+use mutatis::Session;
+use nerd_sim::prelude::System;
+use serde::Deserialize;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
+use super::files::Files;
+use super::judge::Case;
+use super::text::{Dictionary, dice};
 
-use crate::campaign::bench::Bench;
-use crate::campaign::{csv, line, model, toml, urdf};
-
-/// Files by name.
-pub type Files = BTreeMap<String, Vec<u8>>;
-
-/// What is mutated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// What is changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// URDFs, bare, on a fixed and on a free base.
     Urdf,
-    /// Specifications and their URDFs: starts, scenes, data, motion.
+    /// A specification.
     Toml,
-    /// Tables of states, as `rollout` reads them.
+    /// A table of states.
     Csv,
-    /// Folders of models.
+    /// A folder of a model.
     Model,
-    /// Command lines.
+    /// A command line.
     Line,
 }
 
+/// Good command lines, each behind its kind.
+const LINES: &str = include_str!("../../assets/campaign/lines.txt");
+
+/// Robots, the small ones more often: a case of theirs takes less time.
+const ROBOTS: &str = "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper";
+
 impl Kind {
-    /// All, in the order of the table.
     pub const ALL: [Self; 5] = [Self::Urdf, Self::Toml, Self::Csv, Self::Model, Self::Line];
 
-    /// The kind of a case: of twenty in a row six, six, four, three and one, since a command line costs a process.
+    /// The kind of a case: of twenty in a row six, six, four, three and one, since a command line takes long.
     pub fn of(number: u64) -> Self {
-        let at = [6, 12, 16, 19, 20].iter().position(|end| number % 20 < *end);
-        Self::ALL[at.unwrap_or(0)]
+        Self::ALL[[6, 12, 16, 19, 20].iter().position(|end| number % 20 < *end).unwrap_or(0)]
     }
 
     /// Its name in tables and folders.
@@ -45,90 +43,74 @@ impl Kind {
         ["urdf", "toml", "csv", "model", "line"][self as usize]
     }
 
-    /// The files of a case.
-    pub fn make(self, seed: u64, number: u64, bench: &Bench) -> Files {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(number);
+    /// What it stumbles over.
+    fn words(self) -> Dictionary {
         match self {
-            Self::Urdf => urdf::make(&mut rng),
-            Self::Toml => toml::make(&mut rng),
-            Self::Csv => csv::make(&mut rng),
-            Self::Model => model::make(&mut rng, bench),
-            Self::Line => line::make(&mut rng),
+            Self::Urdf => Dictionary::new(include_str!("../../assets/campaign/urdf.txt"), false),
+            Self::Toml => Dictionary::new(include_str!("../../assets/campaign/toml.txt"), false),
+            Self::Csv => Dictionary::new(include_str!("../../assets/campaign/csv.txt"), false),
+            Self::Model => Dictionary::new(include_str!("../../assets/campaign/model.txt"), false),
+            Self::Line => Dictionary::new(include_str!("../../assets/campaign/line.txt"), true),
         }
     }
 
-    /// Uses the files as the program would.
-    ///
-    /// # Errors
-    /// If the campaign itself fails: the disk is full, say.
-    pub fn judge(self, files: &Files, bench: &Bench) -> io::Result<Verdict> {
-        let judged = match self {
-            Self::Urdf => urdf::judge(files),
-            Self::Toml => toml::judge(files),
-            Self::Csv => csv::judge(files, bench)?,
-            Self::Model => model::judge(files, bench)?,
-            Self::Line => line::judge(files, bench)?,
-        };
-        Ok(judged.err().unwrap_or(Verdict::Accepted))
+    /// Its command lines.
+    pub fn lines(self) -> Vec<&'static str> {
+        LINES.lines().filter_map(|line| line.strip_prefix(self.name())?.strip_prefix(' ')).collect()
+    }
+
+    /// A case of it, from good files.
+    pub fn make(self, seed: u64, number: u64, good: &Files) -> Case {
+        let mut session = Session::new().seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ number);
+        let (session, words) = (&mut session, &self.words());
+        let (lines, robots): (Vec<_>, Vec<_>) = (self.lines(), ROBOTS.split(' ').collect());
+        let mut case = Case { files: good.clone(), line: lines[dice(session, lines.len())].into(), before: Vec::new() };
+        match self {
+            Self::Urdf | Self::Toml => {
+                let robot = robots[dice(session, robots.len())];
+                let (spec, xml) = System::texts(robot).unwrap_or_default();
+                let mut texts = [xml.as_bytes().to_vec(), spec.as_bytes().to_vec()];
+                words.change(session, &mut texts[usize::from(self == Self::Toml)]);
+                let [xml, spec] = texts;
+                case.line = case.line.replace("ROBOT", robot);
+                case.files.insert(format!("f/{robot}.urdf"), xml);
+                case.files.extend((self == Self::Toml).then(|| (format!("f/{robot}.toml"), spec)));
+            }
+            Self::Csv => {
+                let table = case.value("--states").unwrap_or_default().to_string();
+                case.files.entry(table).and_modify(|text| words.change(session, text));
+            }
+            Self::Model => {
+                let name = ["config.json", "config.json", "normalizer.json", "model.safetensors", "model.safetensors"][dice(session, 5)];
+                let name = format!("{}/{name}", case.value("--model").unwrap_or_default());
+                case.before = vec![format!("stamp {}", case.value("--model").unwrap_or_default())];
+                match dice(session, 32) {
+                    0 => drop(case.files.remove(&name)),
+                    _ if name.ends_with("json") => drop(case.files.entry(name).and_modify(|text| words.change(session, text))),
+                    _ => drop(case.files.entry(name).and_modify(|bytes| tensors(session, bytes))),
+                }
+            }
+            // An option a line, until it is whole again.
+            Self::Line => {
+                let mut text = case.line.replace(" --", "\n--").into_bytes();
+                words.change(session, &mut text);
+                case.line = String::from_utf8_lossy(&text).replace('\n', " ");
+            }
+        }
+        case
     }
 }
 
-/// Nothing, or why a case was not used to the end.
-pub type Judged = Result<(), Verdict>;
-
-/// What became of a case.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Verdict {
-    /// Refused, in these words.
-    Refused(String),
-    /// Used.
-    Accepted,
-    /// Neither.
-    Fault(Fault, String),
-}
-
-/// An error of what is tried is a refusal.
-impl<E: Error> From<E> for Verdict {
-    fn from(error: E) -> Self {
-        Self::Refused(error.to_string())
+/// A weight, or any byte of a safetensors file.
+fn tensors(session: &mut Session, file: &mut Vec<u8>) {
+    let data = file.first_chunk().map_or(0, |length| u64::from_le_bytes(*length) as usize) + 8;
+    let at = data + dice(session, (file.len() - data) / 4) * 4;
+    match file[at..].first_chunk_mut().filter(|_| dice(session, 2) == 0) {
+        Some(bytes) => {
+            let mut weight = f32::from_le_bytes(*bytes);
+            session.mutate(&mut weight).unwrap_or_default();
+            *bytes = weight.to_le_bytes();
+        }
+        None => session.mutate(file).unwrap_or_default(),
     }
-}
-
-/// A fault, with its words.
-pub fn fault(fault: Fault, words: impl Into<String>) -> Judged {
-    Err(Verdict::Fault(fault, words.into()))
-}
-
-/// What must not happen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Fault {
-    /// A panic.
-    Panic,
-    /// The process died of a signal.
-    Abort,
-    /// It asked for more memory than there is.
-    Memory,
-    /// It took too long.
-    Time,
-    /// A number that is not finite was accepted, or came out.
-    NotFinite,
-    /// A refusal left files or no words, or a result is not whole.
-    Untidy,
-}
-
-impl Fault {
-    /// Columns of all.
-    pub const NAMES: [&str; 6] = ["panics", "aborts", "over memory", "over time", "not finite", "untidy"];
-
-    /// Its column.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-/// A file's text, as programs that read text see it.
-pub fn text<'a>(files: &'a Files, name: &str) -> Result<&'a str, Verdict> {
-    let bytes = files.get(name).ok_or_else(|| Verdict::Refused(format!("no {name}")))?;
-    Ok(std::str::from_utf8(bytes)?)
 }

@@ -1,117 +1,76 @@
-//! The corpus: one small file for each fault that was found once, tried again.
+//! The corpus: a small case for each fault that was found once, with what must become of it.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use anyhow::{Context, Result, ensure};
+use serde::Deserialize;
 
-use serde_json::Value;
+use super::case::Kind;
+use super::files::Files;
+use super::judge::{Case, Outcome, Verdict};
+use super::text::repeated;
 
-use crate::campaign::bench::Bench;
-use crate::campaign::case::{Files, Kind, Verdict};
-use crate::campaign::files::below;
-use crate::campaign::model::{split, tree};
+/// A case in `corpus.toml`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    kind: Kind,
+    name: String,
+    /// `accepted`, or words of the refusal.
+    expect: String,
+    /// Command lines, in place of the kind's first one.
+    line: Option<String>,
+    /// The file, in place of the kind's first one.
+    file: Option<String>,
+    /// What is replaced in it, or all of it.
+    from: Option<String>,
+    /// By what; without it the file goes.
+    to: Option<String>,
+}
 
-/// Every case below the paths.
-pub fn files(paths: &[PathBuf]) -> io::Result<Vec<PathBuf>> {
-    let mut all = Vec::new();
-    for path in paths {
-        all.extend(if path.is_dir() { below(path)? } else { vec![path.clone()] });
+/// All.
+pub fn entries() -> Result<Vec<Entry>> {
+    #[derive(Deserialize)]
+    struct Corpus {
+        case: Vec<Entry>,
     }
-    all.retain(|file| kind(file).is_some());
-    Ok(all)
+    let corpus: Corpus = toml::from_str(include_str!("../../assets/campaign/corpus.toml")).context("corpus.toml")?;
+    Ok(corpus.case)
 }
 
-/// What became of a file, in a line.
-pub fn words(file: &Path, verdict: Verdict) -> String {
-    let of = |path: Option<&Path>| path.and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
-    let words = match verdict {
-        Verdict::Accepted => "accepted".into(),
-        Verdict::Refused(words) => format!("refused: {}", words.replace('\n', " ")),
-        Verdict::Fault(fault, words) => format!("FAULT {}: {words}", fault.name()),
-    };
-    format!("{}/{}: {words}", of(file.parent()), of(Some(file)))
-}
-
-/// A file's kind is its folder's name, its ending that of the kind.
-pub fn kind(path: &Path) -> Option<Kind> {
-    let folder = path.parent()?.file_name()?.to_str()?;
-    let kind = Kind::ALL.into_iter().find(|k| k.name() == folder)?;
-    let ending = match kind {
-        Kind::Model => "json",
-        Kind::Line => "txt",
-        kind => kind.name(),
-    };
-    path.extension().is_some_and(|e| e == ending).then_some(kind)
-}
-
-/// The case of a file; what it needs beside it is good.
-pub fn read(path: &Path, bench: &Bench) -> io::Result<(Kind, Files)> {
-    let kind = kind(path).ok_or_else(|| wrong(path, "no urdf/*.urdf, toml/*.toml, csv/*.csv, model/*.json or line/*.txt"))?;
-    let bytes = expanded(std::fs::read(path)?);
-    let name = match kind {
-        Kind::Model => return Ok((kind, spoilt(bench, &serde_json::from_slice(&bytes)?).ok_or_else(|| wrong(path, "no such place"))?)),
-        Kind::Csv => "pendulum.csv",
-        Kind::Urdf => "robot.urdf",
-        Kind::Toml => "robot.toml",
-        Kind::Line => "line.txt",
-    };
-    let mut files = Files::from([(name.into(), bytes)]);
-    if kind == Kind::Toml {
-        files.insert("robot.urdf".into(), std::fs::read(path.with_file_name("robot.urdf"))?);
-    }
-    Ok((kind, files))
-}
-
-fn wrong(path: &Path, words: &str) -> io::Error {
-    io::Error::other(format!("{}: {words}", path.display()))
-}
-
-/// `@(/1 * 200000)@` stands for so many of them, so that what is found in large files stays small here.
-fn expanded(bytes: Vec<u8>) -> Vec<u8> {
-    let found = std::str::from_utf8(&bytes).ok().and_then(|text| {
-        let (before, rest) = text.split_once("@(")?;
-        let (inside, after) = rest.split_once(")@")?;
-        let (what, times) = inside.rsplit_once(" * ")?;
-        Some([before, &what.repeat(times.parse().ok()?), after].concat().into_bytes())
-    });
-    found.unwrap_or(bytes)
-}
-
-/// A good model as a patch changes it: `{"config.json": {"network": {"heads": 0}}}`; a file patched with null is not there,
-/// and of a safetensors file the first number of a tensor is set, which stands in quotes.
-fn spoilt(bench: &Bench, patch: &Value) -> Option<Files> {
-    let mut files = bench.models[0].clone();
-    for (name, change) in patch.as_object()? {
-        let file = files.get_mut(name)?;
-        match change {
-            Value::Null => drop(files.remove(name)),
-            Value::Object(tensors) if name == "model.safetensors" => {
-                for (tensor, number) in tensors {
-                    set(file, tensor, number.as_str()?.parse().ok()?)?;
-                }
-            }
-            _ => {
-                let mut json = tree(file)?;
-                merge(&mut json, change);
-                *file = json.to_string().into_bytes();
-            }
+impl Entry {
+    /// Its case, from good files.
+    pub fn case(&self, good: &Files) -> Result<Case> {
+        let first = ["f/robot.urdf", "f/robot.toml", "f/pendulum.csv", "f/paper/config.json", ""][self.kind as usize];
+        let (name, mut files) = (self.file.as_deref().unwrap_or(first), good.clone());
+        if self.kind == Kind::Urdf {
+            files.remove("f/robot.toml");
         }
-    }
-    Some(files)
-}
-
-/// A merge patch (RFC 7396) that takes nothing away.
-fn merge(tree: &mut Value, patch: &Value) {
-    match (tree, patch) {
-        (Value::Object(map), Value::Object(changes)) => {
-            changes.iter().for_each(|(key, change)| merge(map.entry(key).or_insert(Value::Null), change));
+        match (&self.from, self.to.as_deref().map(repeated)) {
+            (None, Some(to)) => drop(files.insert(name.into(), to.into())),
+            (Some(from), Some(to)) => {
+                let text = String::from_utf8_lossy(files.get(name).map_or(&[], Vec::as_slice)).into_owned();
+                ensure!(text.contains(from), "corpus.toml, {}: no `{from}` in {name}", self.name);
+                files.insert(name.into(), text.replacen(from, &to, 1).into());
+            }
+            (_, None) => drop(files.remove(name)),
         }
-        (tree, patch) => *tree = patch.clone(),
+        let mut before: Vec<String> = match (&self.line, self.kind) {
+            (Some(lines), _) => lines.lines().map(String::from).collect(),
+            (None, Kind::Csv) => vec!["rollout --robot pendulum --scene plane --states f/pendulum.csv --out out/r.csv".into()],
+            (None, Kind::Model) => vec!["stamp f/paper".into(), self.kind.lines()[1].into()],
+            (None, kind) => vec![kind.lines()[0].replace("ROBOT", "robot")],
+        };
+        let line = before.pop().unwrap_or_default();
+        Ok(Case { files, before, line })
     }
-}
 
-fn set(file: &mut [u8], tensor: &str, number: f32) -> Option<()> {
-    let (header, data) = split(file)?;
-    let at = data + tree(header)?[tensor]["data_offsets"][0].as_u64()? as usize;
-    file[at..at + 4].copy_from_slice(&number.to_le_bytes());
-    Some(())
+    /// What is wrong with what became of it.
+    pub fn wrong(&self, verdict: &Verdict) -> Option<String> {
+        let Verdict(outcome, words) = verdict;
+        let right = match outcome {
+            Outcome::Accepted => self.expect == "accepted",
+            Outcome::Refused => self.expect != "accepted" && words.contains(&self.expect),
+            _ => false,
+        };
+        (!right).then(|| format!("{} {}: {}: {words}, expected `{}`", self.kind.name(), self.name, outcome.name(), self.expect))
+    }
 }

@@ -1,83 +1,125 @@
-//! The parent: a worker a core. One that dies or is late is killed, its case is a fault, and the next worker begins behind it.
+//! Cases are tried in processes of the program itself, one a core, under a limit of memory. A worker writes of each case what became
+//! of it into a file. One that dies or is late is killed, its case is a fault, and the next worker begins behind it.
 
-use std::fs::File;
-use std::io::{self, BufRead, BufReader};
-use std::path::Path;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
-use crate::campaign::case::{Fault, Kind, Verdict};
-use crate::campaign::source::Source;
-use crate::campaign::{SECONDS, calm};
+use anyhow::{Result, bail};
 
-/// What may be added for a case of command lines, which has its own watch.
-const SLACK: u64 = 20;
+use super::case::Kind;
+use super::files::{read, scratch};
+use super::judge::{Call, Case, Outcome, Verdict, judge};
 
-/// Tries all cases of a source; `told` hears of every one.
-pub fn try_all(program: &Path, source: &Source, told: &(dyn Fn(u64, Verdict) + Sync)) -> io::Result<()> {
-    let scratch = tempfile::tempdir()?;
-    let crew = std::thread::available_parallelism().map_or(1, |n| n.get()) as u64;
-    let foreman = |k| Foreman { program, source, stride: crew, said: &scratch.path().join(format!("worker-{k}.txt")) }.see_to(k, told);
-    std::thread::scope(|scope| {
-        let foremen: Vec<_> = (0..crew).map(|k| scope.spawn(move || foreman(k))).collect();
-        foremen.into_iter().try_for_each(|f| f.join().unwrap_or_else(|_| Err(io::Error::other("a foreman died"))))
+/// What a case may take.
+const TIME: Duration = Duration::from_secs(10);
+/// Address space of a worker (bytes).
+const MEMORY: u64 = 4 << 30;
+
+/// Cases of a seed.
+#[derive(Clone, Copy)]
+pub struct Cases {
+    pub seed: u64,
+    pub count: u64,
+}
+
+/// A worker, with its order: the seed, how many cases there are, its first one, how much further its next one is, the folders of good
+/// files and of verdicts.
+pub fn work(call: Call, order: &[String]) -> Result<()> {
+    let [seed, count, first, stride, good, folder] = order else { bail!("a worker needs six words") };
+    let (seed, count, first, stride): (u64, u64, u64, u64) = (seed.parse()?, count.parse()?, first.parse()?, stride.parse()?);
+    let (good, here) = (read(Path::new(good))?, scratch()?);
+    let mut out = OpenOptions::new().append(true).open(verdicts(Path::new(folder), first % stride))?;
+    std::env::set_current_dir(here.path())?;
+    nerd_train::progress::quiet();
+    #[cfg(unix)]
+    rlimit::setrlimit(rlimit::Resource::AS, MEMORY, MEMORY)?;
+    keep_panics();
+    for number in (first..count).step_by(stride as usize) {
+        let verdict = caught(&Kind::of(number).make(seed, number, &good), call)?;
+        out.write_all((serde_json::to_string(&verdict)? + "\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The words of the last panic.
+static PANIC: Mutex<String> = Mutex::new(String::new());
+
+/// From now on panics are kept, not printed.
+pub fn keep_panics() {
+    std::panic::set_hook(Box::new(|info| *PANIC.lock().unwrap_or_else(PoisonError::into_inner) = info.to_string().replace('\n', " ")));
+}
+
+/// What becomes of a case, in a process that keeps panics.
+pub fn caught(case: &Case, call: Call) -> Result<Verdict> {
+    catch_unwind(AssertUnwindSafe(|| judge(case, call))).unwrap_or_else(|_| {
+        let words = PANIC.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Ok(Verdict(Outcome::Panic, words))
     })
 }
 
-/// Has one worker at a time, whose errors go to the file `said`.
-struct Foreman<'a> {
-    program: &'a Path,
-    source: &'a Source,
-    stride: u64,
-    said: &'a Path,
+fn verdicts(folder: &Path, k: u64) -> PathBuf {
+    folder.join(format!("{k}.jsonl"))
 }
 
-impl Foreman<'_> {
-    /// Sees to the cases `next, next + stride, ..`.
-    fn see_to(&self, mut next: u64, told: &(dyn Fn(u64, Verdict) + Sync)) -> io::Result<()> {
-        while next < self.source.count() {
-            let (mut worker, lines) = self.hire(next)?;
-            loop {
-                let slack = if self.source.kind(next) == Some(Kind::Line) { SLACK } else { 0 };
-                let (verdict, gone) = match lines.recv_timeout(Duration::from_secs(SECONDS + slack)) {
-                    Ok(line) => (serde_json::from_str(&line)?, false),
-                    Err(RecvTimeoutError::Timeout) => (Verdict::Fault(Fault::Time, format!("over {SECONDS} s")), true),
-                    Err(RecvTimeoutError::Disconnected) if next >= self.source.count() => break,
-                    Err(RecvTimeoutError::Disconnected) => (self.death(&mut worker)?, true),
-                };
-                told(next, verdict);
-                next += self.stride;
-                if gone {
-                    break;
-                }
+/// One place of the crew: its worker, what that writes, when it last wrote, its next case.
+struct Place {
+    worker: Child,
+    verdicts: BufReader<File>,
+    heard: Instant,
+    next: u64,
+}
+
+/// Tries all cases; `hear` is called with each one's number and verdict.
+pub fn try_all(program: &Path, cases: Cases, good: &Path, hear: &mut dyn FnMut(u64, Verdict)) -> Result<()> {
+    let (stride, folder) = (std::thread::available_parallelism().map_or(1, |n| n.get()) as u64, scratch()?);
+    let errors = |k: u64| folder.path().join(format!("{k}.txt"));
+    let hire = |next: u64| -> Result<Child> {
+        let order = format!("{},{},{next},{stride},{},{}", cases.seed, cases.count, good.display(), folder.path().display());
+        let mut command = Command::new(program);
+        command.args(["campaign", "--work", &order]).envs([("NERD_COMMIT", "campaign"), ("RAYON_NUM_THREADS", "1")]);
+        Ok(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(errors(next % stride))?).spawn()?)
+    };
+    let mut crew = Vec::new();
+    for next in 0..stride.min(cases.count) {
+        File::create(verdicts(folder.path(), next))?;
+        let verdicts = BufReader::new(File::open(verdicts(folder.path(), next))?);
+        crew.push(Place { worker: hire(next)?, verdicts, heard: Instant::now(), next });
+    }
+    while !crew.is_empty() {
+        std::thread::sleep(Duration::from_millis(20));
+        for place in &mut crew {
+            let ended = place.worker.try_wait()?;
+            let mut line = String::new();
+            while place.verdicts.read_line(&mut line)? > 0 {
+                hear(place.next, serde_json::from_str(&line)?);
+                (place.heard, place.next) = (Instant::now(), place.next + stride);
+                line.clear();
             }
-            worker.kill().ok();
-            worker.wait()?;
+            let late = place.heard.elapsed() > TIME;
+            if place.next >= cases.count || ended.is_none() && !late {
+                continue;
+            }
+            place.worker.kill()?;
+            let (status, words) = (place.worker.wait()?, std::fs::read_to_string(errors(place.next % stride))?.trim().replace('\n', " "));
+            let outcome = match ended.map(|status| status.code()) {
+                None => Outcome::Time,
+                Some(None) if words.contains("memory allocation of") => Outcome::Memory,
+                Some(None) => Outcome::Abort,
+                // What makes cases must not fail, whatever becomes of them.
+                Some(Some(_)) => bail!("the campaign failed: {words}"),
+            };
+            hear(place.next, Verdict(outcome, format!("{status}: {words}")));
+            (place.heard, place.next) = (Instant::now(), place.next + stride);
+            if place.next < cases.count {
+                place.worker = hire(place.next)?;
+            }
         }
-        Ok(())
+        crew.retain(|place| place.next < cases.count);
     }
-
-    /// A worker, and what it will say.
-    fn hire(&self, first: u64) -> io::Result<(Child, Receiver<String>)> {
-        let mut command = Command::new(self.program);
-        command.args(["campaign", "--work", &format!("{first},{}", self.stride)]).args(self.source.arguments());
-        let mut worker = calm(&mut command).stdout(Stdio::piped()).stderr(File::create(self.said)?).spawn()?;
-        let out = worker.stdout.take().ok_or_else(|| io::Error::other("a worker without a voice"))?;
-        let (send, lines) = channel();
-        std::thread::spawn(move || BufReader::new(out).lines().map_while(Result::ok).try_for_each(|line| send.send(line)));
-        Ok((worker, lines))
-    }
-
-    /// Why a worker died: of memory, of a signal, or of an error of the campaign itself.
-    fn death(&self, worker: &mut Child) -> io::Result<Verdict> {
-        let status = worker.wait()?;
-        let words = String::from_utf8_lossy(&std::fs::read(self.said)?).trim().replace('\n', " ");
-        // What makes cases must not fail, whatever becomes of them.
-        if status.code().is_some() {
-            return Err(io::Error::other(format!("the campaign failed: {words}")));
-        }
-        let fault = if words.contains("memory allocation of") { Fault::Memory } else { Fault::Abort };
-        Ok(Verdict::Fault(fault, format!("{status}: {words}")))
-    }
+    Ok(())
 }

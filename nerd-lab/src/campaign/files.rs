@@ -1,61 +1,73 @@
-//! Whether a file is whole: it ends where it should, and holds numbers where it should.
+//! Files of cases, and whether those that the program wrote are whole.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use anyhow::{Context, Result};
 use safetensors::tensor::{Dtype, SafeTensors};
+use tempfile::TempDir;
 
-/// In the words of a number that is none.
+/// Files by name.
+pub type Files = BTreeMap<String, Vec<u8>>;
+
+/// In the words of a number that is not finite.
 pub const NOT_FINITE: &str = "not finite";
 
-/// Says what is wrong with a file that the program wrote, by its kind.
+/// A folder in memory where the system has one: what is written there need not last.
+pub fn scratch() -> Result<TempDir> {
+    let memory = Path::new("/dev/shm");
+    Ok(if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }?)
+}
+
+/// Writes files below a folder.
+pub fn write(folder: &Path, files: &Files) -> Result<()> {
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().unwrap_or(folder))?;
+        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Every file below a folder, by name; none where there is no folder.
+pub fn read(folder: &Path) -> Result<Files> {
+    let name = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().into_owned();
+    below(folder)?.iter().map(|path| Ok((name(path), std::fs::read(path)?))).collect()
+}
+
+/// Says what is wrong with a file that the program wrote, by its ending: it ends where it should, and holds numbers where it should.
 pub fn whole(path: &Path) -> Result<(), String> {
     let wrong = |reason: String| format!("{}: {reason}", path.file_name().unwrap_or_default().to_string_lossy());
     let bytes = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
-    let text = || std::str::from_utf8(&bytes).map_err(|e| wrong(e.to_string()));
-    let json = |text: &str| serde_json::from_str::<serde_json::Value>(text).map(drop).map_err(|e| wrong(e.to_string()));
-    match path.extension().and_then(|e| e.to_str()).unwrap_or_default() {
-        "json" => json(text()?),
+    let json = |text: &[u8]| serde_json::from_slice::<serde_json::Value>(text).map(drop).map_err(|e| e.to_string());
+    let checked = match path.extension().and_then(|e| e.to_str()).unwrap_or_default() {
+        "json" => json(&bytes),
         // Of a log that grows line by line the last one may be cut.
-        "jsonl" => text()?.split_inclusive('\n').filter(|line| line.ends_with('\n')).try_for_each(json),
-        "csv" => table(&bytes).map_err(wrong),
-        "safetensors" => tensors(&bytes).map_err(wrong),
-        "svg" if !text()?.trim_end().ends_with("</svg>") => Err(wrong("no end".into())),
-        "png" if !bytes.ends_with(b"IEND\xaeB`\x82") => Err(wrong("no end".into())),
-        "tmp" => Err(wrong("left over".into())),
-        _ => Ok(()),
-    }
-}
-
-fn table(bytes: &[u8]) -> Result<(), String> {
-    let mut reader = ::csv::Reader::from_reader(bytes);
-    if bytes.last().is_some_and(|b| *b != b'\n') {
-        return Err("no end".into());
-    }
-    for (i, record) in reader.records().enumerate() {
-        let record = record.map_err(|e| e.to_string())?;
-        if let Some(cell) = record.iter().find(|c| c.parse::<f64>().is_ok_and(|x| !x.is_finite())) {
-            return Err(format!("line {} holds {cell}, which is {NOT_FINITE}", i + 2));
+        "jsonl" => bytes.split_inclusive(|b| *b == b'\n').filter(|line| line.ends_with(b"\n")).try_for_each(json),
+        "csv" if bytes.last().is_some_and(|b| *b != b'\n') => Err("no end".into()),
+        "csv" => {
+            let odd = |cell: &&str| cell.trim().parse::<f64>().is_ok_and(|x| !x.is_finite());
+            let text = String::from_utf8_lossy(&bytes);
+            text.split([',', '\n']).find(odd).map_or(Ok(()), |cell| Err(format!("holds {cell}, which is {NOT_FINITE}")))
         }
-    }
-    Ok(())
+        "safetensors" => tensors(&bytes),
+        "tmp" => Err("left over".into()),
+        _ => Ok(()),
+    };
+    checked.map_err(wrong)
 }
 
 /// Distances in empty space are infinite.
 fn tensors(bytes: &[u8]) -> Result<(), String> {
     let file = SafeTensors::deserialize(bytes).map_err(|e| e.to_string())?;
-    for (name, view) in file.tensors() {
-        let data = view.data();
-        let finite = match view.dtype() {
-            Dtype::F32 => data.chunks_exact(4).all(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]).is_finite()),
-            Dtype::F64 => data.chunks_exact(8).all(|b| b.try_into().is_ok_and(|b| f64::from_le_bytes(b).is_finite())),
-            _ => true,
-        };
-        if !finite && !name.contains("depths") {
-            return Err(format!("`{name}` is {NOT_FINITE}"));
-        }
-    }
-    Ok(())
+    let finite = |view: &safetensors::tensor::TensorView| match view.dtype() {
+        Dtype::F32 => view.data().as_chunks().0.iter().all(|b| f32::from_le_bytes(*b).is_finite()),
+        Dtype::F64 => view.data().as_chunks().0.iter().all(|b| f64::from_le_bytes(*b).is_finite()),
+        _ => true,
+    };
+    let wrong = file.tensors().into_iter().find(|(name, view)| !name.contains("depths") && !finite(view));
+    wrong.map_or(Ok(()), |(name, _)| Err(format!("`{name}` is {NOT_FINITE}")))
 }
 
 /// Every file below a folder, in order; no link is followed. None below one that is not there.

@@ -1,168 +1,122 @@
-//! Runs that are killed at a random moment, every second one in the midst of writing a file. What stands there must be whole
-//! files, and the same command must then come to what an unbroken run comes to, byte for byte.
+//! Runs that are killed at a random moment, every second one in the midst of writing a file. What is there must be whole files, and
+//! the same command must then come to what an unbroken run comes to, byte for byte.
 
-use std::collections::BTreeMap;
 use std::fs::File;
-use std::io;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use anyhow::{Result, bail};
 use nerd_train::progress::bar;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::campaign::calm;
-use crate::campaign::files::{below, whole};
-use crate::campaign::found::Found;
+use super::files::{Files, below, read, whole};
 
-/// A command and the files that must come out the same; of a folder, all.
-struct Job {
-    name: &'static str,
-    line: &'static str,
-    same: &'static [&'static str],
-}
-
-const JOBS: [Job; 4] = [
-    Job { name: "dataset", line: "dataset --robot pendulum --transitions 60000 --frames 10 --out run", same: &[""] },
-    Job {
-        name: "train",
-        line: "train --robot cartpole --recipe small --embedding 16 --layers 1 --history 4 --transitions 4000 --frames 20 --updates 60 \
-               --batch 16 --rollouts 2 --validate-every 3 --out run",
-        same: &["model/model.safetensors", "model/normalizer.json", "run.json"],
-    },
-    Job {
-        name: "policy train",
-        line: "policy train cartpole-swingup --envs 16 --horizon 16 --iterations 30 --minibatch 64 --out run",
-        same: &["policy/policy.safetensors"],
-    },
-    Job {
-        name: "rollout",
-        line: "rollout --robot pendulum --scene ground1 --states states.csv --frames 20000 --out run/r.csv",
-        same: &["r.csv"],
-    },
+/// Commands, and the files that must come out the same; of a folder, all.
+const JOBS: [(&str, &[&str]); 4] = [
+    ("dataset --robot pendulum --transitions 60000 --frames 10 --out run", &[""]),
+    (
+        "train --robot cartpole --recipe small --embedding 16 --layers 1 --history 4 --transitions 4000 --frames 20 --updates 60 --batch 16 \
+         --rollouts 2 --validate-every 3 --out run",
+        &["model/model.safetensors", "model/normalizer.json", "run.json"],
+    ),
+    ("policy train cartpole-swingup --envs 16 --horizon 16 --iterations 30 --minibatch 64 --out run", &["policy/policy.safetensors"]),
+    ("rollout --robot pendulum --scene ground1 --states states.csv --frames 20000 --out run/r.csv", &["r.csv"]),
 ];
 
 /// Kills of one run before it may end.
 const STABS: u64 = 3;
 
 /// What is counted of a command.
-pub const KILLS: [&str; 5] = ["kills", "inside a write", "half-written", "other bytes after", "left over after"];
+pub const KILLS: [&str; 4] = ["kills", "inside a write", "half-written", "other after"];
 
-/// Kills so many runs.
-pub fn kill(program: &Path, kills: u64, seed: u64, found: &mut Found) -> io::Result<()> {
-    let (bar, mut done) = (bar("kills", kills), 0);
-    for (k, job) in JOBS.iter().enumerate() {
+/// What became of the killed runs of a command.
+#[derive(Default)]
+pub struct Killed {
+    pub command: &'static str,
+    pub counts: [u64; KILLS.len()],
+    pub faults: Vec<String>,
+}
+
+/// Kills so many runs in all.
+pub fn kill(program: &Path, kills: u64, seed: u64) -> Result<Vec<Killed>> {
+    let bar = bar("kills", kills);
+    let mut all: Vec<Killed> = Vec::new();
+    for (k, (line, same)) in JOBS.iter().enumerate() {
         let wanted = (kills + k as u64) / JOBS.len() as u64;
-        if wanted == 0 {
-            continue;
-        }
+        let mut killed = Killed { command: line.split(" --").next().unwrap_or_default(), ..Default::default() };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(k as u64);
-        let unbroken = job.finish(program, tempfile::tempdir()?.path())?;
-        let mut trial = Trial { job, program, wanted, unbroken, kills: 0, inside: 0, faults: Default::default() };
-        while trial.kills < wanted {
-            trial.life(tempfile::tempdir()?.path(), &mut rng)?;
-            bar.set(done + trial.kills);
+        let started = Instant::now();
+        let unbroken = if wanted > 0 { finish(program, line, same, tempfile::tempdir()?.path())? } else { Files::new() };
+        let takes = started.elapsed();
+        while killed.counts[0] < wanted {
+            let folder = tempfile::tempdir()?;
+            let run = folder.path().join("run");
+            // One run is killed a few times and then let be.
+            for _ in 0..rng.random_range(1..=STABS) {
+                let child = start(program, line, folder.path())?;
+                if killed.counts[0] == wanted || !stab(child, &run, takes.mul_f64(rng.random()), killed.counts[0] % 2 == 1)? {
+                    break;
+                }
+                let half: Vec<String> =
+                    read(&run)?.keys().filter(|name| !temporary(name)).filter_map(|name| whole(&run.join(name)).err()).collect();
+                killed.counts[0] += 1;
+                killed.counts[1] += u64::from(writing(&run));
+                killed.counts[2] += half.len() as u64;
+                killed.faults.extend(half);
+            }
+            let files = finish(program, line, same, folder.path())?;
+            let mut names: Vec<&String> =
+                files.keys().chain(unbroken.keys()).filter(|name| files.get(*name) != unbroken.get(*name)).collect();
+            names.dedup();
+            killed.counts[3] += names.len() as u64;
+            killed.faults.extend(names.into_iter().map(|name| format!("{name} has other bytes, or is there in one run alone")));
+            bar.set(all.iter().chain([&killed]).map(|killed| killed.counts[0]).sum());
         }
-        done += trial.kills;
-        let [half, other, left] = trial.faults.each_ref().map(|faults| faults.len() as u64);
-        found.kills.insert(job.name.into(), [trial.kills, trial.inside, half, other, left]);
-        found.faults.extend(trial.faults.into_iter().flatten().map(|words| format!("{}: {words}", job.name)));
+        all.push(killed);
     }
     bar.finish();
-    Ok(())
+    all.retain(|killed| killed.counts[0] > 0);
+    Ok(all)
 }
 
-/// Files that must come out the same, by name.
-type Files = BTreeMap<PathBuf, Vec<u8>>;
-
-impl Job {
-    fn start(&self, program: &Path, folder: &Path) -> io::Result<Child> {
-        std::fs::write(folder.join("states.csv"), "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n")?;
-        let mut command = Command::new(program);
-        calm(&mut command).env_remove("RAYON_NUM_THREADS").args(self.line.split_whitespace());
-        command.current_dir(folder).stderr(File::create(folder.join("said.txt"))?).spawn()
-    }
-
-    /// Runs to the end: how long that takes, and what it comes to.
-    fn finish(&self, program: &Path, folder: &Path) -> io::Result<(Duration, Files)> {
-        let started = Instant::now();
-        if !self.start(program, folder)?.wait()?.success() {
-            let said = std::fs::read_to_string(folder.join("said.txt"))?;
-            return Err(io::Error::other(format!("`{}` failed: {}", self.line, said.lines().last().unwrap_or_default())));
-        }
-        let (took, run) = (started.elapsed(), folder.join("run"));
-        let mut files = Files::new();
-        for file in below(&run)? {
-            let name = file.strip_prefix(&run).unwrap_or(&file);
-            if self.same.iter().any(|same| name.starts_with(same)) {
-                files.insert(name.into(), std::fs::read(&file)?);
-            }
-        }
-        Ok((took, files))
-    }
+fn start(program: &Path, line: &str, folder: &Path) -> Result<Child> {
+    std::fs::write(folder.join("states.csv"), "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n")?;
+    let mut command = Command::new(program);
+    command.args(line.split(' ')).current_dir(folder).env("NERD_COMMIT", "campaign").stdout(Stdio::null());
+    Ok(command.stderr(File::create(folder.join("errors.txt"))?).spawn()?)
 }
 
-/// A command that is killed again and again.
-struct Trial<'a> {
-    job: &'a Job,
-    program: &'a Path,
-    wanted: u64,
-    /// How long an unbroken run takes, and what it comes to.
-    unbroken: (Duration, Files),
-    kills: u64,
-    inside: u64,
-    /// Faults: half-written files, other bytes after, left over after.
-    faults: [Vec<String>; 3],
-}
-
-impl Trial<'_> {
-    /// One run, killed a few times and then let be.
-    fn life(&mut self, folder: &Path, rng: &mut impl Rng) -> io::Result<()> {
-        let (run, [half, other, left]) = (folder.join("run"), &mut self.faults);
-        let unbroken = &self.unbroken.1;
-        for _ in 0..rng.random_range(1..=STABS) {
-            let aimed = self.kills % 2 == 1;
-            let moment = self.unbroken.0.mul_f64(rng.random());
-            if self.kills >= self.wanted || !stab(self.job.start(self.program, folder)?, &run, moment, aimed)? {
-                break;
-            }
-            let (cut, done): (Vec<_>, Vec<_>) = below(&run)?.into_iter().partition(|f| temporary(f));
-            self.kills += 1;
-            self.inside += u64::from(!cut.is_empty());
-            half.extend(done.iter().filter_map(|f| whole(f).err()));
-        }
-        match self.job.finish(self.program, folder) {
-            Ok((_, files)) => {
-                let names = files.keys().chain(unbroken.keys().filter(|name| !files.contains_key(*name)));
-                let differ = names.filter(|name| files.get(*name) != unbroken.get(*name));
-                other.extend(differ.map(|name| format!("{} has other bytes, or is there in one alone", name.display())));
-                left.extend(below(&run)?.iter().filter(|f| temporary(f)).map(|f| f.display().to_string()));
-            }
-            Err(error) => other.push(error.to_string()),
-        }
-        Ok(())
+/// Runs to the end: the files that must come out the same, and those that should have gone.
+fn finish(program: &Path, line: &str, same: &[&str], folder: &Path) -> Result<Files> {
+    if !start(program, line, folder)?.wait()?.success() {
+        bail!("`{line}` failed: {}", std::fs::read_to_string(folder.join("errors.txt"))?.lines().last().unwrap_or_default());
     }
+    let mut files = read(&folder.join("run"))?;
+    files.retain(|name, _| temporary(name) || same.iter().any(|same| name.starts_with(same)));
+    Ok(files)
 }
 
 /// Kills a process after a while; if aimed, as soon as it writes a file from then on. Whether it was still alive.
-fn stab(mut child: Child, run: &Path, moment: Duration, aimed: bool) -> io::Result<bool> {
+fn stab(mut child: Child, run: &Path, moment: Duration, aimed: bool) -> Result<bool> {
     let started = Instant::now();
-    loop {
-        if child.try_wait()?.is_some() {
-            return Ok(false);
-        }
-        let writing = || below(run).is_ok_and(|files| files.iter().any(|f| temporary(f)));
-        if started.elapsed() >= moment && (!aimed || writing()) {
+    while child.try_wait()?.is_none() {
+        if started.elapsed() >= moment && (!aimed || writing(run)) {
             child.kill()?;
             // A process that had just ended was not killed.
             return Ok(child.wait()?.code().is_none());
         }
         std::thread::sleep(Duration::from_micros(200));
     }
+    Ok(false)
 }
 
-fn temporary(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e == "tmp")
+fn writing(run: &Path) -> bool {
+    below(run).is_ok_and(|files| files.iter().any(|file| temporary(&file.to_string_lossy())))
+}
+
+fn temporary(name: &str) -> bool {
+    name.ends_with(".tmp")
 }

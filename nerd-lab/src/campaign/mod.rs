@@ -1,78 +1,44 @@
 //! Hostile input by the million, and runs that are killed.
 //!
-//! Good URDFs, specifications, tables, model folders and command lines are changed at random and used. Each must be refused in
-//! words or be used to the end: no panic, no abort within [`MEMORY`], nothing over [`SECONDS`], no number that is not finite.
-//! Runs that are killed must leave no half a file and go on as if nothing had been.
-//!
-//! Cases are tried in processes of the program itself: its verb `campaign` takes `--work FIRST,STRIDE --seed SEED --cases CASES
-//! --replay FILE ..` and calls [`work`]. What fails is kept, and belongs into `corpus/` once it is mended.
+//! Good URDFs, specifications, tables, model folders and command lines are changed at random, by the crate `mutatis`, and used. Each
+//! must be refused in words or be used to the end: no panic, no abort, nothing over its memory or time, no number that is not finite.
+//! Runs that are killed must leave no half a file and go on as if nothing had been. What fails is kept, and belongs into
+//! `assets/campaign/corpus.toml` once it is mended.
 
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::{Mutex, PoisonError};
 
-use crate::error::Result;
-use crate::experiments::{Experiment, Measured};
-use crate::report::Inputs;
+use anyhow::Result;
 use nerd_train::progress::bar;
+use serde::{Deserialize, Serialize};
+
+use crate::experiments::{Experiment, Measured};
+use crate::report::{Inputs, Table};
 
 mod bench;
 mod case;
 mod corpus;
 mod crew;
-mod csv;
 mod files;
-mod found;
+mod judge;
 mod kills;
-mod line;
-mod model;
-mod mutate;
-mod robots;
-mod source;
-mod toml;
-mod urdf;
-mod worker;
+mod text;
 
-pub use found::Found;
-pub use source::Source;
-pub use worker::work;
+use case::Kind;
+pub use crew::work;
+use crew::{Cases, try_all};
+pub use judge::Call;
+use judge::{Outcome, Verdict};
+use kills::KILLS;
 
-/// What a case may take (s).
-pub const SECONDS: u64 = 10;
-/// Address space of a process (bytes).
-pub const MEMORY: u64 = 4 << 30;
 /// Faults whose files are kept, at most.
 const KEPT: usize = 200;
-
-/// What is tried.
-#[derive(Clone, Debug)]
-pub struct Program {
-    /// The executable.
-    pub path: PathBuf,
-    /// Its verb `rollout`, called for tables: a process for each would be most of their time.
-    pub rollout: fn(&Rollout) -> Result<(), String>,
-}
-
-/// Options of a rollout.
-#[derive(Debug)]
-pub struct Rollout<'a> {
-    /// A robot's name.
-    pub robot: &'a str,
-    /// One of its scenes.
-    pub scene: &'a str,
-    /// Table of states and torques.
-    pub states: &'a Path,
-    /// File to write.
-    pub out: &'a Path,
-}
 
 /// Changed inputs, and kills.
 #[derive(Clone, Debug)]
 pub struct Campaign {
-    /// What is tried.
-    pub program: Program,
+    /// The executable that is tried.
+    pub program: PathBuf,
     /// Of what is changed.
     pub seed: u64,
     /// Inputs over the five kinds.
@@ -81,6 +47,17 @@ pub struct Campaign {
     pub kills: u64,
     /// Folder for the files of faults.
     pub kept: PathBuf,
+}
+
+/// Counts and faults.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Found {
+    /// By kind of input, what became of them.
+    pub cases: BTreeMap<String, [u64; Outcome::NAMES.len()]>,
+    /// By command, what became of killed runs.
+    pub kills: BTreeMap<String, [u64; KILLS.len()]>,
+    /// Every fault in words; those of cases by number.
+    pub faults: Vec<String>,
 }
 
 impl Experiment for Campaign {
@@ -101,52 +78,65 @@ impl Experiment for Campaign {
     }
 
     fn measure(&self) -> Result<Measured> {
-        let found = self.tried()?;
+        let mut found = Found::default();
+        if self.cases > 0 {
+            self.change(&mut found)?;
+        }
+        for killed in kills::kill(&self.program, self.kills, self.seed)? {
+            found.kills.insert(killed.command.into(), killed.counts);
+            found.faults.extend(killed.faults.into_iter().map(|words| format!("{}: {words}", killed.command)));
+        }
         Measured::new(&found, found.tables())
     }
 }
 
-impl Campaign {
-    fn tried(&self) -> io::Result<Found> {
-        let (found, bar) = (Mutex::new((Found::default(), BTreeMap::new(), 0)), bar("cases", self.cases));
-        let source = Source { seed: self.seed, cases: self.cases, ..Source::default() };
-        crew::try_all(&self.program.path, &source, &|number, verdict| {
-            let Ok(mut guard) = found.lock() else { return };
-            let (found, faults, done) = &mut *guard;
-            faults.extend(found.add(number, verdict).map(|fault| (number, fault)));
-            *done += 1;
-            bar.say(&format!("{} faults", faults.len()));
-            bar.set(*done);
-        })?;
-        bar.finish();
-        let (mut found, faults, _) = found.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let bench = bench::Bench::new(self.program.clone())?;
-        for (number, fault) in faults.into_iter().take(KEPT) {
-            let kind = case::Kind::of(number);
-            let folder = self.kept.join(kind.name()).join(format!("{}-{number}", fault.name().replace(' ', "-")));
-            bench::write(&folder, &kind.make(self.seed, number, &bench))?;
-        }
-        kills::kill(&self.program.path, self.kills, self.seed, &mut found)?;
-        Ok(found)
+impl Found {
+    fn tables(&self) -> Vec<Table> {
+        let row = |name: &String, counts: &[u64]| [vec![name.clone()], counts.iter().map(u64::to_string).collect()].concat();
+        let case = |(name, counts): (&String, &[u64; 8])| row(name, &[&[counts.iter().sum()], &counts[..]].concat());
+        let cases = Table::new("cases", &[&["input", "cases"], &Outcome::NAMES[..]].concat());
+        let kills = Table::new("kills", &[&["command"], &KILLS[..]].concat());
+        vec![cases.with(self.cases.iter().map(case)), kills.with(self.kills.iter().map(|(name, counts)| row(name, counts)))]
     }
 }
 
-/// Tries every file of a corpus below the paths, in order: `KIND/NAME: ` and `accepted`, `refused: WORDS` or `FAULT ..`.
-///
-/// # Errors
-/// If a file cannot be read, or is no case.
-pub fn replay(program: &Program, paths: &[PathBuf]) -> io::Result<Vec<String>> {
-    let source = Source { corpus: corpus::files(paths)?, ..Source::default() };
-    let said = Mutex::new(BTreeMap::new());
-    crew::try_all(&program.path, &source, &|number, verdict| {
-        let words = corpus::words(&source.corpus[number as usize], verdict);
-        said.lock().unwrap_or_else(PoisonError::into_inner).insert(number, words);
-    })?;
-    Ok(said.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect())
+impl Campaign {
+    /// Tries all cases, and writes the files of those that are faults.
+    fn change(&self, found: &mut Found) -> Result<()> {
+        let good = files::scratch()?;
+        bench::build(&self.program, good.path())?;
+        let (bar, mut faults, mut done) = (bar("cases", self.cases), Vec::new(), 0);
+        try_all(&self.program, Cases { seed: self.seed, count: self.cases }, good.path(), &mut |number, verdict| {
+            let kind = Kind::of(number);
+            let Verdict(outcome, words) = verdict;
+            found.cases.entry(kind.name().into()).or_default()[outcome as usize] += 1;
+            if outcome > Outcome::Accepted {
+                found.faults.push(format!("case {number} ({}): {}: {words}", kind.name(), outcome.name()));
+                faults.push((number, kind, outcome));
+            }
+            done += 1;
+            bar.set(done);
+        })?;
+        bar.finish();
+        let files = files::read(good.path())?;
+        for (number, kind, outcome) in faults.into_iter().take(KEPT) {
+            let mut case = kind.make(self.seed, number, &files);
+            case.files.retain(|name, bytes| files.get(name) != Some(bytes));
+            case.files.insert("line.txt".into(), case.line.into());
+            files::write(&self.kept.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
+        }
+        Ok(())
+    }
 }
 
-/// A process that is not heard, does not ask git where results come from, and uses one thread.
-fn calm(command: &mut Command) -> &mut Command {
-    let variables = [("NERD_COMMIT", "campaign"), ("RAYON_NUM_THREADS", "1"), ("RUST_BACKTRACE", "0")];
-    command.envs(variables).stdin(Stdio::null()).stdout(Stdio::null())
+/// Tries the corpus in this process: how many cases it has, and those that did not end as they should.
+pub fn replay(program: &Path, call: Call) -> Result<(usize, Vec<String>)> {
+    let (good, here) = (files::scratch()?, files::scratch()?);
+    bench::build(program, good.path())?;
+    let (files, entries) = (files::read(good.path())?, corpus::entries()?);
+    std::env::set_current_dir(here.path())?;
+    nerd_train::progress::quiet();
+    crew::keep_panics();
+    let wrong = entries.iter().map(|entry| Ok(entry.wrong(&crew::caught(&entry.case(&files)?, call)?)));
+    Ok((entries.len(), wrong.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect()))
 }

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use nerd_sim::truth::Truth;
 use nerd_tasks::named;
+use nerd_train::device::Device;
 use nerd_train::ppo::Arena;
 use nerd_train::shipped;
 
-use crate::common::{DEVICES, Device, word};
-use crate::flags::unused;
+use crate::options::{DEVICES, unused, word};
 use crate::solvers::SolverName;
 
 /// A solver that episodes run on.

@@ -60,16 +60,7 @@ fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<
 
 /// All of them.
 pub(super) fn table(rows: &[Learning]) -> Table {
-    let header = [
-        "task",
-        "solver",
-        "environments",
-        "steps an iteration",
-        "steps/s",
-        "rollout (%)",
-        "update (%)",
-        "memory (GiB)",
-    ];
+    let header = ["task", "solver", "environments", "steps an iteration", "steps/s", "rollout (%)", "update (%)", "memory (GiB)"];
     let lines = rows.iter().map(|row| {
         let [environments, steps] = row.sizes.map(|n| n.to_string());
         let shares = row.shares.map(|share| format!("{:.0}", 100.0 * share));

@@ -7,9 +7,9 @@ mod learning;
 #[cfg(feature = "cuda")]
 mod pace;
 
+use crate::choice::Choice;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
-use crate::choice::Choice;
 use nerd_train::shipped;
 
 use super::{Experiment, Measured};

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::mujoco::{Referee, Scheme};
 use nerd_core::state::difference;
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::Real;
-use crate::mujoco::{Referee, Scheme};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::device::resident;

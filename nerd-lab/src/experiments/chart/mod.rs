@@ -11,8 +11,8 @@ mod measure;
 mod plan;
 mod shown;
 
-use nerd_sim::prelude::System;
 use crate::choice::Choice;
+use nerd_sim::prelude::System;
 
 use super::cost::on_one_core;
 use super::{Experiment, Measured};

@@ -10,11 +10,11 @@ mod rows;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::choice::Choice;
 use nerd_model::folder::ModelConfig;
 use nerd_sim::instruments::Shaken;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
-use crate::choice::Choice;
 use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::{bounds, progress, shipped};

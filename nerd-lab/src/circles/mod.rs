@@ -1,0 +1,133 @@
+//! Circles of imports within a crate, by file and by folder, from its parsed sources.
+//!
+//! A file leads to each file that defines something it uses; `mod` declarations and re-exports are followed but lead nowhere
+//! themselves. By folder, a use counts between the two names at which the files' paths part; a folder's own `mod.rs` is left out there,
+//! since its children may use what it defines.
+
+mod graph;
+mod module;
+mod modules;
+mod paths;
+mod resolve;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+use graph::{Graph, circles};
+use resolve::{Use, uses};
+
+/// Uses of an edge that a line names.
+const SHOWN: usize = 4;
+
+/// One line for each circle in a workspace's crates.
+pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).with_context(|| format!("no Cargo.toml in {}", root.display()))?;
+    let manifest: toml::Table = toml::from_str(&manifest)?;
+    let members = manifest["workspace"]["members"].as_array().context("no workspace.members in Cargo.toml")?;
+    let mut lines = Vec::new();
+    for member in members.iter().filter_map(toml::Value::as_str) {
+        for entry in ["lib.rs", "main.rs"] {
+            let entry = root.join(member).join("src").join(entry);
+            if entry.is_file() {
+                lines.extend(of_crate(&entry)?.into_iter().map(|line| format!("{member}, {line}")));
+            }
+        }
+    }
+    Ok(lines)
+}
+
+/// Those of one crate, from its `lib.rs` or `main.rs`.
+pub fn of_crate(entry: &Path) -> Result<Vec<String>> {
+    let src = entry.parent().unwrap_or(Path::new(""));
+    let mut uses = uses(&modules::read(entry)?, src);
+    // A module may be a file beside its folder: `a.rs` is then the folder's own.
+    let folders: BTreeSet<PathBuf> = uses.iter().flat_map(|u| [&u.from, &u.to]).filter_map(|p| Some(p.parent()?.to_path_buf())).collect();
+    for path in uses.iter_mut().flat_map(|u| [&mut u.from, &mut u.to]) {
+        if folders.contains(&path.with_extension("")) {
+            *path = path.with_extension("").join("mod.rs");
+        }
+    }
+    let mut lines = lines("by file", &uses, |u| Some((u.from.display().to_string(), u.to.display().to_string())));
+    lines.extend(self::lines("by folder", &uses, |u| siblings(&u.from, &u.to)));
+    Ok(lines)
+}
+
+/// The names at which two paths part; none where one of them is a file of the folder itself.
+fn siblings(from: &Path, to: &Path) -> Option<(String, String)> {
+    let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
+    let name = |path: &Path| {
+        let own = path.iter().count() == same + 1 && ["mod.rs", "lib.rs", "main.rs"].iter().any(|own| path.ends_with(own));
+        (!own).then(|| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
+    };
+    Some((name(from)?, name(to)?))
+}
+
+fn lines(how: &str, uses: &[Use], ends: impl Fn(&Use) -> Option<(String, String)>) -> Vec<String> {
+    let mut graph = Graph::new();
+    let mut behind: BTreeMap<(String, String), Vec<&Use>> = BTreeMap::new();
+    for used in uses {
+        let Some((from, to)) = ends(used) else { continue };
+        *graph.entry(from.clone()).or_default().entry(to.clone()).or_default() += 1;
+        behind.entry((from, to)).or_default().push(used);
+    }
+    // Of names that are all files, the circles by file tell.
+    let new = |circle: &Vec<String>| how == "by file" || circle.iter().any(|name| !name.ends_with(".rs"));
+    let line = |circle: Vec<String>| {
+        let (first, last) = (circle[0].clone(), circle[circle.len() - 1].clone());
+        let all = &behind[&(last, first.clone())];
+        let closing: Vec<_> = all.iter().take(SHOWN).map(|u| format!("{}:{} {}", u.from.display(), u.line, u.path)).collect();
+        let more = if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
+        format!("{how}: {} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
+    };
+    circles(&graph).into_iter().filter(new).map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A crate with the files given, each with its path and text; the lines of its circles.
+    fn circles_of(files: &[(&str, &str)]) -> Vec<String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (path, text) in files {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().expect("a parent")).expect("folders");
+            std::fs::write(path, text).expect("a file");
+        }
+        of_crate(&folder.path().join("lib.rs")).expect("a crate that parses")
+    }
+
+    const OWN: &str = "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n";
+
+    #[test]
+    fn a_circle_is_found_by_file_and_by_folder() {
+        let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
+        let (body, deep) = (("body/mod.rs", OWN), ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n"));
+        // Through the re-export at the root, inside a macro.
+        let name =
+            ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
+        let end = "closed by name.rs:4 crate::body::Deep::of";
+        let file = format!("by file: body/deep.rs -> name.rs -> body/deep.rs, {end}");
+        assert_eq!(circles_of(&[lib, body, deep, name]), [file, format!("by folder: body -> name.rs -> body, {end}")]);
+    }
+
+    #[test]
+    fn one_by_folder_alone_is_found() {
+        let a = [("lib.rs", "mod a;\nmod b;\n"), ("a/mod.rs", "pub mod low;\npub mod high;\n"), ("a/low.rs", "pub struct Low;\n")];
+        let b = [("a/high.rs", "use crate::b::*;\npub type High = Mid;\n"), ("b.rs", "use super::a::low;\npub struct Mid(low::Low);\n")];
+        let lines = circles_of(&[a, [b[0], b[1], ("unused.rs", "")]].concat());
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].starts_with("by folder: "), "{lines:?}");
+    }
+
+    #[test]
+    fn tests_declarations_and_reexports_close_none() {
+        let lib = ("lib.rs", "mod a;\nmod b;\npub use b::Second;\n#[cfg(test)]\nmod tests { use super::b::Second; }\n");
+        let a = ("a.rs", "pub struct First;\n#[cfg(test)]\nmod tests {\n    use crate::Second;\n}\n");
+        let b =
+            ("b.rs", "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n");
+        assert_eq!(circles_of(&[lib, a, b]), [""; 0]);
+    }
+}

@@ -1,0 +1,109 @@
+//! The verbs in groups, as `cargo xtask` shows them, and `docs/commands.md`, written from the program's own help.
+
+use clap::{Arg, ArgMatches, Command};
+use nerd_train::shipped::root;
+
+/// Groups, and their verbs.
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("Data", &["dataset", "inspect", "urdf"]),
+    ("Learn", &["train", "calibrate"]),
+    ("Measure", &["rollout", "evaluate", "chart", "stability", "measure", "reproduce"]),
+    ("Policies", &["policy"]),
+    ("Project", &["list", "results", "report", "campaign", "check"]),
+];
+
+/// Options that are folders wherever they do not say that they are files.
+const FOLDERS: [&str; 7] = ["out", "model", "models", "policy", "data", "from", "parents"];
+
+/// The program with what all its verbs have.
+pub fn prepare(program: Command) -> Command {
+    let about = |name: &str| program.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string).unwrap_or_default();
+    let line = |name: &&str| format!("  {name:<12} {}\n", about(name));
+    let group = |(title, verbs): &(&str, &[&str])| format!("{title}:\n{}\n", verbs.iter().map(line).collect::<String>());
+    let end =
+        "`cargo xtask VERB --help` says what a verb takes, docs/commands.md has it all. With --json a verb prints its tables as JSON.";
+    let groups = GROUPS.iter().map(group).collect::<String>() + end;
+    let json = Arg::new("json").long("json").action(clap::ArgAction::SetTrue).global(true).hide(true);
+    let program = program.help_template("{about}\n\n{usage-heading} {usage}{after-help}").after_help(groups).arg(json);
+    program.disable_help_subcommand(true).subcommand_value_name("VERB").mut_subcommands(shared)
+}
+
+/// Whether the tables were asked for as JSON.
+pub fn as_json(matches: &ArgMatches) -> bool {
+    matches.get_flag("json")
+}
+
+/// A number below zero behind an option is its value, for the option to refuse by its range.
+fn shared(verb: Command) -> Command {
+    let verb = verb.mut_args(|arg| {
+        let valued = !arg.is_positional() && arg.get_action().takes_values();
+        let file = arg.get_value_names().is_some_and(|names| names[0] == "FILE");
+        let arg = if FOLDERS.contains(&arg.get_id().as_str()) && !file { arg.value_name("FOLDER") } else { arg };
+        arg.allow_negative_numbers(valued)
+    });
+    verb.disable_help_subcommand(true).mut_subcommands(shared)
+}
+
+/// The document, from the program.
+pub fn reference(mut program: Command) -> String {
+    program.build();
+    let mut text = String::from(
+        "# Commands\n\nWritten by `cargo xtask results write` from the program's own help. Every command ends with exit code 0, or with \
+         2 and one line that says what, where and what to do. Files are written whole or not at all. With `--json` a command prints \
+         its tables as JSON, and nothing else.\n",
+    );
+    for (title, verbs) in GROUPS {
+        text += &format!("\n## {title}\n");
+        verbs.iter().filter_map(|name| program.find_subcommand(name)).for_each(|verb| chapter(&mut text, verb, "###"));
+    }
+    // Defaults are found from where this runs.
+    let here = format!("{}/", root().display());
+    if here == "/" { text } else { text.replace(&here, "") }
+}
+
+/// A verb, then those below it.
+fn chapter(text: &mut String, verb: &Command, level: &str) {
+    let name = verb.get_bin_name().unwrap_or(verb.get_name()).trim_start_matches("cargo xtask ");
+    let about = verb.get_about().map(ToString::to_string).unwrap_or_default();
+    let usage = verb.clone().render_usage().to_string();
+    *text += &format!("\n{level} {name}\n\n{about}.\n\n```sh\n{}\n```\n", usage.trim_start_matches("Usage:").trim());
+    let shown: Vec<&Arg> = verb.get_arguments().filter(|a| !a.is_hide_set() && a.get_id() != "help").collect();
+    if !shown.is_empty() {
+        *text += "\n| option | meaning | default |\n|---|---|---|\n";
+    }
+    for arg in shown {
+        let (meaning, default) = meaning(arg);
+        *text += &format!("| `{}` | {meaning} | {default} |\n", option(arg));
+    }
+    if let Some(more) = verb.get_after_help() {
+        *text += &format!("\n```text\n{more}\n```\n");
+    }
+    verb.get_subcommands().for_each(|below| chapter(text, below, &format!("{level}#")));
+}
+/// Whether a value stands behind it.
+fn valued(arg: &Arg) -> bool {
+    arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
+}
+
+/// As it is given: `--out <FILE>`.
+fn option(arg: &Arg) -> String {
+    let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
+    match arg.get_long() {
+        Some(long) if valued(arg) => format!("--{long} {names}"),
+        Some(long) => format!("--{long}"),
+        None => names,
+    }
+}
+
+/// What it does with the words it takes, and its default, of which some helps speak themselves.
+fn meaning(arg: &Arg) -> (String, String) {
+    let help = arg.get_help().map(ToString::to_string).unwrap_or_default().replace('|', "\\|").replace('\n', " ");
+    let said = help.strip_suffix(']').and_then(|text| text.rsplit_once(" [default: "));
+    let (help, mut default) = said.map_or((help.as_str(), String::new()), |(help, default)| (help, default.to_string()));
+    if valued(arg) && !arg.get_default_values().is_empty() {
+        default = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(" ");
+    }
+    let words: Vec<String> = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect();
+    let untold = valued(arg) && words.iter().any(|word| !help.contains(word));
+    (if untold { format!("{help}: {}", words.join(", ")) } else { help.into() }, default)
+}

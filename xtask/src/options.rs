@@ -1,0 +1,99 @@
+//! Settings of the libraries as options of the command line: names, help, ranges and defaults are theirs.
+
+use std::marker::PhantomData;
+
+use anyhow::{Error, Result};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Command};
+use nerd_train::settings::{Given, Key, Settings, Values};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+pub use nerd_train::bounds::{FRAMES, SEEDS, STARTS, SUBSTEPS, TRANSITIONS};
+pub use nerd_train::settings::Values::{Number, Positive, Whole};
+
+/// Words for a device.
+pub const DEVICES: &[&str] = &["cpu", "cuda"];
+/// Words for a truth.
+pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];
+
+/// An option's value, checked as a setting is.
+pub fn value<T: DeserializeOwned>(values: Values) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
+    move |text| serde_json::from_value(values.parse(text)?).map_err(|e| e.to_string())
+}
+
+/// One of some words.
+pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(words).try_map(|word| serde_json::from_value::<T>(word.into()))
+}
+
+/// Refuses the first of `options`, names and whether they were given, that was: nobody would read it.
+pub fn unused(options: &[(&str, bool)], when: &str) -> Result<()> {
+    match options.iter().find(|(_, given)| *given) {
+        Some((option, _)) => Err(Error::msg(format!("{option} means nothing {when}"))),
+        None => Ok(()),
+    }
+}
+
+/// Options for keys.
+pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
+    let option = |key: &'static Key| {
+        let name = key.name();
+        let default = defaults.get(&name).filter(|v| v.is_number() || v.as_str().is_some_and(|s| !s.is_empty()));
+        let default = default.map(|value| format!(" [default: {}]", value.to_string().trim_matches('"'))).unwrap_or_default();
+        let arg = Arg::new(name.clone()).long(name.clone()).help(format!("{}{default}", key.help())).value_name(name.to_uppercase());
+        let values = key.values.clone();
+        match key.values {
+            Values::Words(words) => arg.value_parser(PossibleValuesParser::new(words).map(Value::from)),
+            Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true").value_parser(value::<Value>(values)),
+            _ => arg.value_parser(value::<Value>(values)),
+        }
+    };
+    keys.into_iter().map(option).collect()
+}
+
+/// Those of the keys that a command line gave.
+pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
+    let one = |key: &Key| {
+        let name = key.name();
+        let value = matches.get_one::<Value>(&name).filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
+        Some((name, value.clone()))
+    };
+    keys.into_iter().filter_map(one).collect()
+}
+
+/// Settings that a command line gave.
+#[derive(Clone, Debug)]
+pub struct Keys<T> {
+    pub given: Given,
+    of: PhantomData<T>,
+}
+
+impl<T: Settings> Keys<T> {
+    /// The settings with them.
+    pub fn settings(&self) -> Result<T> {
+        T::default().with(&self.given).map_err(Error::msg)
+    }
+}
+
+impl<T: Settings> clap::FromArgMatches for Keys<T> {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        Ok(Self { given: given(T::keys(), matches), of: PhantomData })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        self.given.append(&mut given(T::keys(), matches));
+        Ok(())
+    }
+}
+
+impl<T: Settings> clap::Args for Keys<T> {
+    fn augment_args(command: Command) -> Command {
+        command.args(arguments(T::keys(), &T::default().given()))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}

@@ -1,0 +1,100 @@
+//! Robots of one's own, cables, and rapier as a truth, through the verbs.
+
+use crate::{Folder, bytes, command, done, json, refused, root, text};
+
+const LEAD: &str = "nerd-sim/assets/cables/lead.toml";
+
+/// What stands in a specification beside its comments.
+fn keys(text: &str) -> Vec<String> {
+    text.lines().filter(|line| !line.starts_with('#')).map(String::from).collect()
+}
+
+/// Its specification as TOML, which may stand beside its file.
+#[test]
+fn a_robot_alone_is_shown_as_toml() {
+    let folder = Folder::new();
+    let brick = folder.write(
+        "brick.urdf",
+        r#"<robot name="brick"><link name="brick"><inertial><mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0"
+        iyz="0"/></inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link></robot>"#,
+    );
+    let first = done("inspect --robot", &[&brick]).0;
+    assert!(first.contains("free base") && first.contains("floating = true"), "{first}");
+    folder.write("brick.toml", &first);
+    assert_eq!(keys(&first), keys(&done("inspect --robot", &[&brick]).0));
+    // Of a cable it is what stands beside its section.
+    let printed = done(&format!("inspect --robot {LEAD}"), &[]).0;
+    let lead = text(root().join(LEAD));
+    let section = lead[lead.find("[cable]").expect("its section")..].split("\n\n").next().expect("itself");
+    let own = folder.write("own.toml", format!("{printed}\n{section}\n"));
+    assert_eq!(keys(&done("inspect --robot", &[&own]).0), keys(&printed));
+}
+
+#[test]
+fn every_file_of_a_folder_has_its_line() {
+    let folder = Folder::new();
+    folder.write("a.urdf", b"<robot name=\"\xff\xfe\"/>");
+    folder.write("b.urdf", bytes(root().join("nerd-sim/assets/pendulum.urdf")));
+    let table = done("urdf", &[folder.0.path()]).0;
+    let line = |name: &str| table.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("no line of {name}:\n{table}"));
+    assert!(line("a.urdf").contains("is not UTF-8 text: byte 13") && line("b.urdf").contains("| ok"), "{table}");
+    let file = folder.path("b.urdf");
+    refused("urdf --crowd 4", &[&file], "--mujoco");
+    refused("urdf --crowd 4 --mujoco /no/python", &[&file], "/no/python");
+}
+
+#[test]
+fn data_of_a_cable_ask_for_its_file_unless_it_is_built_in() {
+    let folder = Folder::new();
+    let (out, own) = (folder.path("data"), folder.write("own.toml", text(root().join(LEAD))));
+    for (robot, built_in) in [(own.display().to_string(), false), (LEAD.into(), true)] {
+        done(&format!("dataset --robot {robot} --transitions 4 --frames 1 --out"), &[&out]);
+        if built_in {
+            drop(done("inspect", &[&out]))
+        } else {
+            refused("inspect", &[&out], "PATH/own.toml")
+        }
+        std::fs::remove_dir_all(&out).expect("the data");
+    }
+}
+
+#[test]
+fn data_of_rapier_are_the_same_bytes_for_any_number_of_threads() {
+    let folder = Folder::new();
+    for robot in ["pendulum", "ant"] {
+        let shard = |threads: &str| {
+            let out = folder.path(&format!("{robot}-{threads}"));
+            let line = format!("dataset --robot {robot} --truth rapier --transitions 720 --frames 20 --seed 3 --out");
+            let run = command(&line, &[&out]).env("RAYON_NUM_THREADS", threads).output().expect("started");
+            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+            bytes(out.join("shard-00000.safetensors"))
+        };
+        assert!(shard("1") == shard("2"), "{robot}: one thread and two record other bytes");
+    }
+}
+
+#[test]
+fn a_model_of_rapier_is_measured_against_rapier_alone() {
+    const NAME: &str = "rapier 16 steps 4 iterations";
+    let folder = Folder::new();
+    let [data, out, table, charts] = ["data", "run", "table", "charts"].map(|name| folder.path(name));
+    done("dataset --robot pendulum --truth rapier --transitions 2000 --out", &[&data]);
+    let train = |truth: &str| {
+        format!(
+            "train --robot pendulum --base flight --truth {truth} --data {} --recipe small --transitions 1000 --updates 6 --batch 16 \
+             --rollouts 1 --out",
+            data.display()
+        )
+    };
+    refused(&train("articulated"), &[&folder.path("other")], NAME);
+    done(&train("rapier"), &[&out]);
+    let model = format!("--model {}", out.join("model").display());
+    let evaluate = format!("evaluate --robot pendulum --scene ground1 --starts 2 --frames 5 --solver neural {model}");
+    done(&format!("{evaluate} --out"), &[&table]);
+    let row = &json(table.join("passive/result.json"))["rows"][0];
+    assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");
+    refused(&format!("{evaluate} --truth articulated"), &[], "`rapier 16 steps 4 iterations`, not `articulated accurate`");
+    done(&format!("chart --robot pendulum --scene ground1 --starts 1 --frames 2 --substeps 1 {model} --out"), &[&charts]);
+    let found = std::fs::read_dir(&charts).expect("charts").flatten().count();
+    assert!(found > 0, "no chart");
+}
