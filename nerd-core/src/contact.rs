@@ -1,6 +1,6 @@
 //! Contact quantities `c = (p0, p1, n, d)` of the paper (A.1) and the mask over them.
 //!
-//! Contacts are found by geometry: a fixed list of points on the robot, each held against the scene once a frame.
+//! Contacts are found by geometry: a fixed list of points on the robot, each tested against the scene once a frame.
 //! `d = n . (p0 - p1)` is measured from the point itself (the centre of a sphere or of a capsule's end, a place on a
 //! cylinder's rim), so the surfaces touch at `d = radius`.
 

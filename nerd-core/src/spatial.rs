@@ -140,7 +140,7 @@ pub struct BodyInertia {
 }
 
 impl BodyInertia {
-    /// The same body seen from a frame in which its own frame stands at `rotation`, `translation`.
+    /// The same body in a frame in which its own frame is at `rotation`, `translation`.
     pub fn transformed(&self, rotation: &Rotation3<f64>, translation: &Vector3<f64>) -> Self {
         let r = rotation.matrix();
         Self { mass: self.mass, com: r * self.com + translation, inertia: r * self.inertia * r.transpose() }

@@ -1,4 +1,4 @@
-//! The two forms of a robot's velocity, as types that cannot be taken for each other.
+//! The two forms of a robot's velocity, as types that cannot be confused.
 //!
 //! A state `[q, qd]` holds a [`SpatialTwist`]; the dynamics work on a [`LocalVelocity`]. They differ for a floating root alone:
 //!

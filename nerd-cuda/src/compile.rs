@@ -23,7 +23,7 @@ pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, Devi
     Ok(ptx)
 }
 
-/// Why a source does not compile: what it asserts of itself and is not so, or else all that the compiler says.
+/// Why a source does not compile: its failed assertions, or else the compiler's output.
 fn refusal(said: &str) -> String {
     let asserted = said.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
     asserted.map_or_else(|| format!("kernels do not compile: {said}"), str::to_string)

@@ -1,7 +1,7 @@
 //! Drives: position and velocity laws at the joints that act inside the substeps of a solver, as a servo's own loop does.
 //!
-//! [`crate::control::Controller`] works out a torque once a frame and holds it, which a stiff gain makes unstable
-//! (`kp > 4 I / h^2`). A drive looks at its joint all through the frame, so any gain is stable.
+//! [`crate::control::Controller`] computes a torque once a frame and holds it, which is unstable for stiff gains (`kp > 4 I / h^2`). A
+//! drive acts in every substep, so any gain is stable.
 //!
 //! ```
 //! use nerd_sim::drive::Drive;
@@ -68,9 +68,10 @@ impl Drive {
 
 /// Drives that hold a robot's joints where they are in `state`, one a joint: what a URDF asks for that says nothing of gains.
 ///
-/// With the robot's mass m and its extent L (m), from its lowest contact point to its highest, `kp = m g L` holds its weight at
-/// the end of a lever as long as itself with an error of a radian (a slide bears it at a twentieth of L, `kp = 20 m g / L`): a legged robot on two or four of them stands. Damping takes
-/// a twentieth of a second, `kd = kp / 20`. Efforts are the URDF's. Without gravity it is held as strongly as on Earth.
+/// With the robot's mass m and its extent L (m), from its lowest contact point to its highest, `kp = m g L` holds its weight at the end
+/// of a lever as long as itself with an error of a radian (a slide bears it at a twentieth of L, `kp = 20 m g / L`): a legged robot on
+/// two or four of them stands. Damping takes a twentieth of a second, `kd = kp / 20`. Efforts are the URDF's. Without gravity it is held
+/// as strongly as on Earth.
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
     let mut data = Data::new(robot);
@@ -93,7 +94,7 @@ pub fn specified(system: &System) -> Vec<Drive> {
     if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
 }
 
-/// A joint of which nobody said what it can do has no bound.
+/// A joint without an effort limit has no bound.
 fn effort(joint: &Joint) -> f64 {
     if joint.effort > 0.0 { joint.effort } else { f64::INFINITY }
 }

@@ -59,7 +59,7 @@ pub fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String
             joint.name
         )));
     }
-    // What stands shall not creep: by default MuJoCo's friction is as soft as its contacts.
+    // A standing robot must not creep: by default MuJoCo's friction is as soft as its contacts.
     let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
     let mut text = format!(
         "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"{hold}/>\n<worldbody>\n",
@@ -104,8 +104,8 @@ fn geom(collider: &Collider) -> Option<(&'static str, String, Isometry3<f64>)> {
 /// Link `i` and all that hangs on it; `base` is where its parent's frame stands in the body it is nested in. Links stand
 /// depth-first in the robot, as MuJoCo counts its bodies, so the joints keep their order.
 ///
-/// MuJoCo has no body that weighs nothing, but bodies with several joints: a link that weighs nothing between two joints is left out, and its
-/// joint becomes one of the next link's. `before` are such links, with their frames as `base` is.
+/// MuJoCo has no body that weighs nothing, but bodies with several joints: a link that weighs nothing between two joints is left out, and
+/// its joint becomes one of the next link's. `before` are such links, with their frames as `base` is.
 fn body(
     text: &mut String,
     robot: &Robot,

@@ -2,7 +2,7 @@
 //!
 //! A table has a header and one row for each trajectory and step: `traj, step`, the state's columns
 //! ([`crate::spec::Spec::state_columns`]; rad, m, rad/s, m/s; read at step 0 alone) and, if anything drives the robot, all of the
-//! torques' (N m or N), held from their row's step to the next. Columns go by their names, others are passed over.
+//! torques' (N m or N), held from their row's step to the next. Columns are found by name; others are ignored.
 //!
 //! ```no_run
 //! use nerd_sim::{prelude::*, rollout::States};
@@ -70,7 +70,7 @@ pub struct States {
 pub struct Trajectory {
     /// State `[q, qd]` of step 0.
     pub start: Vec<f64>,
-    /// By step the line it stands on, and joint torques; the last row of a trajectory needs none.
+    /// By step its line and joint torques; the last row of a trajectory needs none.
     steps: BTreeMap<usize, (u64, Option<Vec<f64>>)>,
 }
 
@@ -140,7 +140,7 @@ impl States {
     }
 
     /// Rolls all trajectories out in `scene`, one environment each by id, and returns the table of their states: `traj, step`
-    /// and the state, steps 0 to `frames`, with as many digits as an f64 takes. `progress` is told the frames done.
+    /// and the state, steps 0 to `frames`, with as many digits as an f64 takes. `progress` receives the frames done.
     ///
     /// # Errors
     /// [`Self::check`]'s, and the solver's.
@@ -180,7 +180,7 @@ impl States {
     }
 }
 
-/// Where the columns stand.
+/// Positions of the columns.
 struct Columns {
     traj: usize,
     step: usize,

@@ -1,4 +1,4 @@
-//! CSV files whose columns go by their names, in any order. What is wrong in one is said with its file, line and column.
+//! CSV files whose columns are found by name, in any order. Errors name file, line and column.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ pub enum TableError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: csv::Error,
     },
     /// It is no CSV.
@@ -57,7 +57,7 @@ impl Table {
         &self.names
     }
 
-    /// Where these columns stand.
+    /// Positions of these columns.
     pub fn columns(&self, wanted: &[&str]) -> Result<Vec<usize>, TableError> {
         let at = |name: &&str| self.names.iter().position(|n| n == name).ok_or_else(|| self.wrong(format!("no column `{name}`")));
         wanted.iter().map(at).collect()
@@ -78,7 +78,7 @@ impl Table {
     }
 }
 
-/// A row that can say where it stands.
+/// A row that knows its line.
 pub(crate) struct Row<'a> {
     pub line: u64,
     path: &'a Path,

@@ -1,4 +1,4 @@
-//! The solvers of [`Truth`], what models are learned from.
+//! The solvers of [`Truth`], from which models learn.
 
 use crate::articulated::{Articulated, ArticulatedConfig, Friction};
 #[cfg(feature = "rapier")]

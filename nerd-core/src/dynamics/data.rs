@@ -6,7 +6,7 @@ use super::Factor;
 use crate::robot::Robot;
 use crate::spatial::{Motion, SpatialInertia, Wrench};
 
-/// Working memory for one robot, made once. Its methods answer for the coordinates that they are given, whatever was asked before;
+/// Working memory for one robot, made once. Its methods are correct for the coordinates that they are given, whatever was called before;
 /// what they lend is overwritten by the next call, and where they lend they do not allocate:
 ///
 /// ```

@@ -1,4 +1,4 @@
-//! Derivatives of inverse and forward dynamics, worked out (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
+//! Analytic derivatives of inverse and forward dynamics (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
 //! Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3};
@@ -83,12 +83,12 @@ impl Derivatives {
         };
         let root = |k: usize| {
             let axis = Motion::unit(k);
-            // Its acceleration is told as it is, so its axes do not turn with it: half of v x S.
+            // Its acceleration is given in fixed axes, which do not turn with it: half of v x S.
             Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
         };
         let first = usize::from(robot.floating());
         let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
-        // Six of a floating root stand where its link would have one.
+        // A floating root has six in place of one.
         let lead = roots.len() - first;
         let columns: Vec<Column> = roots.into_iter().chain((first..n).map(column)).collect();
         self.q.fill(0.0);
@@ -162,7 +162,7 @@ impl Derivatives {
 
     /// Of forward dynamics: `qdd` by q and qd, at fixed `tau`: `-M^-1` times those of inverse dynamics at that acceleration. Needs
     /// [`super::kinematics`] and the accelerations `qdd` for which they are wanted, for example [`super::aba`]'s; `qdd` by `tau` is
-    /// `M^-1`. `false` if the mass matrix is not positive definite; then nothing is told.
+    /// `M^-1`. `false` if the mass matrix is not positive definite; then nothing is written.
     #[must_use = "without a mass matrix there are none"]
     pub fn forward(
         &mut self,

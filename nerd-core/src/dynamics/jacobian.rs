@@ -1,4 +1,4 @@
-//! Jacobians: how places move with the rates.
+//! Jacobians of points and frames.
 
 use nalgebra::{DMatrix, Vector3};
 

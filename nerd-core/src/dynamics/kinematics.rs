@@ -14,7 +14,7 @@ pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
     kinematics_about(robot, q, &root_position(robot, q), data);
 }
 
-/// The same from an origin that stands at `origin` in the world.
+/// The same about an origin at `origin` in the world.
 #[inline]
 pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &mut Data) {
     data.origin = *origin;

@@ -1,4 +1,4 @@
-//! What a user asks of a robot at coordinates `q`: each in one call, right whatever was asked before.
+//! Queries of a robot at coordinates `q`: each is one call, correct whatever was called before.
 //!
 //! Accelerations are rates of a [`LocalVelocity`]'s numbers. The stages' own are spatial ones, whose linear part lacks `w x p_dot` of a
 //! floating root ([`super`]); they are turned into each other here.
@@ -32,7 +32,7 @@ impl Data {
         &self.mass
     }
 
-    /// Torques that hold the robot still against `gravity` (m/s^2, world axes).
+    /// Torques that hold the robot still under `gravity` (m/s^2, world axes).
     pub fn gravity_torque(&mut self, robot: &Robot, q: &[f64], gravity: &Vector3<f64>) -> &DVector<f64> {
         self.torques(robot, q, None, None, gravity)
     }

@@ -1,4 +1,4 @@
-//! What a whole robot has of mass, momentum and energy: the quantities physics keeps.
+//! Mass, momentum and energy of a whole robot: the conserved quantities.
 
 use nalgebra::Vector3;
 

@@ -42,7 +42,7 @@ pub struct Mimic {
     pub coordinate: usize,
     /// rad or m per unit of the coordinate.
     pub multiplier: f64,
-    /// Where it stands at a coordinate of zero (rad or m).
+    /// Its position at a coordinate of zero (rad or m).
     pub offset: f64,
 }
 
@@ -149,7 +149,7 @@ impl Joint {
     }
 }
 
-/// See [`Joint::turn`]; made anew whenever the origin or the axis is.
+/// See [`Joint::turn`]; recomputed whenever the origin or the axis changes.
 fn turn(origin: &Isometry3<f64>, axis: &Unit<Vector3<f64>>) -> [Matrix3<f64>; 3] {
     let r = origin.rotation.to_rotation_matrix();
     let aa = axis.into_inner() * axis.transpose();

@@ -1,4 +1,4 @@
-//! A robot as a URDF gave it, with what the file left open.
+//! A robot as read from a URDF, with what the file leaves open.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -11,7 +11,7 @@ pub struct UrdfRobot {
     pub robot: Robot,
     /// What was taken for granted where the text is silent, a line each.
     pub notes: Vec<String>,
-    /// Collision meshes on moving links, of which the robot has nothing: whoever can read files may turn them into contact points.
+    /// Collision meshes on moving links, which the robot does not use; a caller that can read files may turn them into contact points.
     pub meshes: Vec<MeshFile>,
 }
 

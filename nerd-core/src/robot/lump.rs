@@ -1,5 +1,4 @@
-//! What one link and one joint of a URDF bring: inertia and shapes welded to the moving link they belong to, and
-//! joints with what the dynamics honour.
+//! One link and one joint of a URDF: inertia and shapes lumped to their moving link, and joints with the properties that the dynamics use.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{Geometry, JointType};

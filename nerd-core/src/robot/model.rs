@@ -10,7 +10,7 @@ use super::{Joint, Mimic, Shape, ShapeKind};
 use crate::contact::ContactPoint;
 use crate::spatial::BodyInertia;
 
-/// What the root link stands on.
+/// The root link's base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Base {
     /// Bolted to the world at this pose.
@@ -52,12 +52,12 @@ pub struct FixedFrame {
     pub pose: Isometry3<f64>,
 }
 
-/// A robot model. Links are in topological order: a parent stands before its children.
+/// A robot model. Links are in topological order: a parent comes before its children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
     /// Name from the URDF.
     pub name: String,
-    /// What it stands on.
+    /// Its base.
     pub base: Base,
     /// Its moving links.
     pub links: Vec<Link>,

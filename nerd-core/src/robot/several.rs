@@ -1,9 +1,9 @@
-//! Joints of a URDF with more than one DoF, as far as coordinates of one DoF say them exactly.
+//! Joints of a URDF with more than one DoF, where coordinates of one DoF represent them exactly.
 //!
 //! `planar`: two slides and a turn about the normal, in that order, through two links that weigh nothing. Its coordinates
-//! `(x, y, angle)` have no place where they fail, so this is the joint itself, not an approximation.
+//! `(x, y, angle)` have no singularity, so this is exact.
 //! `floating`, from a root link that is nothing but a name (`world`) to the robot: a free base.
-//! A ball joint has no such coordinates: any three angles fail somewhere. It is refused.
+//! A ball joint has no such coordinates: any three angles have a singularity. It is refused.
 
 use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::JointType;
@@ -32,7 +32,7 @@ pub(super) fn unnamed(file: &urdf_rs::Robot) -> Result<(), UrdfError> {
 }
 
 /// Links and joints of a planar joint but for its last joint, and that one. `origin` is its frame in the moving link above it, which is
-/// `host`; the new links stand at `next` and after.
+/// `host`; the new links are at `next` and after.
 pub(super) fn planar(
     source: &urdf_rs::Joint,
     child: &str,

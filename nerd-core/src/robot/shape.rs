@@ -1,4 +1,4 @@
-//! Primitive collision shapes and the points that stand for them.
+//! Primitive collision shapes and the points that represent them.
 
 use nalgebra::{Isometry3, Vector3};
 

@@ -1,4 +1,4 @@
-//! Reads a robot from URDF, through urdf-rs, and refuses what cannot be honoured by the name of its link or joint.
+//! Reads a robot from URDF, through urdf-rs, and refuses what is not supported by the name of its link or joint.
 //!
 //! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
@@ -21,10 +21,10 @@ use crate::spatial::BodyInertia;
 
 impl Robot {
     /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link 0). What the text
-    /// leaves open is told by [`UrdfRobot::read`].
+    /// leaves open is in [`UrdfRobot::read`].
     ///
-    /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are those of
-    /// [`Robot::default_contact_points`].
+    /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are
+    /// those of [`Robot::default_contact_points`].
     ///
     /// # Errors
     /// If the text cannot be honoured: which link or joint, and why.

@@ -1,5 +1,5 @@
-//! Elements and attributes of a URDF that decide how a robot moves: a misspelt one would be passed over in silence, and the robot
-//! would be another. What else a file holds (transmissions, sensors, simulators' own) is nobody's business here.
+//! Elements and attributes of a URDF that determine how a robot moves: a misspelt one would silently change the robot, so it is refused.
+//! Others (transmissions, sensors, simulators' own) are ignored.
 
 /// Attributes of the elements that we read.
 const ATTRIBUTES: [(&str, &[&str]); 15] = [
@@ -20,7 +20,7 @@ const ATTRIBUTES: [(&str, &[&str]); 15] = [
     ("joint", &["name", "type"]),
 ];
 
-/// Elements that stand in an element and matter.
+/// Child elements that matter.
 const CHILDREN: [(&str, &[&str]); 5] = [
     ("robot", &["link", "joint", "material", "gazebo", "transmission", "sensor", "group"]),
     ("link", &["inertial", "collision", "visual", "contact", "sensor", "gazebo", "self_collision"]),
@@ -41,7 +41,7 @@ pub(super) fn check(path: &[String], attributes: impl Iterator<Item = String>) -
     let [root, rest @ ..] = path else { return Ok(()) };
     let Some(element) = rest.last() else { return Ok(()) };
     let [.., parent, _] = path else { return Ok(()) };
-    // Only what stands in links and joints of the robot itself.
+    // Only in links and joints of the robot itself.
     if root != "robot" || rest.len() > 1 && !matches!(rest[0].as_str(), "link" | "joint") || rest.iter().any(|e| e == "visual") {
         return Ok(());
     }
@@ -59,7 +59,7 @@ pub(super) fn check(path: &[String], attributes: impl Iterator<Item = String>) -
     Ok(())
 }
 
-/// The known word that this one is a slip of. What looks like none is somebody's own, of which real files are full.
+/// The known word that this one misspells. Words that resemble none are extensions, of which real files are full.
 fn meant<'a>(known: &[&'a str], word: &str) -> Option<&'a str> {
     known.iter().find(|k| strsim::osa_distance(k, word) <= SLIPS).copied()
 }

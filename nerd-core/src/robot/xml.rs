@@ -1,11 +1,11 @@
-//! What is done to a URDF's text before urdf-rs reads it.
+//! Preprocessing of a URDF's text for urdf-rs.
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use super::words::check;
 
-/// Elements of a URDF may stand in each other this deep; urdf-rs recurses and would overflow the stack far beyond it.
+/// Elements of a URDF may be nested this deep; urdf-rs recurses and would overflow the stack far beyond it.
 const DEEPEST: usize = 64;
 
 /// The text without its <material> elements: nothing here looks at what things look like, and files leave them unfinished,
@@ -14,7 +14,7 @@ pub(super) fn without_materials(text: &str) -> Result<String, String> {
     let mut reader = Reader::from_str(text);
     let (mut out, mut depth) = (String::with_capacity(text.len()), 0usize);
     let mut path: Vec<String> = Vec::new();
-    // How deep the <material> stands that is being left out.
+    // Depth of the <material> that is being skipped.
     let mut left_out = None;
     loop {
         let start = reader.buffer_position() as usize;

@@ -88,7 +88,7 @@ impl ArticulatedConfig {
         Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
     }
 
-    /// What models, policies and charts stand on: [`Self::implicit`] with so many substeps as the robot's specification says.
+    /// The truth of models, policies and charts: [`Self::implicit`] with the substeps of the robot's specification.
     /// What twice as many change is measured (`results/substeps.md` at commit `5ced4b7`).
     pub fn accurate(system: &System) -> Self {
         Self::implicit(system.spec.substeps, Friction::Coulomb)
@@ -109,7 +109,7 @@ impl ArticulatedConfig {
         self == other || implicit(self).is_some() && implicit(self) == implicit(other)
     }
 
-    /// Refuses numbers of substeps that would stand still, or never end.
+    /// Refuses numbers of substeps that would do nothing, or never end.
     ///
     /// # Errors
     /// Which one, and what is needed.

@@ -1,6 +1,6 @@
-//! A first draft of a frame, for who corrects it: a few implicit substeps in which every contact point meets the plane that it
-//! faced at the frame's start. It is cheap, stable and of second order, and it needs no scene but those contacts. A robot with
-//! nothing to touch is drafted by as many substeps of Runge-Kutta.
+//! A coarse frame for a network to correct: a few implicit substeps in which every contact point meets the plane found at the frame's
+//! start. It is cheap, stable and of second order, and needs no scene but those contacts. Without contact points it is as many substeps
+//! of Runge-Kutta.
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
@@ -29,7 +29,7 @@ impl Draft {
     pub fn new(system: &System, substeps: usize) -> Result<Self, SystemError> {
         let (config, material) = Self::settings(system, substeps)?;
         let mut scene = Scene::free(system.gravity());
-        // Stands for whatever the points face.
+        // Represents what the points face.
         scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
         let known = Workspace::know(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
         let workspace = Workspace::new(system, known);

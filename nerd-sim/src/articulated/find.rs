@@ -1,4 +1,4 @@
-//! What acts in a substep of the implicit step: points on colliders, dry friction, drives, joints beyond limits.
+//! Finds what acts in a substep of the implicit step: contacts, dry friction, drives, joints beyond their limits.
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::velocities;

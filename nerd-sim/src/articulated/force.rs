@@ -1,4 +1,4 @@
-//! The compliant contact law of the reference simulator.
+//! The compliant contact model of the reference simulator.
 //!
 //! At a point of radius r, gap `g = n . (x - p1)` with `x = p0 - r n`, active for `g < 0`. With the velocity v of the
 //! body at x, `v_n = n . v`, `v_t = v - v_n n`: normal force `N = -(k_e g + k_d min(v_n, 0))` along n; friction

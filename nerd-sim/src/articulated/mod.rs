@@ -2,9 +2,9 @@
 //!
 //! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
 //! Euler under the compliant contact of [`force`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). A frame
-//! in which a joint's damper or limit would be too stiff for an explicit substep is made of those, too, whatever the preset.
-//! Preset `accurate` is what models and policies learn from, `paper` does what the reference simulator does, `converged` is as
-//! accurate as can be. An environment without collider or contact point runs no contact code.
+//! in which a joint's damper or limit is too stiff for an explicit substep takes implicit ones under any preset. Models and policies learn
+//! from preset `accurate`; `paper` reproduces the reference simulator; `converged` measures errors. An environment without collider or
+//! contact point runs no contact code.
 
 mod along;
 mod config;

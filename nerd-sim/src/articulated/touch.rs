@@ -1,4 +1,4 @@
-//! What resists a robot's motion in a substep of the implicit step, by kind.
+//! Touches of the implicit step, by kind: contact, limit, friction, drive.
 
 use nalgebra::Vector3;
 

@@ -120,7 +120,7 @@ impl Batch {
         &self.drives[env * joints..(env + 1) * joints]
     }
 
-    /// Puts an environment at `state` and starts counting its frames anew. Tell the solver, too
+    /// Puts an environment at `state` and restarts its count of frames. Reset the solver, too
     /// ([`crate::solver::Solver::reset`]), or use [`crate::solver::Simulation::reset`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.state_mut(env).copy_from_slice(state);

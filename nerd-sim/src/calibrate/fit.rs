@@ -1,5 +1,5 @@
 //! The fit: CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv 1604.00772; crate fcmaes-core).
-//! Contact makes the objective a rugged one, which gradients do not lead through.
+//! Contact makes the objective too rugged for gradients.
 
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
@@ -108,7 +108,7 @@ impl Search<'_> {
 }
 
 impl Subject {
-    /// Fits parameters to trials; `progress` is told evaluations done and the best objective so far.
+    /// Fits parameters to trials; `progress` receives evaluations done and the best objective so far.
     ///
     /// # Errors
     /// No trials; a parameter that the engine does not have.

@@ -2,7 +2,7 @@
 //!
 //! A [`Subject`] is a robot under a solver, a [`Parameter`] a number of it that has a name and bounds, a [`Trial`] a piece of a
 //! measured trajectory. [`Subject::fit`] makes open-loop rollouts of the trials as near to them as the parameters allow, and
-//! [`Subject::profiles`] says how sharply each is determined.
+//! [`Subject::profiles`] shows how sharply each is determined.
 //!
 //! ```no_run
 //! use nerd_sim::{calibrate::*, log::Log, prelude::*};

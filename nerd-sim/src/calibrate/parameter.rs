@@ -6,7 +6,7 @@ use super::error::CalibrateError;
 use crate::scene::GRAVITY;
 use crate::system::System;
 
-/// One parameter: its name, where it stands without a fit, and its bounds.
+/// One parameter: name, value without a fit, bounds.
 ///
 /// | name | what | unit |
 /// |---|---|---|
@@ -148,8 +148,9 @@ impl Parameter {
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, what })
     }
 
-    /// What data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia, masses of links
-    /// against that of the root, contact, gravity's size and the robot's (in the log's own metres), the lag, the ground's tilt, and what brakes joints.
+    /// What data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia, masses of
+    /// links against that of the root, contact, gravity's size and the robot's (in the log's own metres), the lag, the ground's tilt, and
+    /// what brakes joints.
     ///
     /// # Errors
     /// None: every name is one of the robot's own.
@@ -180,7 +181,7 @@ impl Parameter {
         if self.logarithmic { self.low * (self.high / self.low).powf(x) } else { self.low + x * (self.high - self.low) }
     }
 
-    /// Where a value stands between the bounds.
+    /// A value's position between the bounds.
     pub fn place(&self, value: f64) -> f64 {
         if self.low == self.high {
             return 0.0;

@@ -36,7 +36,7 @@ impl Engine {
     }
 }
 
-/// What is held against measurements.
+/// What is compared with measurements.
 #[derive(Clone)]
 pub struct Subject {
     /// The robot.
@@ -55,7 +55,7 @@ impl Subject {
     /// # Errors
     /// If it has no such scene.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
-        // A draft stands on the material of the robot's data scene, which is the scene of the measurements.
+        // A draft uses the material of the robot's data scene, which is the scene of the measurements.
         let mut own = (**system).clone();
         own.spec.data_scene = Some(scene.into());
         Ok(Self { scene: system.scene(scene)?, system: own.into(), engine, lag: 0.0 })
@@ -67,7 +67,7 @@ impl Subject {
     /// A parameter that the engine does not have.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
-        // Before everything that is told in metres.
+        // Before everything that is in metres.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
         }

@@ -57,7 +57,7 @@ impl Log {
 
 impl Subject {
     /// Rolls every trial out, in as many threads as there are: coordinates of every frame. A rollout that the solver cannot finish
-    /// stands still from there on.
+    /// stays where it is from there on.
     ///
     /// # Errors
     /// What the solver says if it cannot step any of them once.

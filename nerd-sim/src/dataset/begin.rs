@@ -1,4 +1,4 @@
-//! What a random trajectory begins with: its start, its scene, and what drives it.
+//! The start, scene and drive of a random trajectory.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What to record: how much, from where, and driven by what.
+//! Settings of a recording: how much, from which starts, driven by what.
 
 use std::sync::Arc;
 

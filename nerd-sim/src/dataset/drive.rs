@@ -37,7 +37,7 @@ pub struct Drive {
     action: Vec<f64>,
 }
 
-/// A position law whose gains are drawn anew every frame.
+/// A position law whose gains are drawn every frame.
 struct Position {
     controller: Controller,
     own: Vec<[f64; 2]>,

@@ -85,7 +85,7 @@ fn of(drives: &mut [Drive], env: usize) -> &mut Drive {
 }
 
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are
-/// kept. `progress` is told transitions done and in all.
+/// kept. `progress` receives transitions done and in all.
 pub fn generate(
     system: &Arc<System>,
     solver: &mut dyn Solver,
@@ -129,7 +129,7 @@ pub fn generate_part(
         let hash = match there(shard) {
             Some(hash) => hash,
             None => {
-                // What stands in the manifest of a shard that is written over is true no more.
+                // The manifest's entry of an overwritten shard is no longer valid.
                 if folder.join(&shard.name).exists() {
                     removed(&folder.join("manifest.json"))?;
                 }
@@ -189,7 +189,7 @@ impl Shard {
         (0..total).step_by(most).enumerate().map(shard).collect()
     }
 
-    /// What stands in it beside the numbers.
+    /// Its metadata.
     fn header(&self, identity: &BTreeMap<String, String>, config: &GenerateConfig) -> BTreeMap<String, String> {
         let settings = [
             ("seed", config.seed.to_string()),

@@ -1,4 +1,4 @@
-//! What a folder of shards holds, and of what.
+//! The manifest of a folder of shards.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A part of a data set, for machines that share it out: parts may be made at once, in any order, and again.
+//! One of several parts of a data set, for machines that share the work: made at once, in any order, and again.
 
 use std::fmt;
 use std::str::FromStr;

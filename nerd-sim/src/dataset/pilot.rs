@@ -1,4 +1,4 @@
-//! Who acts in a trajectory in place of random torques: a policy, say, so that data holds what policies do.
+//! Policies that act in a trajectory instead of random torques, so that data holds their motions.
 
 use std::fmt::Debug;
 use std::sync::Arc;

@@ -1,5 +1,4 @@
-//! Trajectories of equal length in memory, trajectory-major, in f64: a robot 100 km from the world's origin is seen from
-//! where it stands as exactly as one at it, which world positions in f32 would round by 8 mm.
+//! Trajectories of equal length in memory, trajectory-major, in f64: in f32, positions 100 km from the world's origin would round to 8 mm.
 
 use sha2::{Digest, Sha256};
 

@@ -1,4 +1,4 @@
-//! One recording in one safetensors file, written whole or not at all.
+//! One recording as a safetensors file, written whole or not at all.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -12,12 +12,12 @@ use crate::solver::StepError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
-    /// The file system said no.
+    /// The file system failed.
     #[error("{path}: {source}", path = path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What it said.
+        /// The error.
         source: std::io::Error,
     },
     /// Nothing that can be made.
@@ -36,7 +36,7 @@ pub enum DatasetError {
     Step {
         /// First trajectory of the batch that failed.
         first: u64,
-        /// What it said.
+        /// The error.
         source: StepError,
     },
 }

@@ -1,4 +1,4 @@
-//! Random torques along smooth curves, for robots whose torques lead them somewhere: a gripper under impedance control, say.
+//! Random torques along smooth curves, for robots that follow their torques, such as a gripper under impedance control.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -8,8 +8,8 @@ use super::pilot::Act;
 use crate::scene::Scene;
 use crate::system::System;
 
-/// Uniform cubic B-splines through random values, one curve a joint. A sprung joint's begins at rest: with the torque that holds it where it
-/// starts.
+/// Uniform cubic B-splines through random values, one curve a joint. A sprung joint's begins at rest: with the torque that holds it where
+/// it starts.
 pub struct Smooth {
     amplitudes: Vec<f64>,
     /// The four values around the present, joint by joint.

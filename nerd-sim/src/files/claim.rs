@@ -1,4 +1,4 @@
-//! A folder of results that one process at a time writes, or several that share it.
+//! Locks on a folder of results: one writer at a time, or several that share it.
 
 use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};

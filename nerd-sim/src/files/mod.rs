@@ -18,7 +18,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Replaces the file at `path` by what `fill` writes, under a temporary name first, so whoever reads `path` sees an old or
+/// Replaces the file at `path` by what `fill` writes, under a temporary name first, so a reader of `path` sees an old or
 /// a new file, never half of one. A symbolic link stays, and what it leads to is replaced; a device or a pipe is written
 /// into. What writers that were killed left in the folder is removed.
 ///

@@ -1,6 +1,6 @@
-//! Files not yet whole: how they are named, and how those of killed writers are told from those of living ones.
+//! Partial files: their names, and which of them were left by killed writers.
 //!
-//! A writer holds a lock on its file, which ends with the process. Where a file system knows no locks nothing is removed.
+//! A writer holds a lock on its file, which ends with the process. On a file system without locks nothing is removed.
 
 use std::fs::{File, TryLockError};
 use std::io::{Error, Result};

@@ -1,4 +1,4 @@
-//! The predictor that goes on as it goes: better than [`super::Hold`] for a few frames, mostly worse for many.
+//! The predictor of constant velocity: better than [`super::Hold`] for a few frames, mostly worse for many.
 //!
 //! ```
 //! # use nerd_sim::{instruments::Glide, prelude::*};

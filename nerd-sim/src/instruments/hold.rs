@@ -1,4 +1,4 @@
-//! The predictor that stays where it is: an error as large as its is that of knowing nothing.
+//! The predictor of no motion: its error is that of knowing nothing.
 //!
 //! ```
 //! # use nerd_sim::{instruments::Hold, prelude::*};

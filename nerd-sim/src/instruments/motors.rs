@@ -1,7 +1,7 @@
-//! Motors before any solver: what is asked for comes late and little by little.
+//! Motors with delay and lag, in front of any solver.
 //!
-//! A torque u that is asked for at time t is heard at `t + delay`; from then on the motor's torque follows it as `lag dx/dt = u - x`. A solver
-//! holds one torque over a frame, so it is given the mean of x over the frame, which has the same impulse.
+//! A torque u commanded at time t arrives at `t + delay`; the motor's torque then follows it as `lag dx/dt = u - x`. A solver holds one
+//! torque over a frame, so it gets the mean of x over the frame, which has the same impulse.
 //!
 //! ```
 //! # use nerd_sim::{instruments::{Motor, Motors}, prelude::*};

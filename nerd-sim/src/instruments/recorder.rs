@@ -32,7 +32,7 @@ impl<S: Solver> Recorder<S> {
 impl<S: Solver> Solver for Recorder<S> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         let done = self.solver.step(batch, torques);
-        // Environments that were set aside stand where they stood; the frame is one of the others' all the same.
+        // Environments that were set aside keep their states; the frame counts for the others.
         if matches!(done, Ok(()) | Err(StepError::Environments(_))) {
             self.frames.push(batch.states.clone());
         }

@@ -20,7 +20,7 @@ use crate::solver::{Capabilities, Solver, StepError};
 pub struct Timed<S = Box<dyn Solver>> {
     /// The solver.
     pub solver: S,
-    /// Time its frames have taken; set it to zero to begin anew.
+    /// Time its frames have taken; set it to zero to restart.
     pub spent: Duration,
 }
 

@@ -20,11 +20,11 @@ const OFF: f64 = 0.5;
 const ODD: f64 = 0.01;
 /// Flights that free fall is read from take so long (s), and so many frames, at least.
 const FLIGHT: (f64, usize) = (0.08, 8);
-/// They stand so far (m) off every surface.
+/// They are this far (m) from every surface.
 const CLEAR: f64 = 0.005;
 /// A fall that differs from gravity by this share is none.
 const HELD: f64 = 0.5;
-/// Factors from what was told to what is, by the unit that is wrong.
+/// Factors that would correct a wrong unit.
 const UNITS: [(f64, &str); 6] = [
     (std::f64::consts::PI / 180.0, "degrees taken for radians"),
     (180.0 / std::f64::consts::PI, "radians taken for degrees"),
@@ -166,7 +166,7 @@ pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(),
             trajectory.torques.drain(..free);
         }
     }
-    // Where nothing falls as it should, how it falls at first tells the unit.
+    // If nothing falls as it should, the first fall shows the unit.
     let Some(found) = median(&mut free_falls).or_else(|| median(&mut first_falls)) else { return Ok(()) };
     let words = format!("free fall is {found:.3} m/s^2, gravity is {g:.3}");
     match unit(found / g) {

@@ -41,7 +41,7 @@ pub(super) struct Raw {
     pub moments: Vec<Moment>,
 }
 
-/// Where the columns stand.
+/// Positions of the columns.
 struct Columns {
     trajectory: Option<usize>,
     time: usize,

@@ -23,7 +23,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// position = "theta"
 /// velocity = "thetadot"             # without it from differences
 /// torque = "tau"                    # without it 0
-/// [[published]]                     # what others say of these measurements, to stand beside
+/// [[published]]                     # published results on these measurements
 /// method = "ContactNets"
 /// position = 0.017                  # mean distance (m)
 /// rotation = 0.242                  # mean angle (rad)

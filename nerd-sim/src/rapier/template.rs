@@ -1,4 +1,4 @@
-//! A robot as rapier holds it: built once, never stepped, copied into a fresh world every frame.
+//! A robot as rapier's bodies: built once, never stepped, copied into a fresh world every frame.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -91,7 +91,7 @@ fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBui
         let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * shape.pose;
         let (builder, pose) = match shape.kind {
             ShapeKind::Box { half } => (ColliderBuilder::cuboid(half.x, half.y, half.z), pose),
-            // Theirs stands along y.
+            // Theirs is along y.
             ShapeKind::Cylinder { radius, half_length } => {
                 let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
                 (ColliderBuilder::cylinder(half_length, radius), pose * turn)
@@ -128,7 +128,7 @@ fn surface(builder: ColliderBuilder, friction: f64, groups: InteractionGroups) -
         .collision_groups(groups)
 }
 
-/// Where the body of a link stands in the link frame.
+/// Pose of a link's body in the link frame.
 fn shift(robot: &Robot, link: usize, root_com: &Vector3<f64>) -> Vector3<f64> {
     if robot.floating() && link == 0 { *root_com } else { Vector3::zeros() }
 }
@@ -139,7 +139,7 @@ fn mass_properties(inertia: &BodyInertia, shift: &Vector3<f64>) -> MassPropertie
     MassProperties::with_inertia_matrix(to_parry(&(inertia.com - shift)), inertia.mass, Matrix::from_cols(column(0), column(1), column(2)))
 }
 
-/// A joint about or along the x axis of two frames; `parent` is where the parent's body stands in its link frame.
+/// A joint about or along the x axis of two frames; `parent` is the pose of the parent's body in its link frame.
 fn frames(joint: &Joint, parent: &Vector3<f64>) -> GenericJoint {
     let turn = UnitQuaternion::rotation_between(&Vector3::x(), joint.axis());
     let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI));

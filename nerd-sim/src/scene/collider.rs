@@ -1,5 +1,4 @@
-//! Static bodies, held once as parry shapes, so that every solver, the learned one too, sees the same thing. A plane is
-//! answered in closed form; it is never queried as a mesh.
+//! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
 use nalgebra::{Isometry3, Vector3};
 use nerd_core::contact::ContactEvent;
@@ -28,8 +27,8 @@ pub struct Collider {
     pub material: Material,
     /// Set if the shape is a half-space, which is then answered in closed form.
     pub plane: Option<Plane>,
-    /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked how far. Another
-    /// shape needs another one.
+    /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked
+    /// how far. Another shape needs another one.
     pub ball: (Vector3<f64>, f64),
 }
 

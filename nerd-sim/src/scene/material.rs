@@ -1,4 +1,4 @@
-//! What surfaces are made of.
+//! Contact materials.
 
 use serde::{Deserialize, Serialize};
 

@@ -19,7 +19,7 @@ pub use spec::{BoxSpec, PegSpec, PlaneSpec, SceneSpec};
 pub use worlds::{WORLDS, hill, world};
 pub(crate) use worlds::{described, peg};
 
-/// Gravity (m/s^2) where nothing else is said.
+/// Default gravity (m/s^2).
 pub const GRAVITY: f64 = 9.81;
 
 /// Thickness (m) of what covers a surface, beyond rounding.
@@ -69,7 +69,7 @@ impl Scene {
                 continue;
             }
             let event = body.query(p0);
-            // What is no number is found, too, so that it can be told.
+            // NaNs are found, too, so that they can be reported.
             if event.distance < reach || event.distance.is_nan() {
                 events.push(ContactEvent { collider, ..event });
             }

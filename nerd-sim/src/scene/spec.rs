@@ -1,4 +1,4 @@
-//! What a robot's TOML says of its scenes.
+//! Scenes in a robot's TOML.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct SceneSpec {
     /// Boxes on it.
     #[serde(default, rename = "box", skip_serializing_if = "Vec::is_empty")]
     pub boxes: Vec<BoxSpec>,
-    /// Pegs on it: cylinders that stand up.
+    /// Pegs on it: upright cylinders.
     #[serde(default, rename = "peg", skip_serializing_if = "Vec::is_empty")]
     pub pegs: Vec<PegSpec>,
     /// Its material [default: the robot's].

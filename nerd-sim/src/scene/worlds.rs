@@ -1,4 +1,4 @@
-//! Scenes that every robot with contact points has beside its own: a plane, a slope, a box, steps, hills.
+//! Scenes that every robot with contact points has besides its own: a plane, a slope, a box, steps, hills.
 //!
 //! Laid out with x and y on the ground and z against gravity, then turned so that z is the robot's up axis. Nothing rises
 //! above the ground within 0.4 m of the origin, so a robot that starts clear of a plane starts clear here, too.
@@ -45,7 +45,7 @@ pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Mate
     Scene { name: spec.name.clone(), gravity: *gravity, colliders }
 }
 
-/// A cylinder that stands up.
+/// An upright cylinder.
 pub(crate) fn peg(spec: &PegSpec, gravity: &Vector3<f64>, material: Material) -> Collider {
     // Parry's cylinders lie along y.
     let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);

@@ -1,4 +1,4 @@
-//! What a frame begins and ends with, in every solver: the batch looked at, the new states taken over.
+//! The beginning and end of a frame in every solver: inputs checked, new states taken over.
 
 use std::sync::Arc;
 

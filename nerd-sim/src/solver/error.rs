@@ -4,7 +4,7 @@
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// Some environments could not be stepped: they stand where they stood. Every other one was, as if these were not there.
+    /// Some environments could not be stepped and keep their states. All others were stepped as usual.
     #[error("{}", said(.0))]
     Environments(Vec<Fault>),
     /// The torques are not `environments x joints` numbers; nothing was stepped.

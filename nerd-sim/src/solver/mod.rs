@@ -1,4 +1,4 @@
-//! What advances a batch by one control frame, and the simulation that holds it.
+//! The trait of solvers, which advance a batch by one frame, and the simulation that holds one.
 
 mod capabilities;
 mod check;
@@ -27,7 +27,7 @@ pub trait Solver: Send {
     /// [`StepError::Environments`] if some environments could not be stepped, all others were; else nothing was.
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError>;
 
-    /// Forgets whatever is remembered of an environment.
+    /// Clears what is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
 
     /// What it can do beside stepping states.

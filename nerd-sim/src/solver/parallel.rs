@@ -1,5 +1,5 @@
-//! The batch loop that the analytic solvers share. Environments are independent and each is stepped by one thread, so
-//! the number of threads changes nothing but the time it takes.
+//! The batch loop of the analytic solvers. Environments are independent and each is stepped by one thread, so results do not depend on the
+//! number of threads.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,7 +22,7 @@ pub(crate) trait Frame: Send + Sized {
     type Known: Send + Sync;
     /// Environments that one thread steps in a row.
     const CHUNK: usize;
-    /// Whether it has drives inside its frame, and tells forces.
+    /// Whether it has drives inside its frame, and reports forces.
     const DRIVEN: bool = false;
 
     /// What it must know of a system; `Err` says why it cannot be simulated.

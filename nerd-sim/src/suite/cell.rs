@@ -35,7 +35,7 @@ pub struct Cell {
     /// The figure; of the motion before the solver gave up, if it did. None where nothing was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figure: Option<f64>,
-    /// What the solver said when it gave up.
+    /// The solver's error when it gave up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost: Option<String>,
     /// The figure against the limit.
@@ -43,7 +43,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// What was measured, and what the solver said if it gave up before, against a limit.
+    /// The measured figure and, if the solver gave up before, its error, against a limit.
     pub fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
         // Beyond all limits, and still a number.
         const HUGE: f64 = 1e300;

@@ -1,4 +1,4 @@
-//! What keeps a question from being asked.
+//! Why a row cannot be measured.
 
 use crate::solver::StepError;
 use crate::system::SystemError;

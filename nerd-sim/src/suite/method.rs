@@ -25,7 +25,7 @@ impl fmt::Debug for Method {
 }
 
 impl Method {
-    /// Any solver: `make` makes it anew for each motion of a system.
+    /// Any solver: `make` builds a new one for each motion of a system.
     pub fn new(name: impl Into<String>, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
         Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false, kin: None }
     }

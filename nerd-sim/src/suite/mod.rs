@@ -69,7 +69,7 @@ impl Suite {
         &self.rows
     }
 
-    /// Asks every row of every method, on all cores. `progress` is told how many of the rows times methods are done.
+    /// Asks every row of every method, on all cores. `progress` receives how many of the rows times methods are done.
     pub fn run(&self, methods: &[Method], progress: impl Fn(usize) + Sync) -> Vec<Line> {
         let done = AtomicUsize::new(0);
         let measure = |row: &Row, method: &Method| {

@@ -16,7 +16,7 @@ pub struct Row {
     pub figure: &'static str,
     /// Its unit, or what it is a share of; empty for a pure number.
     pub unit: &'static str,
-    /// Where the limit is from: an equation, or somebody's tests.
+    /// The source of the limit: an equation, or published tests.
     pub source: &'static str,
     /// Why it is asked, in one sentence.
     pub why: &'static str,

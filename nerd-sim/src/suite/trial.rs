@@ -16,7 +16,7 @@ use crate::system::System;
 /// A method under test.
 pub(super) struct Trial<'a> {
     pub method: &'a Method,
-    /// What the solver said when it gave up, if it did; from there on the motion stands still.
+    /// The solver's error if it gave up; from there on the motion stays as it is.
     pub lost: RefCell<Option<String>>,
 }
 
@@ -100,7 +100,7 @@ impl<'a> Trial<'a> {
         self.under(&mut *finer, system, scene, start, frames, &mut |_, _| ())
     }
 
-    /// Without torques, by a solver that has stepped ten frames from `other`, and was then told to forget them.
+    /// Without torques, by a solver that has stepped ten frames from `other`, and was then reset.
     pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
         let mut solver = self.method.solver(system);
         let mut batch = Batch::new(system, &system.scene(scene)?, 1);

@@ -1,4 +1,4 @@
-//! A system of its parts: the specification checked against the robot, the robot equipped with what it says.
+//! A system from its parts: the specification is checked against the robot and applied to it.
 
 use std::collections::HashMap;
 
@@ -16,7 +16,7 @@ use super::validate::check;
 use crate::random::stream;
 
 impl System {
-    /// From a robot, and a specification that nobody has looked at yet.
+    /// From a robot and an unchecked specification.
     pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
         let UrdfRobot { mut robot, notes, meshes } = read.into();
         let wrong = |text: String| SystemError::Spec(name.into(), text);

@@ -26,7 +26,7 @@ pub(super) const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
 pub(super) const CABLES: [(&str, &str); 2] =
     [("lead", include_str!("../../assets/cables/lead.toml")), ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml"))];
 
-/// Keys of a robot's TOML that mean nothing of a cable, and what stands in their place.
+/// Keys of a robot's TOML that do not apply to a cable, and what to use instead.
 pub(crate) const FOREIGN: [(&str, &str); 4] = [
     ("floating", "a cable's root is decided by [cable] held"),
     ("urdf", "a cable has none, [cable] says all of it"),

@@ -1,4 +1,4 @@
-//! Hashes by which data, models and runs know the system they belong to: of what it is, not of its name or its files.
+//! Hashes that identify a system by content, not by name or files, for data, models and runs.
 //!
 //! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
 //! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.

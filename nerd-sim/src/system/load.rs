@@ -89,7 +89,7 @@ impl System {
             (None, Ok(free)) => (floats(&free.robot) || read(false).is_err(), None),
             (None, Err(e)) => (false, Some(e)),
         };
-        // Where neither base can be had, what stands against the free one is what is wrong.
+        // If neither base works, the free one's error is the cause.
         let mut read = match (read(floating), cannot) {
             (Err(UrdfError::Still), Some(e)) => return Err(urdf_error(e)),
             (read, Some(e)) => {

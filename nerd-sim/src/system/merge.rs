@@ -1,8 +1,7 @@
-//! Keys of one file over those of another: a specification need not say what is known already.
+//! Keys of one file over those of another, so that a specification only needs what differs.
 //!
-//! `like = "ant"` takes all keys that a file leaves out from that of a built-in robot: `ant-paper`, the Ant as the reference
-//! simulator has it, is a few lines. `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`, and a cable's from what it is
-//! made of.
+//! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is a few lines.
+//! `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`, and a cable's from what it is made of.
 
 use serde::Deserialize;
 use toml::Table;
@@ -102,7 +101,7 @@ fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
     Ok(())
 }
 
-/// No joint is called so. Of a long chain the first ones and the last are told.
+/// No joint has this name. Of a long chain the first ones and the last are listed.
 fn no_joint<S: AsRef<str>>(name: &str, known: &[S]) -> String {
     let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
     let told = match &known[..] {

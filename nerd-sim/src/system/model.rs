@@ -35,7 +35,7 @@ pub enum SystemError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The URDF cannot be honoured.
@@ -90,12 +90,12 @@ impl System {
         data
     }
 
-    /// Its specification as TOML: with `urdf = ...` it may stand beside the file, and be changed.
+    /// Its specification as TOML: with `urdf = ...` it can be put beside the file and edited.
     pub fn spec_text(&self) -> String {
         if self.source != Source::Cable {
             return toml::to_string(&self.spec).unwrap_or_default();
         }
-        // Beside `[cable]` stand only the keys that mean something of one.
+        // Besides `[cable]` only the keys that apply to a cable.
         let mut keys = Table::try_from(&self.spec).unwrap_or_default();
         keys.retain(|key, _| FOREIGN.iter().all(|(foreign, _)| *foreign != key));
         toml::to_string(&keys).unwrap_or_default()
@@ -123,7 +123,7 @@ impl System {
         Ok(())
     }
 
-    /// The default state `[q, qd]`, at rest; a root of which nothing is said stands upright at the origin.
+    /// The default state `[q, qd]`, at rest; by default the root is upright at the origin.
     pub fn default_state(&self) -> Vec<f64> {
         let mut state = self.robot.zero_state();
         if let Some(root) = &self.spec.root {

@@ -1,4 +1,4 @@
-//! Who says what a system is, and so where it is mended.
+//! Where a system's description comes from, for messages that say where to fix it.
 
 /// Where a system comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

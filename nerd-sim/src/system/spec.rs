@@ -1,7 +1,5 @@
-//! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused, and numbers outside the ranges of
-//! `validate.rs`, which says them by key.
-//!
-//! What a file leaves out, another may say: see `merge.rs`.
+//! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused, and so are numbers outside the ranges of `validate.rs`.
+//! Missing keys may come from another file: see `merge.rs`.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +25,7 @@ pub struct Spec {
     /// Gravity (m/s^2), world axes.
     #[serde(deserialize_with = "exactly")]
     pub gravity: [f64; 3],
-    /// What models of this robot learn, unless they are told otherwise.
+    /// What models of this robot learn by default.
     #[serde(default)]
     pub truth: Truth,
     /// Substeps of a frame, of presets `accurate` and `paper` alike.
@@ -48,10 +46,11 @@ pub struct Spec {
     pub random_plane: Option<RandomPlane>,
     /// Scene of the training data [default: `free`].
     pub data_scene: Option<String>,
-    /// Random pegs of the training data, if any; they stand on what `data_scene` has.
+    /// Random pegs of the training data, if any, on the ground of `data_scene`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random_pegs: Option<RandomPegs>,
-    /// Seconds from one random torque to the next, drawn once a trajectory, with a smooth curve between them [default: they jump every frame].
+    /// Seconds from one random torque to the next, drawn once a trajectory, with a smooth curve between them [default: they jump every
+    /// frame].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smooth: Option<Range>,
     /// Ranges of numbers that differ from trajectory to trajectory, if any; see [`crate::vary`].
@@ -64,10 +63,10 @@ pub struct Spec {
     /// By link, the link whose inertia moves in its place in the mass matrix; see [`nerd_core::robot::Robot`].
     #[serde(default)]
     pub mass_matrix_of: BTreeMap<String, String>,
-    /// Contact points that stand for each collision mesh of a URDF file; 0: none, meshes are passed over.
+    /// Contact points for each collision mesh of a URDF; 0 skips meshes.
     #[serde(default = "mesh_points")]
     pub mesh_points: usize,
-    /// What is said of each joint.
+    /// The joints.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointSpec>,
     /// Contact points, in order.
@@ -96,7 +95,7 @@ pub enum Refresh {
     Substep,
 }
 
-/// What is said of a joint.
+/// A joint.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointSpec {
@@ -199,7 +198,7 @@ pub struct RootStart {
     /// Velocity of the root in body axes (m/s).
     #[serde(deserialize_with = "exactly")]
     pub linear: [Range; 3],
-    /// Starts are drawn again until every contact point stands this far from the data's scene (m).
+    /// Starts are redrawn until every contact point is this far from the data's scene (m).
     pub clearance: Option<f64>,
 }
 
@@ -244,7 +243,7 @@ pub struct ContactSpec {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomPlane {
-    /// Farthest the plane stands from the root (m).
+    /// Largest distance of the plane from the root (m).
     pub reach: f64,
     /// Least gap between the start and the plane (m).
     pub clearance: f64,
@@ -260,7 +259,7 @@ pub struct RandomPegs {
     pub radius: Range,
     /// Height (m).
     pub height: f64,
-    /// Where each stands (m), world axes: its foot.
+    /// Position of each one's foot (m), world axes.
     pub at: [Range; 3],
 }
 

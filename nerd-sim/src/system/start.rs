@@ -30,7 +30,7 @@ impl Start {
     }
 }
 
-/// Draws after which a specification is said to ask for too much.
+/// Draws after which a specification is refused as too strict.
 pub(crate) const DRAWS: usize = 10_000;
 
 /// The first of so many starts that stands as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
@@ -45,7 +45,7 @@ pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, dra
     })
 }
 
-/// How far (m) from the data's scene a start stands at least, where that is asked for.
+/// Least distance (m) of a start from the data's scene, where one is required.
 pub(crate) fn least_clearance(system: &System, which: Start) -> Option<f64> {
     let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
     match &system.spec.root {

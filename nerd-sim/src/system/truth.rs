@@ -1,10 +1,10 @@
-//! The solvers that models are learned from. A model's card names its own, settings and all: the same engine at
-//! other settings is another motion.
+//! The solvers that models learn from. A model's card names its own with settings, since the same engine at other settings is another
+//! motion.
 
 use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
 
-/// What a model learns, and is held against.
+/// What a model learns and is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -20,7 +20,7 @@ pub enum Truth {
     Rapier,
 }
 
-/// rapier as a truth. Sixteen steps, since each finds contacts anew: at four, its default, the pendulum's tip sinks 29 mm
+/// rapier as a truth. Sixteen steps, since each finds contacts again: at four, its default, the pendulum's tip sinks 29 mm
 /// into the ground before it is stopped (`nerd-sim/tests/rapier.rs`) and the Ant's inner torques change its momentum beyond
 /// the suite's limit (`results/stability.md`); at sixteen it is 0.03 mm, and within the limit. More bring nothing: what it
 /// then still fails of the suite (friction by direction, no bounce) is its contact law, and 64 steps are as far from 16 as

@@ -1,5 +1,4 @@
-//! What a specification may say: ranges with their units, names, and what must fit the robot. One place for all of it, so
-//! that what is accepted can be simulated and sampled.
+//! Validation of a specification: ranges with their units, names, and consistency with the robot. What passes can be simulated and sampled.
 //!
 //! Ends of ranges lie far beyond any robot, and near enough that products of a few such numbers are finite.
 
@@ -83,7 +82,7 @@ fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String
     values.iter().enumerate().try_for_each(|(i, x)| within(format!("{key}[{i}]"), *x, -most..=most, unit))
 }
 
-/// Every joint of the robot has one entry, in whatever order.
+/// Every joint of the robot has one entry, in any order.
 fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let names = || robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>();
     let mut seen = HashSet::new();
@@ -197,7 +196,7 @@ fn scenes(spec: &Spec) -> Result<(), String> {
     Ok(())
 }
 
-/// Columns are told apart by their names, and torques by names that begin with `tau` where a file has other ones.
+/// Columns are identified by name, and torques by names that begin with `tau` where a file has other ones.
 fn columns(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let mut seen = HashSet::new();
     for (key, names, wanted) in

@@ -1,4 +1,4 @@
-//! `[vary]` of a robot's TOML: what differs from environment to environment. How it is drawn: [`crate::vary`].
+//! `[vary]` of a robot's TOML: what differs between environments. [`crate::vary`] draws it.
 
 use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
@@ -27,8 +27,8 @@ pub struct VarySpec {
     /// Size of gravity (m/s^2).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Range>,
-    /// Factor on each joint's kp and kd, of drives and of tasks. Data whose gains are random (`control.data`) have them where a trajectory is
-    /// held, not driven.
+    /// Factor on each joint's kp and kd, of drives and of tasks. Data whose gains are random (`control.data`) have them where a
+    /// trajectory is held, not driven.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain: Option<Range>,
     /// Factor on each joint's damping and dry friction.

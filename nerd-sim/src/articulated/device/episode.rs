@@ -1,4 +1,4 @@
-//! What stands around a solver in an episode, as text for a device: starts, and the robot's own controller.
+//! Starts and the robot's own controller, as kernels for episodes on a device.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ pub const RANDOM: &str = include_str!("random.cuh");
 /// Functions in 64 bits for scenes of so many colliders: those of the solver, `start` (of resets) and `controlled`.
 ///
 /// # Errors
-/// In the scene that starts stand clear of, a shape without a kernel or more colliders than that.
+/// In the scene that starts keep clear of, a shape without a kernel or more colliders than that.
 pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
     let clear = least_clearance(system, Start::Reset);

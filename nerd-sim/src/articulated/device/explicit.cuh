@@ -135,7 +135,7 @@ BIG int touch(Work& w, Explicit& e, real h, double* forces, int substeps) {
     return 0;
 }
 
-// The twist about an origin that stands `by` from the present one.
+// The twist about an origin displaced by `by`.
 FN void carry(Tree& t, V3 by) {
     const V3 moved = cross(v3(t.qd[0], t.qd[1], t.qd[2]), by);
     t.qd[3] += moved.x; t.qd[4] += moved.y; t.qd[5] += moved.z;

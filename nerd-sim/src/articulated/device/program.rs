@@ -1,7 +1,7 @@
 //! The solver as a program for a device: the text of its kernels, with one robot's sizes and tables before them.
 //!
-//! The text is CUDA C++ for NVRTC. Any C++ compiler takes it, too, and makes a program that steps a batch from its standard input; so the
-//! kernels are tested where there is no GPU (`nerd-sim/tests/device.rs`).
+//! The text is CUDA C++ for NVRTC. Any C++ compiler accepts it too, as a program that steps a batch from its standard input, so the
+//! kernels are tested without a GPU.
 
 use std::fmt::Write;
 
@@ -39,17 +39,17 @@ const WALKS: usize = 4000;
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
 
-/// Numbers that the kernels reckon with; states are f64 in both.
+/// Precision of the kernels; states are f64 in both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Real {
     /// 32 bits, positions from the root on.
     #[default]
     F32,
-    /// 64 bits, to be held against the CPU's solver.
+    /// 64 bits, for comparison with the CPU's solver.
     F64,
 }
 
-/// What a program must be able to do, beyond its robot and settings; it is made anew for more.
+/// What a program supports beyond its robot and settings; it is compiled again for more.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reach {
     /// Colliders of a scene at most.

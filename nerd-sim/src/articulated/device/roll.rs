@@ -1,4 +1,4 @@
-//! Frames of a batch that stays on a device, whatever moves it there.
+//! Frames of a batch that stays on a device, for any solver there.
 
 use std::sync::Arc;
 
@@ -51,11 +51,11 @@ pub trait Motion: Send {
     /// If the device fails.
     fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError>;
 
-    /// Forgets whatever is remembered of an environment.
+    /// Clears what is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
 
-    /// What is remembered of environments that do not follow on these frames of theirs is forgotten, as [`Motion::advance`] begins. From here on
-    /// whoever calls [`Motion::frame`] sees to that, by [`Motion::memory`].
+    /// What is remembered of environments that do not follow on these frames of theirs is forgotten, as [`Motion::advance`] begins. From
+    /// here on whoever calls [`Motion::frame`] sees to that, by [`Motion::memory`].
     ///
     /// # Errors
     /// If the device fails.
@@ -68,7 +68,7 @@ pub trait Motion: Send {
         0
     }
 
-    /// One frame of what `held` holds, as work of the device's main stream. Environments whose fault is not 0 may stand still.
+    /// One frame of what `held` holds, on the device's main stream. Environments whose fault is not 0 may stay as they are.
     ///
     /// # Errors
     /// If the device fails.
@@ -143,7 +143,7 @@ impl<M: Motion> OnDevice<M> {
     /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
     ///
     /// # Errors
-    /// As [`Solver::step`]. An environment that fails stands where it stood before the frame in which it did, which the error names.
+    /// As [`Solver::step`]. An environment that fails keeps its state before that frame, which the error names.
     pub fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
         let (n, joints) = (batch.len(), batch.system.robot.joint_count());
         let width = n * joints;

@@ -1,4 +1,4 @@
-//! A batch on its way to a device: its states, torques, drives, and its scenes as records.
+//! A batch's states, torques, drives and scenes, laid out for a device.
 
 use std::sync::Arc;
 

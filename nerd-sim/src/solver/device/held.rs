@@ -56,7 +56,7 @@ impl Held {
         })
     }
 
-    /// Where contact forces go; 0 if nobody asks.
+    /// Where contact forces go; 0 unless requested.
     pub fn forces(&self) -> u64 {
         if self.told { self.forces.ptr } else { 0 }
     }

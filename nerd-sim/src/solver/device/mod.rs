@@ -1,4 +1,4 @@
-//! Batches that stay in a graphics card's memory.
+//! Batches that stay in a GPU's memory.
 
 mod held;
 mod torques;
@@ -30,7 +30,7 @@ pub trait Resident {
     /// Where it counts on the device, in 32 bits, the frames that it remembers of each environment; 0 if it remembers nothing.
     fn memory(&self) -> u64;
 
-    /// One frame of what is held, as work of the device's main stream. Environments whose fault is not 0 may stand still.
+    /// One frame of what is held, on the device's main stream. Environments whose fault is not 0 may stay as they are.
     ///
     /// # Errors
     /// If the device fails.

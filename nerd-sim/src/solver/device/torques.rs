@@ -1,5 +1,5 @@
-//! Torques on their way to a device. Of a robot that is driven at few of its joints, a cable by its gripper, only those columns travel; the
-//! device puts zeros behind them.
+//! Torques copied to a device. For a robot driven at few of its joints, such as a cable, only those columns are copied; the device fills in
+//! zeros.
 
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError};
@@ -29,7 +29,8 @@ pub(crate) fn acting(torques: &[f64], joints: usize) -> Option<usize> {
     torques.par_chunks((ROWS * joints).max(1)).map(seen).try_reduce(|| 0, |a, b| Some(a.max(b)))
 }
 
-/// Writes the leading columns of `[row][joints]` to `packed`, where they pay: packing costs a pass over them, so half of all have to stay away.
+/// Writes the leading columns of `[row][joints]` to `packed`, where they pay: packing costs a pass over them, so half of all have to stay
+/// away.
 fn pack(torques: &[f64], columns: usize, joints: usize, packed: &mut Vec<f64>) -> bool {
     if torques.is_empty() || 2 * columns > joints {
         return false;

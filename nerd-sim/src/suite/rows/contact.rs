@@ -1,4 +1,4 @@
-//! Rows of contact: what lies, bounces and strikes.
+//! Rows of contact: rest, bounces, impacts.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Rows that hold a solver against itself: with finer steps, and begun anew.
+//! Rows that compare a solver with itself: with finer steps, and restarted.
 
 use crate::sampling::{Start, start, stream};
 use crate::suite::error::Error;

@@ -1,4 +1,4 @@
-//! The specification of a cable where its TOML says no more than `[cable]`.
+//! Defaults of a cable whose TOML has only `[cable]`.
 
 use nerd_core::robot::Robot;
 

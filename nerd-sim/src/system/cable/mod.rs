@@ -1,8 +1,8 @@
 //! A cable, hose or rope as a robot: a chain of rods, with hinges between them that bend and twist like it.
 //!
-//! `[cable]` in a TOML says what a data sheet says; all other keys of a robot's TOML may stand beside it. Rods are rigid and of equal length
-//! l. Between two of them stand a hinge for each direction of bending and, if it twists, one along the rod, with springs of `E I / l` and
-//! `G J / l`. Where its first rod is clamped there is half a rod's give, `2 E I / l`: a cantilever then sags as a beam does.
+//! `[cable]` in a TOML holds a data sheet; all other keys of a robot's TOML may follow. Rods are rigid and of equal length l. Two
+//! neighbours are joined by a hinge for each direction of bending and, if the cable twists, one along the rod, with springs of `E I / l`
+//! and `G J / l`. A clamp of the first rod has the compliance of half a rod, `2 E I / l`, so that a cantilever sags as a beam does.
 //!
 //! ```
 //! use nerd_sim::prelude::*;

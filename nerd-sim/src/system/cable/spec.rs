@@ -12,11 +12,11 @@ const MOST: f64 = 3000.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Held {
-    /// A gripper on three slides (x, y, z) and three hinges (yaw, pitch, roll), each with a critically damped spring about its home, as an arm
-    /// under impedance control has: a force of `stiffness x` leads it to x.
+    /// A gripper on three slides (x, y, z) and three hinges (yaw, pitch, roll), each with a critically damped spring about its home, as
+    /// an arm under impedance control has: a force of `stiffness x` leads it to x.
     #[default]
     Gripper,
-    /// A clamp that stands still.
+    /// A fixed clamp.
     Fixed,
     /// Nothing.
     Free,
@@ -39,7 +39,7 @@ pub struct CableSpec {
     /// Damping of bending: moment for a unit of the rate of curvature (N m^2 s); that of twisting is in the same ratio to its stiffness
     /// [default: 0.01 s times the stiffness].
     pub damping: Option<f64>,
-    /// Rods that stand for it.
+    /// Number of rods.
     #[serde(default = "forty")]
     pub links: usize,
     /// What holds its first end.

@@ -1,5 +1,5 @@
-//! What the numbers of a URDF suggest where nobody says more: whether its base is free, what it is made of, how far and how fast it starts,
-//! and what drives it. `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could stand beside the file.
+//! Settings derived from a URDF's numbers where no TOML has them: free base, materials, starts, drives.
+//! `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could be beside the file.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -57,7 +57,7 @@ pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || lowest[1..].iter().filter(|z| **z < trunk - 1e-6).count() >= 2
 }
 
-/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are positions that somebody says of joints.
+/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are given positions of joints.
 pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
     let UrdfRobot { robot, notes, .. } = read;
     let (mut state, pose) = pose_of(robot, path);
@@ -114,8 +114,8 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     }
 }
 
-/// Stiffness (N m/rad, N/m of what slides) that bears a robot's weight (N) at the end of a lever as long as itself at an error of a radian; on a
-/// slide at a twentieth of its extent (m).
+/// Stiffness (N m/rad, N/m of what slides) that bears a robot's weight (N) at the end of a lever as long as itself at an error of a
+/// radian; on a slide at a twentieth of its extent (m).
 pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
     if slides { 20.0 * weight / extent } else { weight * extent }
 }
@@ -185,7 +185,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
     };
     let said = |x: f64| x.is_finite() && x > 0.0;
     let effort = if said(joint.effort) { joint.effort } else { gain };
-    // Motors need their time: no URDF tells what their rotors weigh.
+    // No URDF has the inertia of rotors.
     let armature = if said(joint.effort) && said(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     JointSpec {
         name: joint.name.clone(),

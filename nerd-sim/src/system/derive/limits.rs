@@ -1,5 +1,4 @@
-//! How stiff a joint's limit is where nobody says: critically damped, and as stiff as the reference simulator's substep `dt`
-//! steps well.
+//! The default stiffness of a joint's limit: critically damped, and as stiff as the reference simulator's substep `dt` steps well.
 //!
 //! With the least inertia I that a joint shows to a push, all others free, over a few poses: stiffness `I (0.2 / dt)^2`. A
 //! joint that its own effort would push farther than 4 % of its range beyond an end is stiffer, up to `I (2 / dt)^2`: what is
@@ -25,7 +24,7 @@ pub(crate) fn stiffen(robot: &mut Robot, unsaid: &[bool], dt: f64) {
         let effort = joint.effort;
         if let Some(limit) = &mut joint.limit {
             let of = |a: f64| inertia * (a / dt).powi(2);
-            // Effort that nobody gave asks for nothing.
+            // No effort limit: no requirement.
             let effort = if effort.is_finite() { effort } else { 0.0 };
             let range = limit.upper - limit.lower;
             // A joint without a range is locked.

@@ -54,7 +54,7 @@ fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
     if size > LARGEST {
         return Err(format!("has {size} bytes, more than {LARGEST}"));
     }
-    // A file that nobody could foresee ends in a line, too.
+    // An unforeseen file ends in a line, too.
     let read = std::panic::catch_unwind(|| load(&path)).map_err(|_| "cannot be read".to_string())?;
     let scene = read.map_err(|e| e.to_string().split_whitespace().collect::<Vec<_>>().join(" "))?;
     let all = scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from)).component_mul(&mesh.scale));

@@ -1,4 +1,4 @@
-//! What the numbers of a URDF suggest where nobody says more.
+//! Settings derived from a URDF's numbers.
 
 mod guess;
 mod limits;

@@ -1,4 +1,4 @@
-//! The specification of a robot of which nothing is known but its links and joints.
+//! The specification of a robot with nothing but links and joints.
 
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Robot};

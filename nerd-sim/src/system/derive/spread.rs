@@ -1,4 +1,4 @@
-//! Few points that stand for many.
+//! A few points that represent many.
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
@@ -42,8 +42,8 @@ const WHEEL: usize = 24;
 /// Lower share of a link that nothing hangs on, from which its points are taken: a shin touches with its foot.
 const FOOT: f64 = 0.25;
 
-/// Which contact points are enough to fall and stand on, by number and in order: every one is one more that a network sees. Of each link those
-/// towards the corners of its box at `state`, the lower ones first; of one that nothing hangs on, of its lower end.
+/// Which contact points are enough to fall and stand on, by number and in order: every one is one more that a network sees. Of each link
+/// those towards the corners of its box at `state`, the lower ones first; of one that nothing hangs on, of its lower end.
 pub(crate) fn enough(robot: &Robot, state: &[f64]) -> Vec<usize> {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);

@@ -1,10 +1,10 @@
-//! Poses that a robot's makers gave it, from the SRDF beside its URDF.
+//! Named poses from the SRDF beside a URDF.
 
 use std::path::{Path, PathBuf};
 
 use nerd_core::robot::Robot;
 
-/// Names that poses to stand in have, the best first.
+/// Names of standing poses, the best first.
 const STANDING: [&str; 2] = ["standing", "half_sitting"];
 
 /// A state at rest, and where it is from: an SRDF's pose to stand in, else zero, or the nearest to it within the limits.
