@@ -84,13 +84,13 @@ fn an_experiment_is_found_by_name_and_its_settings_are_checked() {
         inputs.err().map(|e| e.to_string()).unwrap_or_default()
     };
     for (name, set, word) in [
-        ("alchemy", vec![], "known are ablations"),
+        ("alchemy", vec![], "choose from ablations"),
         ("motions", vec!["starts"], "KEY=VALUE"),
         ("motions", vec!["colour=red"], "settings of motions are robot"),
         ("motions", vec!["starts=none"], "starts=none"),
         ("ablations", vec!["robot=cube"], "robot cube"),
         ("ablations", vec!["seed=1,1"], "each once"),
-        ("ablations", vec!["only=mpl"], "known are lstm, gru, mlp"),
+        ("ablations", vec!["only=mpl"], "choose from lstm, gru, mlp"),
     ] {
         let found = refused(name, &set);
         assert!(found.contains(word) && !found.contains('\n'), "`{found}` has no `{word}`");

@@ -194,7 +194,7 @@ pub enum PickError {
 /// rollout left. `results` is the folder of the charts.
 ///
 /// # Errors
-/// [`PickError`] if the tolerance is no number above 0, there is no chart, or nothing on it is accurate enough.
+/// [`PickError`] if the tolerance is not a number above 0, there is no chart, or nothing on it is accurate enough.
 pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<Picked, PickError> {
     if tolerance.is_nan() || tolerance <= 0.0 {
         return Err(PickError::Tolerance(tolerance));

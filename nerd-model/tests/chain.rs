@@ -194,7 +194,7 @@ fn a_chain_moves_the_same_alone_and_among_others() {
 #[test]
 fn what_is_no_chain_or_no_number_is_told() {
     let pendulum = Chain::of(&System::named("pendulum").expect("a robot")).expect_err("no chain").to_string();
-    assert!(pendulum.starts_with("robot `pendulum` is no chain") && !pendulum.contains('\n'), "{pendulum}");
+    assert!(pendulum.starts_with("robot `pendulum` is not a chain") && !pendulum.contains('\n'), "{pendulum}");
     let twisting = "[cable]\nlength = 0.5\ndiameter = 0.006\nmass = 0.03\nbending = 1e-3\ntwisting = 1e-3\nlinks = 10";
     let twisting = Chain::of(&System::from_toml("rope", twisting).expect("a cable")).expect_err("it twists").to_string();
     assert!(twisting.contains("hinge"), "{twisting}");

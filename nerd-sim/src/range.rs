@@ -46,7 +46,7 @@ impl TryFrom<String> for Range {
         let range = ends.and_then(|(low, high)| Some(Self { low: number(low)?, high: number(high)? }));
         range
             .filter(|l| l.low <= l.high && (l.high - l.low).is_finite())
-            .ok_or_else(|| format!("`{text}` is no range: write U(low, high), for example U(-pi, 2.5)"))
+            .ok_or_else(|| format!("`{text}` is not a range: write U(low, high), for example U(-pi, 2.5)"))
     }
 }
 

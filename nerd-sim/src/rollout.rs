@@ -200,7 +200,7 @@ impl Columns {
         }
         let there: Vec<&str> = table.names().iter().map(String::as_str).collect();
         if let Some(name) = twice(there.iter().copied().filter(|name| !name.is_empty())) {
-            return Err(table.wrong(format!("line 1: column `{name}` stands there twice")));
+            return Err(table.wrong(format!("line 1: column `{name}` appears twice")));
         }
         let needed = |name: &str| {
             there.iter().position(|h| *h == name).ok_or_else(|| {

@@ -97,7 +97,7 @@ impl Row<'_> {
     }
 
     fn no(&self, column: usize, what: &str) -> TableError {
-        self.wrong(&format!(", column `{}`: `{}` is no {what}", self.names[column], self.cell(column)))
+        self.wrong(&format!(", column `{}`: `{}` is not a {what}", self.names[column], self.cell(column)))
     }
 
     /// A whole number of at most `most`.

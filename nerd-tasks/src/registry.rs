@@ -4,7 +4,7 @@ use crate::{Ant, Anymal, CartpoleSwingup, FrankaReach, LeadTip, Task};
 
 /// No such task.
 #[derive(Debug, thiserror::Error)]
-#[error("no task `{0}`: known are {known}", known = names().join(", "))]
+#[error("no task `{0}`: choose from {known}", known = names().join(", "))]
 pub struct TaskError(pub String);
 
 /// All of them, the paper's in the order of its table, then others.

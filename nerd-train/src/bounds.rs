@@ -52,7 +52,7 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a figure that is no number, which would stand in a table like any other; `whose` says which it is.
+/// Refuses a figure that is not a number, which would stand in a table like any other; `whose` says which it is.
 ///
 /// # Errors
 /// [`crate::Error::Refused`], naming it.

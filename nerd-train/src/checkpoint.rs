@@ -96,7 +96,7 @@ impl Best {
             return Ok(None);
         }
         let damaged = |reason: &dyn std::fmt::Display| {
-            Error::format(&path)(format!("it is damaged: {reason}; move it away and the run makes it anew from its last checkpoint on"))
+            Error::format(&path)(format!("it is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"))
         };
         let file = Tensors::open(&path).map_err(|e| damaged(&e))?;
         let word = |name: &str| file.word(name).map_err(|e| damaged(&e));

@@ -19,7 +19,7 @@ pub struct OutOfRange {
 
 part!(OutOfRange);
 
-/// Refuses a value out of its range; what is no number is in none.
+/// Refuses a value out of its range; what is not a number is in none.
 pub(crate) fn within<T: PartialOrd + Display>(name: &'static str, value: T, range: impl RangeBounds<T>) -> Result<(), OutOfRange> {
     if range.contains(&value) {
         return Ok(());

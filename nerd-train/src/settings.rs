@@ -123,7 +123,7 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
         for (name, value) in given {
             let Some(key) = Self::keys().into_iter().find(|key| key.name() == *name) else {
                 let known: Vec<String> = Self::keys().iter().map(|k| k.name()).collect();
-                return Err(format!("`{name}` is no setting; known are {}", known.join(", ")));
+                return Err(format!("`{name}` is not a setting; choose from {}", known.join(", ")));
             };
             key.values.check(value).map_err(|needed| format!("`{name}` is {value}: {needed}"))?;
             all.insert(name.clone(), value.clone());

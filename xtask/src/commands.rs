@@ -20,8 +20,7 @@ pub fn prepare(program: Command) -> Command {
     let about = |name: &str| program.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string).unwrap_or_default();
     let line = |name: &&str| format!("  {name:<12} {}\n", about(name));
     let group = |(title, verbs): &(&str, &[&str])| format!("{title}:\n{}\n", verbs.iter().map(line).collect::<String>());
-    let end =
-        "`cargo xtask VERB --help` says what a verb takes, docs/commands.md has it all. With --json a verb prints its tables as JSON.";
+    let end = "`cargo xtask VERB --help` explains a verb, docs/commands.md has all of them. With --json a verb prints its tables as JSON.";
     let groups = GROUPS.iter().map(group).collect::<String>() + end;
     let json = Arg::new("json").long("json").action(clap::ArgAction::SetTrue).global(true).hide(true);
     let program = program.help_template("{about}\n\n{usage-heading} {usage}{after-help}").after_help(groups).arg(json);

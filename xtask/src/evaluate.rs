@@ -36,17 +36,17 @@ pub struct EvaluateArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
-    /// Random torques of the training data times this, in place of passive motion
+    /// Factor on the random torques of the training data, instead of passive motion
     #[arg(long, default_value_t = 0.0, value_parser = value::<f64>(Number(0.0..=1e3)))]
     pub drive: f64,
-    /// No torque whatever, in place of what a position law holds its pose with
+    /// No torques at all, not even those that hold a default pose
     #[arg(long, conflicts_with = "drive")]
     pub limp: bool,
     /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
     /// sensitivity drives apart what differs a little
     #[arg(long, default_value_t = 0.0, value_parser = value::<f64>(Number(0.0..=1e3)))]
     pub shake: f64,
-    /// Hold the truth against itself: every error must be 0
+    /// Compare the truth with itself: every error must be 0
     #[arg(long)]
     pub control: bool,
     /// File that replays the first start, let go, in the model and in its truth, as a page (needs --solver neural)

@@ -20,7 +20,7 @@ pub struct InspectArgs {
     /// Robot: built in, or the path of a .urdf [default: the one the folder names]
     #[arg(long)]
     pub robot: Option<String>,
-    /// Largest number a state may hold; a trajectory beyond it is left out and counted
+    /// Largest number in a state; trajectories beyond it are left out and counted
     #[arg(long, default_value_t = 1e3, value_parser = value::<f64>(Positive))]
     pub bound: f64,
 }

@@ -52,9 +52,9 @@ const MULTICAST: &str = "NCCL_NVLS_ENABLE";
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),
-    /// Show what a data set holds, as a learner will see it
+    /// Show a data set as a learner will see it
     Inspect(inspect::InspectArgs),
-    /// Train a model from nothing, or go on training
+    /// Train a model, or continue a run
     Train(Box<train::TrainArgs>),
     /// Roll a solver out from the states of a CSV file
     Rollout(rollout::RolloutArgs),
@@ -62,25 +62,25 @@ enum Verb {
     Evaluate(evaluate::EvaluateArgs),
     /// Draw speed against accuracy of every solver of a scene
     Chart(measure::Conduct<Chart>),
-    /// Show where each method stays right, bends and breaks
+    /// Show where each method holds, bends and breaks
     Stability(stability::StabilityArgs),
     /// Measure what the project's tables and figures show
     Measure(measure::MeasureArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
-    /// Say which results still hold, make them anew, write their figures into the documents
+    /// Check which results still hold, make them again, write their figures into the documents
     Results(results::ResultsArgs),
-    /// Write one page with everything: tables, charts, maps, replays
+    /// Write one page with all tables, charts, maps and replays
     Report(report::ReportArgs),
     /// Train, evaluate or show a policy
     Policy(policy::PolicyArgs),
-    /// Fit parameters of robot, contact and scene to measured trajectories, and judge them on others
+    /// Fit parameters of robot, contact and scene to measured trajectories, and judge the fit on others
     Calibrate(measure::Conduct<Calibration>),
-    /// Read every URDF of a folder and roll it out, or say what it asks for that is not there
+    /// Read every URDF of a folder and roll it out, or name what is not supported
     Urdf(urdf::UrdfArgs),
-    /// Show robots, scenes, tasks, models, rows: what can be named here
+    /// List robots, scenes, tasks, models, rows
     List(list::ListArgs),
-    /// Try hostile input: files and command lines changed at random, runs killed
+    /// Try hostile input: mutated files and command lines, killed runs
     Campaign(campaign::CampaignArgs),
     /// Format, clippy, circles of imports, docs, tests
     Check(check::CheckArgs),

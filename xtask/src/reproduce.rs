@@ -45,7 +45,7 @@ pub struct ReproduceArgs {
     /// Seed of the starts
     #[arg(long, default_value_t = 500, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
-    /// Folder to write; `results` replaces the committed ones, unless they have more behind them [default: out/reproduce]
+    /// Folder to write; `results` replaces the committed ones, unless those measured more [default: out/reproduce]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }

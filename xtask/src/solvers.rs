@@ -24,11 +24,11 @@ pub struct SolverArgs {
     /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8) [default: coulomb]
     #[arg(long, value_enum)]
     pub friction: Option<FrictionName>,
-    /// Substeps a frame, in place of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
+    /// Substeps per frame, instead of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
     /// nothing to touch), of `rapier` its iterations
     #[arg(long, value_parser = value::<usize>(Whole(SUBSTEPS)))]
     pub substeps: Option<usize>,
-    /// Truth that the model of `neural` must have learned, and that `evaluate` holds a solver against [default: the
+    /// Truth that the model of `neural` must have learned, and that `evaluate` compares a solver with [default: the
     /// model's, else the robot's own]
     #[arg(long, value_parser = word::<Truth>(TRUTHS))]
     pub truth: Option<Truth>,

@@ -19,7 +19,7 @@ pub struct StabilityArgs {
     /// Rows whose name contains one of these words, comma-separated [default: all]
     #[arg(long, value_delimiter = ',')]
     pub rows: Vec<String>,
-    /// Break every method on purpose, to see the rows that can tell go red; nothing is written
+    /// Break every method on purpose, to see rows fail; nothing is written
     #[arg(long, value_parser = PossibleValuesParser::new(Fault::ALL.map(|f| f.name())).try_map(|name| name.parse::<Fault>()))]
     pub fault: Option<Fault>,
     /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER

@@ -11,11 +11,11 @@ use crate::ranks;
 /// Train a NeRD model, as one process or as one of several that `torchrun` or another launcher starts.
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// File of settings (TOML): the keys are those of the options below, which go before what it says
+    /// File of settings (TOML), whose keys are the options below; options override it
     #[arg(conflicts_with = "recipe")]
     pub file: Option<PathBuf>,
     /// Settings that come with the project: `paper` (E 192, 6 layers, batch 512: the defaults), `small` (E 48, 2 layers, batch
-    /// 128), `quick` (small, with what training has learned since), `urdf` (that, longer, for a robot of one's own), `chain` (for a cable on a gripper, rod by rod), `chain-large` (that, wider, for a graphics card), or those of a model in `models/`, which is
+    /// 128), `quick` (small, with later improvements), `urdf` (the same, longer, for your own robot), `chain` (for a cable on a gripper, rod by rod), `chain-large` (that, wider, for a graphics card), or those of a model in `models/`, which is
     /// trained again, all of its runs (--updates and --transitions are then most that each has)
     #[arg(long)]
     pub recipe: Option<String>,

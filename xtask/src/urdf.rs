@@ -15,19 +15,19 @@ pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// A Python that has Pinocchio (PyPI: pin): the dynamics are held against its own
+    /// A Python with Pinocchio (PyPI: pin): the dynamics are compared with its own
     #[arg(long, value_name = "PYTHON", conflicts_with_all = ["stand", "crowd"])]
     pub pinocchio: Option<PathBuf>,
     /// With --pinocchio: random states of each robot
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub states: u64,
-    /// In place of that: each stands for ten seconds on a plane, its joints held by drives, and falls with none
+    /// Instead: each stands on a plane for ten seconds, its joints held by drives, and then falls without
     #[arg(long)]
     pub stand: bool,
-    /// In place of that: so many robots of each file with masses and frictions of their own, for error and speed on one core beside MuJoCo
+    /// Instead: so many robots of each file, each with its own masses and friction: error and speed on one core, beside MuJoCo
     #[arg(long, value_name = "ROBOTS", requires = "mujoco", conflicts_with = "stand", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub crowd: Option<u64>,
-    /// With --stand or --crowd: a Python that has MuJoCo, which stands beside ours
+    /// With --stand or --crowd: a Python with MuJoCo, for comparison
     #[arg(long, value_name = "PYTHON")]
     pub mujoco: Option<PathBuf>,
     /// Folder to write urdfs.json and urdfs.md into
@@ -48,7 +48,7 @@ pub fn run(args: UrdfArgs) -> Result<()> {
         return crate::crowd::run(&files, python, n as usize, args.out.as_deref());
     }
     if args.mujoco.is_some() && !args.stand {
-        bail!("--mujoco stands beside ours with --stand or --crowd");
+        bail!("--mujoco needs --stand or --crowd");
     }
     if args.stand {
         return crate::stand::run(&files, args.mujoco.as_deref(), args.out.as_deref());

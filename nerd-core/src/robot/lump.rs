@@ -31,7 +31,7 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     target.inertia = target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
     let sum = &target.inertia;
     if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < LARGEST) {
-        return Err(wrong("mass, inertia or place is too large to reckon with".into()));
+        return Err(wrong("mass, inertia or place is too large to compute with".into()));
     }
     for collision in &source.collision {
         let pose = pose * isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far".into()))?;

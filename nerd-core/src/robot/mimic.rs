@@ -32,7 +32,7 @@ pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers:
                 return Err(wrong("<mimic> has a multiplier or an offset that is not finite, or absurd".into()));
             }
             let Some(next) = joint(robot, &at.joint) else {
-                return Err(wrong(format!("<mimic> of `{}`, which is no moving joint", at.joint)));
+                return Err(wrong(format!("<mimic> of `{}`, which is not a moving joint", at.joint)));
             };
             match followers.iter().find(|f| f.0 == next) {
                 Some((_, mimic)) if step < followers.len() => at = mimic,

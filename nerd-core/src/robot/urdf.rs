@@ -78,7 +78,7 @@ impl UrdfRobot {
             let said = joint.origin.xyz.iter().chain(&*joint.origin.rpy).any(|x| *x != 0.0) || joint.dynamics.is_some();
             if said || joint.mimic.is_some() {
                 read.notes.push(format!(
-                    "joint `{}`: its <origin>, <dynamics> and <mimic> are passed over, since it makes the base a free one",
+                    "joint `{}`: its <origin>, <dynamics> and <mimic> are passed over, since it makes the base free",
                     joint.name
                 ));
             }
@@ -154,7 +154,7 @@ impl<'a> Tree<'a> {
         match roots[..] {
             [root] => match freed(file, root, &children[root]) {
                 Some((joint, _)) if !floating => {
-                    Err(UrdfError::joint(&file.joints[joint].name, "it is floating, and makes the base a free one: say `floating = true`"))
+                    Err(UrdfError::joint(&file.joints[joint].name, "it is floating, and makes the base free: write `floating = true`"))
                 }
                 Some((_, child)) => Ok(Self { file, root: child, world: Some(root), children }),
                 None => Ok(Self { file, root, world: None, children }),

@@ -48,7 +48,7 @@ pub(super) fn check(path: &[String], attributes: impl Iterator<Item = String>) -
     if let Some(known) = of(&CHILDREN, parent).filter(|known| !known.contains(&element.as_str()))
         && let Some(meant) = meant(known, element)
     {
-        return Err(format!("<{element}> in <{parent}> is no element of a URDF; is <{meant}> meant?"));
+        return Err(format!("<{element}> in <{parent}> is not an element of a URDF; is <{meant}> meant?"));
     }
     let Some(known) = of(&ATTRIBUTES, element) else { return Ok(()) };
     for name in attributes.filter(|name| !known.contains(&name.as_str())) {

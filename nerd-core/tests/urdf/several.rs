@@ -61,7 +61,7 @@ fn a_floating_joint_under_the_world_is_a_free_base() {
     assert_eq!(read, UrdfRobot::read(&urdf(&body), Base::Floating).expect("a robot"));
     let refused = |text: &str, base| Robot::from_urdf(text, base).expect_err("a refusal").to_string();
     let text = refused(&under("", ""), Base::fixed());
-    assert!(text.starts_with("joint `free`: it is floating, and makes the base a free one"), "{text}");
+    assert!(text.starts_with("joint `free`: it is floating, and makes the base free"), "{text}");
     // Two free bodies are no tree of one robot.
     let more = format!("{}{}", r#"<link name="ball"/>"#, joint("weld", "fixed", "world", "ball", ""));
     let text = refused(&under(&more, ""), Base::Floating);

@@ -86,7 +86,7 @@ pub fn co_train(tasks: Vec<String>, config: CoTrainConfig, out: Option<PathBuf>)
         End::Passed(k) => format!("round {k} passes; its model is {}", plan.model_of(k).display()),
         End::Rounds => {
             let last = plan.model_of(plan.config.rounds - 1);
-            format!("no round passes; the model of the last one is {}; more --rounds go on from it", last.display())
+            format!("no round passes; the model of the last one is {}; more --rounds continue from it", last.display())
         }
         End::Time => format!("time is over in round {}; the same command continues", rounds.len()),
     };

@@ -44,11 +44,11 @@ settings! {
         most: f64 = 2.0, Positive;
         /// Stop after so many rounds
         rounds: usize = 5, Whole(1..=1000);
-        /// Stop, with all that is done kept, after so many minutes; the same command continues
+        /// Stop after so many minutes and keep what is done; the same command continues
         minutes: Option<f64> = None, Positive;
         /// Updates of each training on [default: those of the recipe's last run; without a recipe 100000]
         updates: Option<u64> = None, Whole(UPDATES);
-        /// Share of the trajectories of a training on in which policies act, those of all rounds alike
+        /// Share of the trajectories in which policies of all rounds act
         policy_share: f64 = 0.5, Number(0.01..=1.0);
         /// Seed of the first policy; each next one has the next seed, in all rounds
         seed: u64 = 1000, Whole(SEEDS);

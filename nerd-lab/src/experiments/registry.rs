@@ -44,7 +44,7 @@ impl Entry {
     pub fn named(name: &str) -> Result<&'static Self> {
         match REGISTRY.iter().find(|entry| entry.name == name) {
             Some(entry) => Ok(entry),
-            None => refuse!("no experiment `{name}`: known are {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
+            None => refuse!("no experiment `{name}`: choose from {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
         }
     }
 

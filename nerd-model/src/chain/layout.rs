@@ -9,9 +9,9 @@ const AXES: usize = 6;
 /// Share by which a drive may miss critical damping: its glide is told in closed form.
 const NEAR: f64 = 0.01;
 
-/// A robot that is no chain.
+/// A robot that is not a chain.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("robot `{robot}` is no chain that is learned rod by rod: {reason}")]
+#[error("robot `{robot}` is not a chain that is learned rod by rod: {reason}")]
 pub struct NoChain {
     /// Its name.
     pub robot: String,
@@ -93,7 +93,7 @@ fn carriage(axes: &[&Joint]) -> Result<(), String> {
     for (joint, (slides, axis)) in axes.iter().zip(wanted) {
         let critical = 2.0 * (joint.armature * joint.stiffness).sqrt();
         if !is(joint, slides, axis, Isometry3::identity()) {
-            return Err(format!("joint `{}` is none of a gripper's axes x, y, z, yaw, pitch, roll in this order", joint.name));
+            return Err(format!("joint `{}` is not one of a gripper's axes x, y, z, yaw, pitch, roll in this order", joint.name));
         }
         if !(joint.rest == 0.0 && critical > 0.0 && (joint.damping / critical - 1.0).abs() < NEAR) {
             return Err(format!("joint `{}` is driven by no critically damped spring about 0", joint.name));
@@ -107,7 +107,7 @@ fn rods(hinges: &[&Joint], length: f64) -> Result<(), String> {
         let axis = if i.is_multiple_of(2) { Vector3::z() } else { Vector3::y() };
         let ahead = if i >= 2 && i.is_multiple_of(2) { length } else { 0.0 };
         if !is(joint, false, axis, Isometry3::translation(ahead, 0.0, 0.0)) || length <= 0.0 {
-            return Err(format!("joint `{}` is no hinge of a rod: z, then y, along x, no twist, equal lengths", joint.name));
+            return Err(format!("joint `{}` is not a hinge of a rod: z, then y, along x, no twist, equal lengths", joint.name));
         }
     }
     Ok(())

@@ -35,7 +35,7 @@ impl ChainSolver {
     /// The network of `system`'s chain; `normalizer` scales its outputs; its tokens are taken as they are.
     ///
     /// # Errors
-    /// If the robot is no chain, or one of more or fewer rods than the network was trained on.
+    /// If the robot is not a chain, or one of more or fewer rods than the network was trained on.
     pub fn new(weights: &Weights, normalizer: &Normalizer, system: &System) -> Result<Self, NoChain> {
         let chain = Chain::of(system)?;
         let wrong = |reason: String| NoChain { robot: system.name.clone(), reason };

@@ -108,7 +108,7 @@ impl Model {
     /// Writes the folder, `config.json` last; `card` becomes its `README.md`. The configuration's `model_sha256` is made here.
     ///
     /// # Errors
-    /// If it cannot be written, or a weight is no number as it would be stored.
+    /// If it cannot be written, or a weight is not a number as it would be stored.
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let unfit = |e: crate::transformer::WeightsError| wrong(&folder.join("model.safetensors"), e.to_string());
         let bytes = self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())]), storage).map_err(unfit)?;

@@ -80,7 +80,7 @@ impl<F: Forward> Stream for Windowed<F> {
 pub(super) fn check(config: &TransformerConfig, tokens: &[f32], asked: &[usize]) -> Result<usize, ForwardError> {
     let envs = tokens.len() / config.inputs;
     if envs * config.inputs != tokens.len() {
-        return Err(ForwardError { message: format!("{} input values are no rows of {}", tokens.len(), config.inputs) });
+        return Err(ForwardError { message: format!("{} input values are not rows of {}", tokens.len(), config.inputs) });
     }
     if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
         return Err(ForwardError { message: format!("the environments asked for are not increasing numbers below {envs}") });

@@ -44,9 +44,9 @@ pub enum WeightsError {
         found: u64,
     },
     /// A tensor that the configuration does not have.
-    #[error("tensor `{0}` is none of the configuration's: the file is another network's")]
+    #[error("tensor `{0}` is not one of the configuration's: the file is another network's")]
     Unknown(String),
-    /// An entry that is no number.
+    /// An entry that is not a number.
     #[error("tensor `{name}`: entry {entry} is {value}")]
     NotFinite {
         /// Dotted name.

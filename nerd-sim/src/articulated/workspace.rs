@@ -99,7 +99,7 @@ impl Workspace {
         let (collider, index) = found.map_or((0, 0), |(event, index)| (event.collider, *index));
         let link = &robot.links[robot.contact_points[index].link].name;
         format!(
-            "the distance of contact point {index} on link `{link}` to collider {collider} of scene `{}` is no number: the state or the collider is not finite",
+            "the distance of contact point {index} on link `{link}` to collider {collider} of scene `{}` is not a number: the state or the collider is not finite",
             scene.name
         )
     }

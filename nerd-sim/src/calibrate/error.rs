@@ -8,7 +8,7 @@ use crate::system::SystemError;
 #[non_exhaustive]
 pub enum CalibrateError {
     /// No such parameter.
-    #[error("no parameter `{0}`: known are {1}")]
+    #[error("no parameter `{0}`: choose from {1}")]
     Parameter(String, String),
     /// Not one of this engine's.
     #[error("parameter `{0}` means nothing to this solver; leave it out")]

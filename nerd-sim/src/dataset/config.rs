@@ -26,7 +26,7 @@ pub struct GenerateConfig {
     pub torque_scale: Range,
     /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
     pub hold: usize,
-    /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data (paper: 0).
+    /// Share of the trajectories that start as evaluations and tasks do, not from the training ranges (paper: 0).
     pub resets: f64,
     /// Who acts in place of random torques, from starts of its own, and in what share of the trajectories (paper: none).
     pub pilot: Option<(Arc<dyn Pilot>, f64)>,

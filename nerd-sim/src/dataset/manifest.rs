@@ -53,7 +53,7 @@ impl Manifest {
         let manifest: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         check_format(manifest.format).map_err(wrong)?;
         if let Some(name) = manifest.shards.iter().find(|name| Path::new(name).file_name().is_none_or(|file| file != name.as_str())) {
-            return Err(wrong(format!("shard `{name}` is no name of a file in this folder")));
+            return Err(wrong(format!("shard `{name}` does not name a file in this folder")));
         }
         Ok(manifest)
     }
@@ -98,7 +98,7 @@ impl Manifest {
         let rows = recording.states.chunks_exact((frames + 1) * system.robot.state_dim());
         if let Some(k) = rows.enumerate().position(|(k, row)| !row.starts_with(begun.state(k))) {
             let text = "its scenes cannot be drawn again from its seed: policies acted in it, or another program made it";
-            return Err(wrong(format!("trajectory {k}: {text}; make the data set anew")));
+            return Err(wrong(format!("trajectory {k}: {text}; record the data set again")));
         }
         Ok((recording, begun.scenes))
     }
@@ -114,8 +114,9 @@ impl Manifest {
         trajectories: usize,
         frames: usize,
     ) -> Result<(), DatasetError> {
-        let wrong =
-            |reason: String| Err(DatasetError::Format { path: folder.join("manifest.json"), reason: reason + "; make the data set anew" });
+        let wrong = |reason: String| {
+            Err(DatasetError::Format { path: folder.join("manifest.json"), reason: reason + "; record the data set again" })
+        };
         let (t, f) = (self.trajectories, self.frames);
         if sha256_of(shards) != self.sha256 {
             return wrong("the shards are not those it was written for (SHA-256 differs)".into());
@@ -152,11 +153,11 @@ fn same_system(system: &System, name: &str, robot: &str, all: &str) -> Result<()
     if robot != wanted_robot {
         let what =
             if name == system.name { "its masses, joints, contact points, frame, gravity or material differ" } else { "another robot" };
-        return Err(format!("holds robot `{name}` ({robot}), not `{}` ({wanted_robot}): {what}; make the data set anew", system.name));
+        return Err(format!("holds robot `{name}` ({robot}), not `{}` ({wanted_robot}): {what}; record the data set again", system.name));
     }
     if all != wanted {
         return Err(format!(
-            "holds data of `{name}` sampled, driven or controlled otherwise, or in other scenes (system {all}, not {wanted}); make the data set anew"
+            "holds data of `{name}` sampled, driven or controlled otherwise, or in other scenes (system {all}, not {wanted}); record the data set again"
         ));
     }
     Ok(())

@@ -54,12 +54,12 @@ impl Recording {
         let (states, torques, surface) = (n * (f + 1) * robot.state_dim(), n * f * robot.joint_count(), n * f * points);
         for ((name, _, x), wanted) in self.arrays().iter().zip([states, torques, 3 * surface, 3 * surface, surface, 3 * n]) {
             if x.len() != wanted {
-                return Err(format!("`{name}` has {} numbers, the robot needs {wanted}; make the data set anew", x.len()));
+                return Err(format!("`{name}` has {} numbers, the robot needs {wanted}; record the data set again", x.len()));
             }
         }
         let (drawn, wanted) = (self.drawn.len(), n * crate::vary::columns(system).len());
         if drawn != wanted {
-            return Err(format!("`drawn` has {drawn} numbers, [vary] of the robot draws {wanted}; make the data set anew"));
+            return Err(format!("`drawn` has {drawn} numbers, [vary] of the robot draws {wanted}; record the data set again"));
         }
         Ok(())
     }

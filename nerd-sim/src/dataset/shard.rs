@@ -107,7 +107,7 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         drawn: file.names().contains(&"drawn").then(|| read("drawn")).transpose()?.unwrap_or_default().1,
     };
     if metadata.remove(HASH_KEY) != Some(sha256_of([recording.sha256()])) {
-        return Err(wrong("its numbers are not those it was written with (SHA-256 differs); make the data set anew".into()));
+        return Err(wrong("its numbers are not those it was written with (SHA-256 differs); record the data set again".into()));
     }
     Ok((recording, metadata))
 }
@@ -116,6 +116,6 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
 pub(super) fn check_format(found: Option<u32>) -> Result<(), String> {
     match found {
         Some(FORMAT) => Ok(()),
-        found => Err(format!("is data of format {}, not {FORMAT}; make the data set anew", found.unwrap_or(1))),
+        found => Err(format!("is data of format {}, not {FORMAT}; record the data set again", found.unwrap_or(1))),
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn create(folder: &Path) -> Result<NamedTempFile> {
             return Ok(file);
         }
     }
-    Err(Error::other("another process removes every file that is begun here"))
+    Err(Error::other("another process removes every file that is started here"))
 }
 
 /// Removes what killed writers left in a folder, as far as that can be done.

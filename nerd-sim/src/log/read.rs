@@ -71,16 +71,16 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     let system = System::named(&name)?;
     let named: Vec<&str> = spec.joints.iter().map(|j| j.name.as_str()).collect();
     if let Some(joint) = system.robot.joints().find(|j| !named.contains(&j.name.as_str())) {
-        return Err(bad(path, format!("no [[joint]] says where joint `{}` of robot `{}` stands", joint.name, system.name)));
+        return Err(bad(path, format!("no [[joint]] has the position of joint `{}` of robot `{}`", joint.name, system.name)));
     }
     if let Some(name) = named.iter().find(|name| system.robot.joints().all(|j| j.name != **name)) {
         return Err(bad(path, format!("[[joint]] `{name}`: robot `{}` has no such joint", system.name)));
     }
     if let Some(twice) = twice(spec.joints.iter().map(|j| &j.name)).or_else(|| twice(columns(&spec).into_iter())) {
-        return Err(bad(path, format!("`{twice}` stands for two things")));
+        return Err(bad(path, format!("`{twice}` is used for two things")));
     }
     match (&spec.root, system.robot.floating()) {
-        (None, true) => Err(bad(path, format!("robot `{}` floats: [root] must say where it stands", system.name))),
+        (None, true) => Err(bad(path, format!("robot `{}` has a free base: [root] must have its position", system.name))),
         (Some(_), false) => Err(bad(path, format!("robot `{}` is fixed: [root] means nothing", system.name))),
         _ => Ok((spec, system)),
     }
@@ -167,7 +167,7 @@ impl Columns {
 /// All rows by trajectory, in the order of their names.
 ///
 /// # Errors
-/// A column that is not there, a cell that is no number, a quaternion that is none, time that does not go on; with its line.
+/// A column that is not there, a cell that is not a number, a quaternion that is none, time that does not go on; with its line.
 pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
     let mut table = Table::open(csv)?;
     let columns = Columns::new(&table, spec, system)?;

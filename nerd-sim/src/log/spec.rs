@@ -98,7 +98,7 @@ fn unit<'de, D: Deserializer<'de>>(from: D, known: &[(&str, f64)]) -> Result<f64
     let name = String::deserialize(from)?;
     let found = known.iter().find(|(unit, _)| *unit == name).map(|(_, factor)| *factor);
     let names = || known.iter().map(|(unit, _)| *unit).collect::<Vec<_>>().join(", ");
-    found.ok_or_else(|| D::Error::custom(format!("unknown unit `{name}`, known are {}", names())))
+    found.ok_or_else(|| D::Error::custom(format!("unknown unit `{name}`, choose from {}", names())))
 }
 
 fn length<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {

@@ -82,7 +82,7 @@ impl Collider {
         let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
         if !(place.iter().all(|x| x.is_finite()) && (turn.norm() - 1.0).abs() < 1e-6) {
             return Err(format!(
-                "its pose stands at {:?} m, turned by {:?}: finite numbers are needed",
+                "its pose is at {:?} m, turned by {:?}: finite numbers are needed",
                 place.as_slice(),
                 turn.coords.as_slice()
             ));

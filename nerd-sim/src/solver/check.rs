@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use crate::system::System;
 
 /// Refuses a batch or torques of other lengths than the system needs, and what takes more than [`Capabilities::default`]; finds
-/// environments whose state or torque is no number, or whose scene is none.
+/// environments whose state or torque is not a number, or whose scene is none.
 ///
 /// # Errors
 /// [`StepError::Refused`], [`StepError::Solver`] or [`StepError::Torques`].

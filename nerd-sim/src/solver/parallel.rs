@@ -92,7 +92,7 @@ impl<F: Frame> Parallel<F> {
         self.none.resize(chunks, Vector3::zeros());
         let told = if points > 0 { &mut forces[..] } else { &mut self.none[..] };
         self.next.clone_from(&batch.states);
-        // Who is no number from the start is not stepped at all.
+        // Who is not a number from the start is not stepped at all.
         let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
         let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
         let faults = &self.faults;

@@ -48,7 +48,7 @@ impl Cell {
         // Beyond all limits, and still a number.
         const HUGE: f64 = 1e300;
         let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
-        let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is no number".into()));
+        let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
         let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
         let verdict = match figure {
             _ if lost.is_some() => Verdict::Fail,

@@ -8,7 +8,7 @@ use crate::system::SystemError;
 #[non_exhaustive]
 pub enum Error {
     /// No row has that word in its name.
-    #[error("no row is called `{word}`; known are {known}")]
+    #[error("no row is called `{word}`; choose from {known}")]
     Row {
         /// The word.
         word: String,

@@ -43,7 +43,7 @@ impl Spec {
         {
             let names: Vec<_> = said.iter().map(name).collect();
             if let Some((_, twice)) = names.iter().enumerate().find(|(k, n)| names[..*k].contains(n)) {
-                return Err(format!("[[joint]] name = {:?} stands twice", twice.clone().unwrap_or_default()));
+                return Err(format!("[[joint]] name = {:?} appears twice", twice.clone().unwrap_or_default()));
             }
             for joint in said {
                 match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
@@ -72,7 +72,7 @@ fn merged(text: &str) -> Result<Option<Table>, String> {
     let Some(like) = own.remove("like") else { return Ok(None) };
     let known = like.as_str().and_then(System::texts);
     let Some((other, _)) = known else {
-        return Err(format!("like = {like}: known are {}, or \"urdf\" for what the URDF suggests", System::built_in().join(", ")));
+        return Err(format!("like = {like}: choose from {}, or \"urdf\" for what the URDF suggests", System::built_in().join(", ")));
     };
     let mut all = match merged(other)? {
         Some(all) => all,

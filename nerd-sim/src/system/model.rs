@@ -18,10 +18,10 @@ use crate::scene::{Scene, WORLDS, described, world};
 #[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
-    #[error("no robot `{0}`: known are {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
+    #[error("no robot `{0}`: choose from {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
     Unknown(String),
     /// No such scene.
-    #[error("robot `{robot}` has no scene `{scene}`: known are {known}")]
+    #[error("robot `{robot}` has no scene `{scene}`: choose from {known}")]
     Scene {
         /// The robot.
         robot: String,

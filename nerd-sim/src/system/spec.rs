@@ -78,7 +78,7 @@ pub struct Spec {
 }
 
 impl Spec {
-    /// One control frame (s); NaN if `frame_time` is no number.
+    /// One control frame (s); NaN if `frame_time` is not a number.
     pub fn seconds(&self) -> f64 {
         number(&self.frame_time).unwrap_or(f64::NAN)
     }

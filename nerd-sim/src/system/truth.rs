@@ -33,7 +33,7 @@ pub(crate) const ITERATIONS: usize = 4;
 
 /// No truth has that name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no truth is called `{name}`; known are {known}")]
+#[error("no truth is called `{name}`; choose from {known}")]
 pub struct UnknownTruth {
     /// What was asked for.
     pub name: String,

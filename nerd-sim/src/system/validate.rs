@@ -89,7 +89,7 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     for joint in &spec.joints {
         let at = robot.joint(&joint.name).map_err(|e| format!("[[joint]] name = {:?}: {e}", joint.name))?.joint;
         if !seen.insert(joint.name.as_str()) {
-            return Err(format!("[[joint]] name = {:?} stands twice", joint.name));
+            return Err(format!("[[joint]] name = {:?} appears twice", joint.name));
         }
         let modelled = robot.joints().nth(at);
         self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
@@ -128,7 +128,7 @@ fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String
         law(&at(&format!("{box_}.qd")), &start.qd, -FAST..=FAST, speed)?;
         if let Some(other) = start.minus.as_ref().filter(|name| !earlier.contains(&name.as_str())) {
             let known = if earlier.is_empty() { "none".into() } else { earlier.join(", ") };
-            return Err(at(&format!("{box_}.minus is {other:?}, which is no earlier joint (earlier is {known})")));
+            return Err(at(&format!("{box_}.minus is {other:?}, which is not an earlier joint (earlier is {known})")));
         }
     }
     Ok(())
@@ -159,7 +159,7 @@ fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> 
     law(&at("tilt"), &start.tilt, -WIDE..=WIDE, "rad")?;
     let Some(clearance) = start.clearance else { return Ok(()) };
     within(at("clearance"), clearance, 0.0..=FAR, "m")?;
-    if has_scene { Ok(()) } else { Err(at("asks for clearance, but no data_scene says from what")) }
+    if has_scene { Ok(()) } else { Err(at("has a clearance, but there is no data_scene")) }
 }
 
 /// Whether a name may be part of a file's name and of a list between commas.
@@ -214,7 +214,7 @@ fn columns(spec: &Spec, robot: &Robot) -> Result<(), String> {
                 return wrong("is the name of another column of tables");
             }
             if !seen.insert(name) {
-                return wrong("stands twice");
+                return wrong("appears twice");
             }
         }
     }

@@ -89,7 +89,7 @@ fn values_mean_what_they_say() {
             assert!((round - sharp).abs() < 1e-12, "a corner reaches {round} m, a sharp one {sharp} m");
         }
     }
-    for (name, what) in [("colour", "known are friction"), ("com.x:wheel", "LINK of cube"), ("joint-damping:knee", "no parameter")] {
+    for (name, what) in [("colour", "choose from friction"), ("com.x:wheel", "LINK of cube"), ("joint-damping:knee", "no parameter")] {
         let said = Parameter::named(&system, name).expect_err("an error").to_string();
         assert!(said.contains(what) && !said.contains('\n'), "{said}");
     }

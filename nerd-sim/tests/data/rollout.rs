@@ -32,8 +32,8 @@ fn faults_name_file_line_and_column() {
         words.iter().for_each(|word| assert!(said.contains(word), "`{said}` does not name {word}"));
     };
     let cases: [(&str, &str, [&str; 2]); 15] = [
-        ("twice", "traj,step,q1,q1,q2,qd1,qd2\n0,0,1,1,1,1,1\n", ["line 1", "`q1` stands there twice"]),
-        ("blank", "traj,step,q1, q1,q2,qd1,qd2\n0,0,1,1,1,1,1\n", ["line 1", "`q1` stands there twice"]),
+        ("twice", "traj,step,q1,q1,q2,qd1,qd2\n0,0,1,1,1,1,1\n", ["line 1", "`q1` appears twice"]),
+        ("blank", "traj,step,q1, q1,q2,qd1,qd2\n0,0,1,1,1,1,1\n", ["line 1", "`q1` appears twice"]),
         ("again", "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,1,,,,\n0,0,1,1,1,1\n", ["line 4", "step 0 already on line 2"]),
         ("later", "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,1,,,,\n0,1,,,,\n", ["line 4", "step 1 already on line 3"]),
         ("far", "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,4294967296,,,,\n", ["line 3, column `step`", "0 to 1000000"]),

@@ -42,7 +42,7 @@ fn a_recorder_misses_no_frame() {
     batch.state_mut(1)[0] = f64::NAN;
     let mut recorder = Recorder::new(paper(&batch.system));
     for _ in 0..5 {
-        recorder.step(&mut batch, &[0.0; 4]).expect_err("environment 1 is no number");
+        recorder.step(&mut batch, &[0.0; 4]).expect_err("environment 1 is not a number");
     }
     assert_eq!(recorder.frames.len(), 5);
     assert!(recorder.frames[4][1] != recorder.frames[3][1], "environment 0 moves");

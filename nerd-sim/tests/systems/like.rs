@@ -39,7 +39,7 @@ fn what_is_no_built_in_robot_is_refused_in_one_line() {
         ("like = \"unicorn\"", "unicorn"),
         ("like = \"mine\"", "mine"),
         ("like = 7", "7"),
-        ("like = [\"ant\"]", "known are"),
+        ("like = [\"ant\"]", "choose from"),
         ("like = \"cartpole\"\nlegs = 4", "legs"),
         ("like = \"cartpole\"\nsubsteps = 0", "substeps"),
         ("like = \"cartpole\"\nsubsteps = \"many\"", "substeps"),

@@ -80,7 +80,7 @@ pub fn streams(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// What has no memory on the device is refused, what is no number stays none.
+/// What has no memory on the device is refused, what is not a number stays none.
 pub fn refusals(checks: &mut Checks) -> Outcome {
     let rotary = TransformerConfig { positions: Positions::Rotary, layers: 2, ..TransformerConfig::paper(37, 4, 192) };
     let mut stream = CudaStream::new(&weights(rotary), Precision::F32, 40)?;

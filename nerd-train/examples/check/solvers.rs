@@ -62,8 +62,10 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
         new()?.step(&mut sound, &frames[0])?;
         let said = new()?.step(&mut harmed, &frames[0]).err().map_or_else(String::new, |e| e.to_string());
         let others = |b: &Batch| [&b.states[..41 * d], &b.states[42 * d..]].concat();
-        checks
-            .demand(said.contains("environment 41") && others(&sound) == others(&harmed), format!("{name}: one that is no number: {said}"));
+        checks.demand(
+            said.contains("environment 41") && others(&sound) == others(&harmed),
+            format!("{name}: one that is not a number: {said}"),
+        );
 
         let begin = batch(system, scene, 64)?.state(3).to_vec();
         one.reset(3, &begin);

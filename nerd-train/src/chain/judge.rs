@@ -16,7 +16,7 @@ use crate::learner::validation_rows;
 /// Mean distance (m) of nodes from the truth over the whole of every motion, rolled out by the solver; infinite if one of them fails.
 ///
 /// # Errors
-/// If the robot is no chain of the network's.
+/// If the robot is not a chain of the network's.
 pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
     let refused = |e: nerd_model::chain::NoChain| Error::Refused(e.to_string());
     let (chain, mut solver) = (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);

@@ -43,7 +43,7 @@ struct Made {
 /// A chain's model as a solver of `system`; the device is opened at its first step.
 ///
 /// # Errors
-/// If the robot is no chain or another one, or the kernels do not cover the network.
+/// If the robot is not a chain or another one, or the kernels do not cover the network.
 pub fn chain(model: Model, system: &Arc<System>, precision: Precision) -> Result<CudaChain, String> {
     // What the CPU's solver refuses.
     ChainSolver::new(&model.weights, &model.normalizer, system).map_err(|e| e.to_string())?;

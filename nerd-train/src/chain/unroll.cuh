@@ -96,7 +96,7 @@ FN void look(const Rollout& r, const Motions& m, const double* chain, const doub
     EACH(k, RODS) {
         V3 normal;
         double gap;
-        // What is no number is seen, so that it can be told.
+        // What is not a number is seen, so that it can be told.
         if (touch(surface, surfaces, home() + unseen(r.view, read3(ends + 3 * k) - home()), normal, gap)) gap = infinite() - infinite();
         normal = seen(r.view, normal);
         const V3 along = read3(chain + GRIPPER + 3 * k), rate = read3(chain + RATES + 3 * k);

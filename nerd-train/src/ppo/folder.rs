@@ -98,7 +98,7 @@ fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> R
         m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0)
     };
     if !flat.iter().all(|w| w.is_finite()) || !of(&seen) || !of(&returns) {
-        return Err(file.wrong("a weight or a moment is no finite number, or a variance is below 0"));
+        return Err(file.wrong("a weight or a moment is not a finite number, or a variance is below 0"));
     }
     Ok((config, Policy { shape, flat, seen, returns }))
 }

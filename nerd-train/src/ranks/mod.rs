@@ -71,7 +71,7 @@ impl Ranks {
         self.star.as_ref().map_or(Ok(()), |star| star.sum(values))
     }
 
-    /// The same of a gradient and the loss that goes with it, so that all ranks stop where that is no number.
+    /// The same of a gradient and the loss that goes with it, so that all ranks stop where that is not a number.
     ///
     /// # Errors
     /// As [`Ranks::sum`].

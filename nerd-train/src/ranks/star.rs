@@ -261,7 +261,7 @@ fn call(place: &Place) -> Result<TcpStream, RankError> {
     let met =
         stream.set_read_timeout(Some(LIMIT + HELLO)).and_then(|()| stream.write_all(&hello)).and_then(|()| stream.read_exact(&mut heard));
     if met.is_err() || heard != *WORDS {
-        return Err(RankError::Meet(format!("rank {rank}: rank 0 at {address}:{port} did not take it up; what it says tells why")));
+        return Err(RankError::Meet(format!("rank {rank}: rank 0 at {address}:{port} did not accept it; its output says why")));
     }
     Ok(stream)
 }

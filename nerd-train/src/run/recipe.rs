@@ -63,7 +63,7 @@ impl Recipe {
     /// If there is none of that name, it is another robot's, or a value makes no sense.
     pub fn named(name: &str, given: &Given) -> Result<Self> {
         let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
-            refuse!("--recipe {name}: known are {}; of your own give the file", Self::names().collect::<Vec<_>>().join(", "));
+            refuse!("--recipe {name}: choose from {}; of your own give the file", Self::names().collect::<Vec<_>>().join(", "));
         };
         let path = PathBuf::from(format!("nerd-train/assets/runs/{name}.toml"));
         let recipe = Self::parse(&path, text, &Given::new())?;
@@ -167,7 +167,7 @@ impl RunConfig {
         let (done, system) = (self.out.join("model"), System::named(&self.robot)?);
         match Model::load(&done, &system, Some(&self.record.truth(&system).name())) {
             Ok(_) => return Ok(Some(done)),
-            Err(e) if done.exists() => eprintln!("{e}; it is made anew"),
+            Err(e) if done.exists() => eprintln!("{e}; it is made again"),
             Err(_) => {}
         }
         Ok(None)

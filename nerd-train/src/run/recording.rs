@@ -37,9 +37,9 @@ settings! {
         /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
         /// trajectories are passive, as models are asked in rollouts)
         torque_scale: f64 = 1.0, Number(-10.0..=1.0);
-        /// Most frames for which a random action is held, their number drawn once a trajectory: 1 jitters, more travel
+        /// Largest number of frames for which a random action is held, drawn once per trajectory
         hold: usize = 1, Whole(FRAMES);
-        /// Share of the trajectories that start as evaluations and tasks do, not from the box of the data
+        /// Share of the trajectories that start as evaluations and tasks do, not from the training ranges
         resets: f64 = 0.0, Number(0.0..=1.0);
         /// Folders of policies that act in part of the data, each in its task: random torques seldom go where they go. They are
         /// noisy, a quarter of their trajectories begin fast, in a quarter they take turns

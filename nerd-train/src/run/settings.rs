@@ -39,7 +39,7 @@ settings! {
         history: usize = 10, Whole(1..=1024);
         /// Places in the table of positions, of which `history` are used (without --stream)
         block: usize = 32, Whole(1..=8192);
-        /// Rotary positions: rollouts evaluate one token a frame in place of a window
+        /// Rotary positions: rollouts evaluate one token per frame instead of a window
         stream: bool = false, Flag;
         /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six
         /// layers and windows of 10, and at least 32]; with --variant chain frames of a rollout in training [default: 1]
@@ -48,7 +48,7 @@ settings! {
         data: Option<PathBuf> = None, Text;
         /// Transitions to record before
         transitions: usize = 10_000_000, Whole(TRANSITIONS);
-        /// Transitions recorded while the run goes on, which take the places of the oldest: nothing is learned by heart
+        /// Transitions recorded during the run, which replace the oldest, against overfitting
         fresh: usize = 0, Whole(0..=*TRANSITIONS.end());
         /// Model folder to start from, normaliser and all [default: random weights]
         from: Option<PathBuf> = None, Text;
@@ -60,13 +60,13 @@ settings! {
         rate: f64 = 1e-3, Positive;
         /// Learning rate the linear decay ends at
         last_rate: f64 = 1e-4, Number(0.0..=10.0);
-        /// Share of the run, at its end, over which the rate falls on to zero (the paper: 0)
+        /// Share of the run, at its end, over which the rate decays to zero (the paper: 0)
         tail: f64 = 0.0, Number(0.0..=1.0);
         /// Updates over which the rate rises from zero (the paper: 0)
         warmup: u64 = 0, Whole(0..=*UPDATES.end());
         /// What updates the hidden matrices: adam (the paper) or muon
         optimizer: Optimizer = Optimizer::Adam, Words(&["adam", "muon"]);
-        /// Error, in deviations of a target, around which the loss goes over from squares (the paper's) to a straight line
+        /// Error, in standard deviations of a target, at which the pseudo-Huber loss turns from quadratic to linear (the paper: quadratic)
         huber: Option<f32> = None, Positive;
         /// Added to the variance of every target before it is scaled; the paper's lets targets count less that vary by less than
         /// some 3e-3 of their unit [default: the paper's, 1e-5; a run --from a model has its]
@@ -81,9 +81,9 @@ settings! {
         log_every: u64 = 500, Whole(UPDATES);
         /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
         rollouts: usize = 64, Whole(0..=*STARTS.end());
-        /// Stop, with a checkpoint, after so many minutes; the same command continues
+        /// Stop with a checkpoint after so many minutes; the same command continues
         minutes: Option<f64> = None, Positive;
-        /// Train no further: make a model of the best weights that the run has had so far
+        /// Stop training and export the best weights so far as a model
         finish: bool = false, Flag;
         /// Where to compute: cpu; cuda, NVIDIA's (needs a build with `--features cuda`); wgpu, any card (`--features wgpu`); flex, the CPU
         /// through burn (`--features burn`)

@@ -25,7 +25,7 @@ fn some(n: usize, size: f64) -> Vec<f64> {
     (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
 }
 
-/// The larger of two; what is no number is the worst.
+/// The larger of two; what is not a number is the worst.
 fn worse(most: f64, off: f64) -> f64 {
     if off <= most { most } else { off }
 }

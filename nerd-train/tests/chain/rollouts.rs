@@ -231,7 +231,7 @@ fn a_run_makes_a_model_that_is_picked_like_all_others() {
     let streamed = but(&|c| c.stream = true).err().expect("refused").to_string();
     assert!(streamed.contains("--stream means nothing with --variant chain"), "{streamed}");
     let pendulum = but(&|c| c.robot = "pendulum".into()).err().expect("refused").to_string();
-    assert!(pendulum.starts_with("robot `pendulum` is no chain") && !pendulum.contains('\n'), "{pendulum}");
+    assert!(pendulum.starts_with("robot `pendulum` is not a chain") && !pendulum.contains('\n'), "{pendulum}");
 
     // One rod fewer: another robot, by its name the same.
     let shorter = Arc::new(System::from_toml("cable", &CABLE.replace("links = 6", "links = 5")).expect("a cable"));

@@ -99,7 +99,7 @@ fn what_a_file_should_not_say_is_refused_with_its_name_and_the_key() {
         let said = Recipe::read(&path, &Given::new()).expect_err(text).to_string();
         assert!(said.contains("my.toml") && said.contains(key), "{text}: {said}");
     }
-    for (wrong, words) in [("unicorn", "known are"), ("ant", "trains `ant`")] {
+    for (wrong, words) in [("unicorn", "choose from"), ("ant", "trains `ant`")] {
         let said = Recipe::named(wrong, &given(&[("robot", "cube".into())])).expect_err(wrong).to_string();
         assert!(said.contains(words), "{said}");
     }

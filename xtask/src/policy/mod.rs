@@ -26,9 +26,9 @@ pub struct PolicyArgs {
 /// What to do with it.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum PolicyVerb {
-    /// Train a policy by PPO, or go on training
+    /// Train a policy by PPO, or continue a run
     Train(Box<TrainArgs>),
-    /// Train policies and their model in turn, until policies of new seeds earn in it what they earn in the truth
+    /// Train policies and their model in turn, until policies of new seeds earn in the model what they earn in the truth
     CoTrain(CoTrainArgs),
     /// Play a policy in the truth and in the learned simulator
     Evaluate(Conduct<Policies>),
@@ -46,25 +46,25 @@ pub struct TrainArgs {
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU]
     #[arg(long, value_parser = ["paper", "small"])]
     pub recipe: Option<String>,
-    /// TOML with all settings, in place of a recipe (see nerd-train/assets/ppo)
+    /// TOML with all settings, instead of a recipe (see nerd-train/assets/ppo)
     #[arg(long, value_name = "FILE", conflicts_with = "recipe")]
     pub config: Option<PathBuf>,
-    /// Environments, in place of the settings'
+    /// Environments, instead of the settings'
     #[arg(long)]
     pub envs: Option<usize>,
-    /// Steps of an environment in one iteration, in place of the settings'
+    /// Steps of an environment in one iteration, instead of the settings'
     #[arg(long)]
     pub horizon: Option<usize>,
-    /// Iterations in the whole run, in place of the settings'
+    /// Iterations of the whole run, instead of the settings'
     #[arg(long, value_parser = value::<u64>(Whole(1..=1_000_000_000)))]
     pub iterations: Option<u64>,
-    /// Steps in a minibatch, in place of the settings'
+    /// Steps in a minibatch, instead of the settings'
     #[arg(long)]
     pub minibatch: Option<usize>,
     /// Stop once the mean reward of the last episodes has reached this
     #[arg(long, value_parser = value::<f64>(Number(f64::MIN..=f64::MAX)))]
     pub until: Option<f64>,
-    /// Stop, with a checkpoint, after so many minutes; the same command continues
+    /// Stop with a checkpoint after so many minutes; the same command continues
     #[arg(long, value_parser = value::<f64>(Positive))]
     pub minutes: Option<f64>,
     /// Seed of weights, noise and starts

@@ -59,7 +59,7 @@ impl Ablations {
         }
         let slugs = BARS.each_ref().map(Bar::slug);
         match self.only.iter().find(|name| !slugs.contains(name)) {
-            Some(name) => refuse!("only {name}: known are {}", slugs.join(", ")),
+            Some(name) => refuse!("only {name}: choose from {}", slugs.join(", ")),
             None => Ok(()),
         }
     }

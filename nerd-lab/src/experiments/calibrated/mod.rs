@@ -47,7 +47,7 @@ settings! {
         train: usize = 68, Whole(1..=95);
         /// Frames of a rollout
         frames: usize = 80, Whole(2..=*FRAMES.end());
-        /// A rollout begins at every so many frames
+        /// Frames between the starts of rollouts
         every: usize = 4, Whole(FRAMES);
         /// Evaluations of the objective, for each split and solver
         evaluations: usize = 1000, Whole(40..=1_000_000);
@@ -93,7 +93,7 @@ impl Calibration {
         match solver {
             "articulated" => Ok(Engine::Articulated(ArticulatedConfig::implicit(self.substeps, Friction::Coulomb))),
             "rapier" => Ok(Engine::Rapier(RapierConfig { steps: 1, ..Default::default() })),
-            other => refuse!("--solvers {other}: known are articulated, rapier"),
+            other => refuse!("--solvers {other}: choose from articulated, rapier"),
         }
     }
 

@@ -39,7 +39,7 @@ settings! {
         task: Vec<String> = Vec::new(), Texts;
         /// With --fresh: settings of PPO, small or paper (full length)
         recipe: String = "small".into(), Words(&["small", "paper"]);
-        /// With --fresh: folder of the policies' runs; the same command goes on with those that are not done
+        /// With --fresh: folder of the policies' runs; the same command continues
         runs: PathBuf = "out/fresh".into(), Text;
         /// With --fresh: minutes after which each training stops [default: none]
         minutes: Option<f64> = None, Positive;

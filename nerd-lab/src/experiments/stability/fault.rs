@@ -154,7 +154,7 @@ impl fmt::Display for Fault {
 
 /// No fault has that name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no fault is called `{0}`; known are {known}", known = Fault::ALL.map(Fault::name).join(", "))]
+#[error("no fault is called `{0}`; choose from {known}", known = Fault::ALL.map(Fault::name).join(", "))]
 pub struct UnknownFault(pub String);
 
 impl FromStr for Fault {

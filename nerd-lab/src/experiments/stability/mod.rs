@@ -53,7 +53,7 @@ impl StabilityMap {
         let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str)).collect();
         Table::new("stability", &header)
             .with(rows)
-            .noted("!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it has not what the row asks for.")
+            .noted("!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it lacks what the row needs.")
     }
 }
 

@@ -3,7 +3,7 @@
 
 use pulp::Arch;
 
-/// The larger of two, and what is no number if x is not: `f32::max` would take the other one.
+/// The larger of two, and what is not a number if x is not: `f32::max` would take the other one.
 #[inline(always)]
 pub fn at_least(x: f32, least: f32) -> f32 {
     if x < least { least } else { x }
@@ -147,7 +147,7 @@ mod tests {
         }
         let mut shares = [0.0, f32::NAN, 1.0];
         softmax(&mut shares, 0..3, 1.0);
-        assert!(exp(f32::NAN).is_nan() && erf(f32::NAN).is_nan(), "what is no number stays none");
+        assert!(exp(f32::NAN).is_nan() && erf(f32::NAN).is_nan(), "what is not a number stays none");
         assert!(shares.iter().all(|s| s.is_nan()), "{shares:?}");
         assert!(worst_exp < 3e-7, "exp: {worst_exp:.1e} relative");
         assert!(worst_erf < 8e-7, "erf: {worst_erf:.1e}; the formula's is 1.5e-7, to which f32 adds its rounding");

@@ -35,7 +35,7 @@ const ALONE: &str = include_str!("alone.cuh");
 const COLLIDER: usize = 20;
 /// The most steps of a factorisation that are written one by one into the text.
 const WALKS: usize = 4000;
-/// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is no number, a state that is none.
+/// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is not a number, a state that is none.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
 
@@ -256,8 +256,8 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
 /// What a fault's number means.
 pub fn fault(robot: &Robot, code: i32) -> String {
     match code {
-        LOST => "a contact point's distance is no number: the state or the collider is not finite".into(),
-        GONE => "the state after the frame is no number; the state before it is the last good one".into(),
+        LOST => "a contact point's distance is not a number: the state or the collider is not finite".into(),
+        GONE => "the state after the frame is not a number; the state before it is the last good one".into(),
         code => Factor::new(robot).fault_at(robot, Some(code as usize - 1)),
     }
 }

@@ -98,7 +98,7 @@ FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
 constexpr int WORD = 32, WORDS = NP / WORD + 1;
 
 // Which points may be beyond a plane in some part of the substep: for all of them together little work, and none for those that are far.
-// A distance that is no number may be anywhere.
+// A distance that is not a number may be anywhere.
 FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
     const V3 n = plane.normal;
     onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {

@@ -52,9 +52,9 @@ pub(super) static ROWS: [Row; 9] = [
     })
     .source("speed limit of its URDF")
     .why("The same, at gains of a position-controlled arm."),
-    Row::new("no number", "0 if a state that is no number is refused, 1 if not", "", 0.0, no_number)
+    Row::new("no number", "0 if a state that is not a number is refused, 1 if not", "", 0.0, no_number)
         .source("an error, with its place")
-        .why("A state that is no number must be refused where it stands, before it spreads."),
+        .why("A state that is not a number must be refused where it stands, before it spreads."),
 ];
 
 fn ant(trial: &Trial) -> Result<f64, Error> {

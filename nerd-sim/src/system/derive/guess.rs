@@ -82,7 +82,7 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let floating = robot.floating();
     notes.push(format!(
-        "nothing but the URDF is known: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
+        "only the URDF is given: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
         if floating { "free" } else { "fixed" }
     ));
     let low = robot.contact_points.iter().zip(&points).map(|(p, at)| at.z - p.radius).fold(f64::INFINITY, f64::min);

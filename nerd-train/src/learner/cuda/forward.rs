@@ -78,7 +78,7 @@ impl CudaForward {
         let (plan, most) = (&self.network.plan, self.network.rows);
         let (window, tokens) = (plan.tokens * plan.inputs(), plan.tokens);
         if !inputs.len().is_multiple_of(window) || inputs.len() > most * window {
-            return Err(LearnError::Mismatch(format!("{} inputs are no windows of {window}, or more than {most} of them", inputs.len())));
+            return Err(LearnError::Mismatch(format!("{} inputs are not windows of {window}, or more than {most} of them", inputs.len())));
         }
         if inputs.is_empty() { Ok(Vec::new()) } else { self.evaluate(inputs, tokens, (inputs.len() / window, false)) }
     }

@@ -96,7 +96,7 @@ impl Plan {
         }
         match plan.mixing() < plan.parts.len() {
             true => Ok(plan),
-            false => Err(LearnError::Mismatch("the CUDA engine wants a last step in which tokens are alone".into())),
+            false => Err(LearnError::Mismatch("the CUDA engine needs a last operation in which tokens are independent".into())),
         }
     }
 

@@ -147,7 +147,7 @@ impl World {
             device.read(&held.states, &mut self.states).map_err(failed)?;
         }
         if let Some(env) = counts[1].checked_sub(1) {
-            let reason = "a start that cannot be stepped would begin anew for ever".into();
+            let reason = "a start that cannot be stepped would restart for ever".into();
             return Err(StepError::Environments(vec![Fault { env: env as usize, frame: 0, reason }]));
         }
         Ok(counts[0] as usize)

@@ -11,7 +11,7 @@ struct Scalars {
     float lr, bad_loss, scale, rate, root, blend;
 };
 
-// max(x, 0), of what is no number that: fmaxf would take 0.
+// max(x, 0), of what is not a number that: fmaxf would take 0.
 __device__ __forceinline__ float relu(float x) { return x < 0.0f ? 0.0f : x; }
 
 __device__ __forceinline__ float warp_sum(float v) {
