@@ -1,5 +1,4 @@
-//! A solver by its description, as a command line or an experiment's settings name it; the solver itself is made when robot and
-//! scene are known.
+//! A solver by its description, as on the command line or in an experiment's settings; it is built once robot and scene are known.
 
 use std::path::PathBuf;
 use std::sync::Arc;

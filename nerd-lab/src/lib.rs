@@ -2,7 +2,7 @@
 // Nobody outside this repository calls it, and every error is one line for whoever gave the command.
 #![allow(missing_docs, clippy::missing_errors_doc)]
 
-/// Standard `eprintln!` panics where nobody reads.
+/// The standard `eprintln!` panics on a closed pipe.
 macro_rules! eprintln {
     ($($text:tt)*) => { nerd_train::progress::tell(format_args!($($text)*)) };
 }

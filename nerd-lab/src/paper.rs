@@ -8,7 +8,7 @@ fn plain(robot: &str) -> &str {
 }
 
 /// Published mean errors by quantity ([`nerd_train::evaluate::summary`]), or `None` where nothing is published. They are of the
-/// reference simulator, so they stand beside errors from preset `paper` alone.
+/// reference simulator, so they are compared with errors from preset `paper` only.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     let pair = match (plain(robot), scene) {
         ("cartpole", "free") => Some([0.033, 0.075]),

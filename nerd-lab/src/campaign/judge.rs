@@ -55,7 +55,7 @@ impl Outcome {
     }
 }
 
-/// Longest refusal (bytes): somebody is to read it.
+/// Longest message (bytes): it has to be readable.
 const WORDS: usize = 10_000;
 /// Uses a case in the folder that this process is in, which it empties.
 pub fn judge(case: &Case, call: Call) -> Result<Verdict> {

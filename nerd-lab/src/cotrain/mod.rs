@@ -1,4 +1,4 @@
-//! Policies and model in turn, until policies of seeds never used before earn in the model what they earn in its truth.
+//! Trains policies and their model in turn, until policies of new seeds earn in the model what they earn in its truth.
 //!
 //! ```text
 //! model ─▶ policies of new seeds, trained in it ─▶ games in it and in the truth ─▶ gaps ─ small ─▶ done
@@ -6,9 +6,8 @@
 //!   └── trained on, on fresh data in which the policies of all rounds act ◀── large ┘
 //! ```
 //!
-//! A model is at its best where its data was, and a policy that is being trained goes where reward is, right or not: what it
-//! finds beyond the data is the model's fault more often than the robot's gift. So the policies that found it act in the next
-//! data. That a round's seeds are new makes its gaps an honest judgement: its model was frozen before anybody had them.
+//! A policy in training moves to where reward is, and reward beyond a model's data is usually the model's error. So those policies act in
+//! the next round's data. A round's seeds are new and its model was frozen before, so its gaps are an honest measure.
 //!
 //! ```text
 //! OUT/co-train.json                                       what the loop is; the same command goes on, another one is refused
@@ -44,7 +43,7 @@ pub enum End {
     Time,
 }
 
-/// What it came to.
+/// The result.
 pub struct CoTrained {
     /// Why it stopped.
     pub end: End,

@@ -1,4 +1,4 @@
-//! From settings to a loop: what is refused, what it starts from, and by what it is known.
+//! The loop's plan from its settings: checks, first model, identity.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use crate::error::{Result, refuse};
 use crate::report::write;
 
-/// Updates of a training on that nobody says anything about.
+/// Default number of updates of further training.
 const USUAL: u64 = 100_000;
 
 settings! {
@@ -92,7 +92,7 @@ impl Plan {
         lengthen(&mut onward, config.updates);
         (onward.device, onward.minutes, onward.finish, onward.data, onward.epsilon) = (config.device, None, false, None, None);
         (onward.out, onward.from) = (out.clone(), Some(model.clone()));
-        // As far as it can be said before there are policies.
+        // As far as it is known before there are policies.
         Run::new(&onward)?;
         let arena = Arena::Model { folder: out.clone(), device: config.device };
         let ppo = |task: &String| -> Result<PpoConfig> {

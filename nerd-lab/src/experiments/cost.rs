@@ -1,4 +1,4 @@
-//! What a frame costs: the shortest of some runs, on one core. Everything that is timed for a figure is timed here.
+//! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! Games of a policy: in a truth, in a model, and how far their rewards are apart.
+//! Games of a policy in a truth and in a model, and the gap between their rewards.
 
 use std::path::Path;
 
@@ -44,7 +44,8 @@ pub fn gap(real: f64, learned: f64) -> f64 {
     100.0 * (learned - real) / real.abs()
 }
 
-/// Standard error of [`gap`] between the means of games that began alike, pair by pair: `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
+/// Standard error of [`gap`] between the means of games that began alike, pair by pair:
+/// `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
 pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     let (r, l) = (Reward::of(real).mean, Reward::of(learned).mean);
     let square = |(a, b): (&Game, &Game)| (b.reward - a.reward * l / r).powi(2);

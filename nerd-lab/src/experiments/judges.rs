@@ -1,5 +1,5 @@
-//! Judges that nobody trained on: every policy in its truth, at twice the substeps, in rapier, at the reference simulator's
-//! preset and in MuJoCo. A policy that lives on one simulator's fault earns there alone.
+//! Judges in which nothing was trained: every policy in its truth, at twice the substeps, in rapier, at the reference simulator's preset
+//! and in MuJoCo. A policy that exploits one simulator's fault earns only there.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::report::{Input, Inputs, Table};
 
 settings! {
-    /// Every policy before judges that nobody trained on.
+    /// Every policy before judges in which nothing was trained.
     pub struct Judges {
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;

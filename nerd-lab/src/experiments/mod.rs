@@ -73,7 +73,7 @@ impl Measured {
 }
 
 /// Measures an experiment and writes its result into a folder. A result with more behind it is never overwritten
-/// ([`may_write`]), which is said before anything is measured.
+/// ([`may_write`]), which is checked before anything is measured.
 pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let (name, provenance, effort) = (experiment.name(), Provenance::now(experiment.seed()), experiment.effort());
     may_write(out, &name, &provenance, effort)?;

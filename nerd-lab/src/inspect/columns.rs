@@ -1,4 +1,4 @@
-//! The columns of a data set: what each is called, and what its numbers are like.
+//! The columns of a data set: names and statistics.
 
 use nerd_model::base::Base;
 use nerd_model::features::Features;

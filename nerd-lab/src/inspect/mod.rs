@@ -159,7 +159,7 @@ impl Counts {
         (0..recording.trajectories).map(look).collect()
     }
 
-    /// Counts what is no column's.
+    /// Counts that are not a column's.
     fn take(&mut self, system: &System, recording: &Recording, kept: &[bool]) {
         let (f, robot) = (recording.frames, &system.robot);
         let (d, points) = (robot.state_dim(), robot.contact_points.len());

@@ -45,7 +45,7 @@ pub struct Played {
     pub lost: usize,
 }
 
-/// What the referee is told first, and then for each run.
+/// The referee's input: once, and for each run.
 #[derive(Serialize)]
 struct Request {
     mjcf: String,
@@ -118,8 +118,8 @@ impl Referee {
         Self::of(python, &batch, frames)
     }
 
-    /// The same from a batch, with its drives, which must be those of its first environment everywhere, and the masses and frictions of its robots.
-    /// All else of them and of their scenes is taken from the first; largest velocities of joints are not kept.
+    /// The same from a batch, with its drives, which must be those of its first environment everywhere, and the masses and frictions of
+    /// its robots. All else of them and of their scenes is taken from the first; largest velocities of joints are not kept.
     ///
     /// # Errors
     /// As [`Self::new`]; a batch whose drives differ.
@@ -127,8 +127,8 @@ impl Referee {
         Self::by(REFEREE, python, batch, frames)
     }
 
-    /// MuJoCo Warp, the same engine in 32 bits on a GPU: every start is a world, and all of them run side by side. It makes no frames one by
-    /// one, and takes no robots that differ.
+    /// MuJoCo Warp, the same engine in 32 bits on a GPU: every start is a world, and all of them run side by side. It makes no frames one
+    /// by one, and takes no robots that differ.
     ///
     /// # Errors
     /// As [`Self::new`].

@@ -1,4 +1,4 @@
-//! Motions worth seeing: a robot let go, driven as in its data, or under a policy, in the truth and in the learned simulator side by side.
+//! Motions for replays: passive, driven as in the data, or under a policy, in the truth and in the learned simulator.
 
 use std::path::Path;
 use std::sync::Arc;

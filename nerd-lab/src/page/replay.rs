@@ -28,7 +28,7 @@ pub struct Replay {
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
-    /// What stands on links, and in the scene.
+    /// Shapes of links and scene.
     pub shapes: Vec<Solid>,
     /// Links whose origins a rod joins, since not every robot has a shape for each; none of a cable, whose shapes join.
     pub rods: Vec<[usize; 2]>,
@@ -103,12 +103,12 @@ impl Replay {
     }
 }
 
-/// JSON that may stand in a script: `<` may not.
+/// JSON for a script, without `<`.
 pub fn script(data: &impl Serialize) -> String {
     serde_json::to_string(data).unwrap_or_else(|_| "null".into()).replace('<', "\\u003c")
 }
 
-/// Text that may stand in a page.
+/// Text for a page.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

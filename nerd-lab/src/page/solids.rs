@@ -1,4 +1,4 @@
-//! What stands on a robot's links and in its scene, as shapes that a replay shows.
+//! Shapes of a robot's links and of its scene, for replays.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -17,7 +17,7 @@ const CABLE: f64 = 20.0;
 /// A shape on a link, or in the scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Solid {
-    /// The link it is fixed on; none of what stands in the scene.
+    /// The link it is fixed on; none for the scene's.
     pub link: Option<usize>,
     /// Its colour (degrees).
     pub hue: f64,
@@ -29,7 +29,7 @@ pub struct Solid {
     pub size: Vec<f64>,
 }
 
-/// Of the links: their shapes, or what stands in for them.
+/// The links' shapes, or substitutes.
 pub(super) fn solids(system: &System) -> impl Iterator<Item = Solid> {
     let all = system.robot.links.iter().enumerate().flat_map(|(link, body)| body.shapes.iter().map(move |shape| (link, shape)));
     all.map(|(link, shape)| {
@@ -44,7 +44,7 @@ pub(super) fn solids(system: &System) -> impl Iterator<Item = Solid> {
     .chain(bones(system))
 }
 
-/// What stands in the scene and is neither a plane nor a mesh.
+/// The scene's shapes other than planes and meshes.
 pub(super) fn standing(body: &Collider) -> Option<Solid> {
     // Parry's round shapes lie along y.
     let turned = body.pose * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);

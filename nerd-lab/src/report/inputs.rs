@@ -1,7 +1,7 @@
-//! What a result depends on, by content: so that a later check can say whether it still holds.
+//! A result's inputs by content, so that a later check can tell whether it still holds.
 //!
-//! Robots, models, policies and data sets are known by SHA-256. Solvers are known by what they do: the state that a short
-//! rollout ends in. A comment or a renamed file changes nothing then, a changed step does, however deep it lies.
+//! Robots, models, policies and data sets are identified by SHA-256, solvers by the final state of a short rollout: a renamed file changes
+//! nothing, a changed step does.
 
 use std::path::{Path, PathBuf};
 
@@ -128,7 +128,7 @@ impl Inputs {
         Ok(())
     }
 
-    /// Those that are no longer what they were, in words.
+    /// Those that have changed, as text.
     pub fn changed(&self) -> Vec<String> {
         let changed = self.0.iter().filter_map(|then| match then.now() {
             Ok(None) => None,

@@ -1,4 +1,4 @@
-//! Figures in documents: each stands between marks that name the result it comes from, and is written by a command.
+//! Figures in documents: each is between marks that name its result, and a command fills it in.
 //!
 //! ```text
 //! <!--= ant-2048 /rows/0/report/error pair -->0.0145 / 0.0226<!--/-->     a number, or several

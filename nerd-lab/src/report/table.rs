@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Rows under a header. Cells are text as a person reads it; the numbers behind them stand in the artefact's data.
+/// Rows under a header. Cells are text as a person reads it; the numbers are in the artefact's data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Table {
     /// One word, by which documents name it.

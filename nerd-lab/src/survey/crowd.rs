@@ -1,5 +1,5 @@
-//! Many robots of one URDF with masses and frictions of their own: what a setting's error is, and how many frames it makes in a second on one
-//! core, beside MuJoCo on the same robots.
+//! Many robots of one URDF, each with its own masses and friction: error and frames per second on one core, beside MuJoCo on the same
+//! robots.
 
 use std::path::Path;
 use std::time::Instant;

@@ -46,7 +46,7 @@ pub(super) fn text(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|e| format!("is not UTF-8 text: byte {}", e.utf8_error().valid_up_to()))
 }
 
-/// What was said, without the name that stands in its row already.
+/// The message, without the name that its row already has.
 pub(super) fn reason(error: &SystemError, name: &str) -> String {
     error.to_string().replace(&format!("robot `{name}`: "), "").replace('|', "/")
 }

@@ -1,6 +1,6 @@
 //! Other people's robots: each .urdf of a folder is read as it is, on a fixed and on a free base, and rolled out from zero
-//! coordinates under gravity, or refused by one line that says what it asks for that is not there. No file ends the others'
-//! turn: one that cannot be read, or that we panic on, has its line, too.
+//! coordinates under gravity, or refused with one line that names what is not supported. A file that cannot be read, or that we panic on,
+//! gets a line too and does not stop the others.
 //!
 //! ```
 //! let found = nerd_lab::survey::find("../nerd-sim/assets".as_ref())?;

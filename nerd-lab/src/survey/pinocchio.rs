@@ -1,5 +1,5 @@
-//! Pinocchio as a referee of the dynamics, for those who have one. Nothing needs it, to build or to run: a Python with Pinocchio (PyPI:
-//! pin) is started when asked for, given a URDF, states and what we make of them, and asked how far that is from its own.
+//! Pinocchio as a referee of the dynamics. It is optional: a Python with Pinocchio (PyPI: pin) is started on request, receives a URDF,
+//! states and our results, and returns the differences from its own.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
@@ -54,8 +54,8 @@ enum Said {
     Worst { worst: Differences },
 }
 
-/// How far a robot's dynamics are from Pinocchio's at random states, and Pinocchio's version. Turns are up to pi, slides up to 0.5 m, rates and
-/// accelerations up to 1, torques up to 10.
+/// How far a robot's dynamics are from Pinocchio's at random states, and Pinocchio's version. Turns are up to pi, slides up to 0.5 m,
+/// rates and accelerations up to 1, torques up to 10.
 ///
 /// # Errors
 /// If `python` cannot be started or has no Pinocchio, or what either side says of the robot.
@@ -67,7 +67,7 @@ pub fn differences(python: &Path, urdf: &Path, robot: &Robot, states: usize, see
         return Err(PinocchioError::Absent("no pipe to Python".into()));
     };
     let asked = request(urdf, robot, states);
-    // What it was given up on is said by it, not by the broken pipe.
+    // Its own output has the reason, not the broken pipe.
     let sent = ask(&mut input, &asked, robot, states, seed);
     drop(input);
     let mut version = None;
@@ -144,7 +144,7 @@ fn ask(input: &mut impl Write, asked: &Request, robot: &Robot, states: usize, se
         }
         let mut send = |numbers: &[f64]| input.write_all(&numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()).map_err(said);
         [&q, &qd, &qdd, &tau].into_iter().try_for_each(|x| send(x))?;
-        // Theirs stand row by row.
+        // Theirs are row by row.
         send(mass.transpose().as_slice())?;
         [low.as_slice(), told.as_slice(), &found].into_iter().try_for_each(&mut send)?;
         [&inverse.q, &inverse.qd, &forward.q, &forward.qd].into_iter().try_for_each(|m| send(m.transpose().as_slice()))?;

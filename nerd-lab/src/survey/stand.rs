@@ -59,7 +59,7 @@ pub struct Limp {
     pub deepest: f64,
 }
 
-/// A robot about to stand.
+/// A robot at the start of the standing test.
 pub(super) struct Ready {
     pub(super) system: Arc<System>,
     /// At rest, its lowest contact point on the plane.

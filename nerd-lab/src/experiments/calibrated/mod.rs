@@ -108,7 +108,7 @@ impl Calibration {
             [] => Parameter::usual(&log.system, &log.scene, solver == "rapier")?,
             names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
         };
-        // What a solver does not have is said before anything is searched.
+        // Missing capabilities are reported before any search.
         subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect::<Vec<_>>())?;
         Ok((subject, parameters))
     }

@@ -1,4 +1,4 @@
-//! Parts of a log by trajectory, and how far predictions are from the part that nothing was fitted to.
+//! Splits of a log by trajectory, and errors on the part that nothing was fitted to.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Errors before and after, and what was found.
+//! Tables of errors before and after, and of parameters.
 
 use nerd_sim::calibrate::Distance;
 

@@ -1,4 +1,4 @@
-//! What is asked of a learned model, and how it is measured.
+//! The rows of a learned model, and their measurement.
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
-//! The stability map's question for learned models: each against the truth it learned, from starts in and out of the box it
-//! learned in, beside two predictors that know no dynamics and another engine.
+//! The stability map of learned models: each against its truth, from starts inside and outside its training range, beside two predictors
+//! without dynamics and another engine.
 //!
-//! Errors are shares of the hold-last floor's: 1 is a predictor that knows nothing.
+//! Errors are relative to hold-last: 1 is a predictor that knows nothing.
 
 use std::path::Path;
 

@@ -1,10 +1,9 @@
-//! Along motions that no solver has seen, in scenes laid out anew: how far a robot's contact points are from where they should be, and what a
-//! frame costs.
+//! Errors of contact points along unseen motions in new scenes, and the cost of a frame.
 //!
 //! Starts, scenes and torques are drawn as those of a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
 //! the implicit step with four times as many substeps as the finest solver here. An error is the distance (m) of contact points, a
-//! cable's nodes say, averaged over them. Time and error come from the same frames. On a card many environments move together, and are looked at
-//! after every tenth frame.
+//! cable's nodes, averaged. Time and error come from the same frames. On a GPU many environments move together and are read every ten
+//! frames.
 
 mod shown;
 
@@ -166,7 +165,7 @@ impl Motions {
             if let Err(error) = rolled {
                 for fault in error.faults()? {
                     lost[fault.env % self.starts] = true;
-                    // It begins anew, so that a frame costs as much as before, and counts no more.
+                    // It restarts, so that a frame costs as much as before, and does not count.
                     crowd.reset(fault.env, start.state(fault.env % self.starts));
                     solver.reset(fault.env);
                 }
@@ -263,7 +262,8 @@ impl Motions {
     }
 }
 
-/// Mean distance (m) by frame, and by motion, of all that are not lost. What is too far off is, too, unless it knows no dynamics and may be.
+/// Mean distance (m) by frame, and by motion, of all that are not lost. What is too far off is, too, unless it knows no dynamics and may
+/// be.
 fn distances(places: &Places, truth: &Places, lost: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
     let distance = |frame: usize, env: usize| {
         let pairs = places[frame][env].iter().zip(&truth[frame][env]);

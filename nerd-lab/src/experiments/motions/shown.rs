@@ -1,4 +1,4 @@
-//! How errors along motions are shown.
+//! Tables and pictures of errors along motions.
 
 use nerd_train::device::Device;
 use nerd_train::stats::{mean, percentile};

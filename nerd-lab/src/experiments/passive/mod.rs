@@ -1,4 +1,4 @@
-//! Passive motion: how far solvers drift from the truth, a model from the one it learned.
+//! Passive motion: how far solvers drift from the truth, and a model from its own.
 //!
 //! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law, without
 //! torques; beside it the floors `hold` and `glide`, the paper's figure and the count of diverged rollouts. A paper-size
@@ -31,14 +31,14 @@ pub use rows::{Row, Rows};
 pub struct Case {
     /// Robot, as [`System::named`] knows it.
     pub robot: String,
-    /// Scenes; none stands for all of the robot's.
+    /// Scenes [default: all of the robot's].
     pub scenes: Vec<String>,
     pub solver: Choice,
     /// What it is compared with; none stands for what a model learned, else `articulated`.
     pub truth: Option<Truth>,
     /// Trajectories by scene (the paper: 2048).
     pub starts: usize,
-    /// Frames; none stands for the paper's, 1000 for Cartpole, 100 for the pendulum.
+    /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum].
     pub steps: Option<usize>,
     pub action: Action,
     /// Noise (rad/s or m/s) on all velocities after every frame of the solver.
@@ -176,7 +176,7 @@ impl Asked {
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
         bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
         bounds::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
-        // What is no solver's error has nothing to stand beside, and the paper's errors are from the reference simulator.
+        // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
         let comparable = *truth == Truth::Paper && !case.control;
         let folder = match &case.solver {
             Choice::Neural { folder, .. } => Some(shipped::from_root(folder)),

@@ -1,4 +1,4 @@
-//! What was measured of passive motion, and how it is shown.
+//! Results of passive motion, and their tables.
 
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;

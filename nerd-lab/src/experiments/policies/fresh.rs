@@ -1,5 +1,5 @@
-//! The strict protocol: the model is frozen, then policies of seeds never used before are trained in it and in its truth, and all
-//! are played in both. So no policy that judges a model was known to anybody when it was made.
+//! The strict protocol: the model is frozen, then policies of seeds never used before are trained in it and in its truth, and all are
+//! played in both.
 
 use std::path::PathBuf;
 

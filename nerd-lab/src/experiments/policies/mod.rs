@@ -1,5 +1,5 @@
-//! Policies in the truth and in the simulator that learned it, after the paper's protocol: games under mean actions, as many
-//! from the same starts in each, beside the paper's figures.
+//! Policies in the truth and in the learned simulator, after the paper's protocol: games under mean actions from the same starts in each,
+//! beside the paper's figures.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -43,7 +43,8 @@ settings! {
         runs: PathBuf = "out/fresh".into(), Text;
         /// With --fresh: minutes after which each training stops [default: none]
         minutes: Option<f64> = None, Positive;
-        /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it learned
+        /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it
+        /// learned
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
         truth_only: bool = false, Flag;
@@ -95,7 +96,7 @@ impl Policies {
             truth: truth.name(),
             model: learned.is_some().then(|| from_root(&model)),
             games: self.games,
-            // Of a truth that earns nothing there is no share.
+            // There is no share of a truth that earns nothing.
             gap: played.map(|l| gap(mean.mean, l.mean)).filter(|g| g.is_finite()),
             gap_error: learned.map(|l| gap_error(&real, &l)).filter(|g| g.is_finite()),
             real: mean,

@@ -29,7 +29,7 @@ pub enum Fault {
     SinglePrecision,
     /// An error of the solver is passed over.
     SwallowedErrors,
-    /// Motors give a tenth more than they are told.
+    /// Motors give a tenth more than commanded.
     StrongMotors,
 }
 
