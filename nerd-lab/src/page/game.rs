@@ -1,31 +1,35 @@
-//! One episode of a policy, as a page to look at.
+//! Episodes of a policy, to be looked at.
 
 use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
 use nerd_train::ppo::{Actor, Policy, Running};
-use nerd_train::progress::bar;
 
 use super::replay::Replay;
 
-/// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
-/// step; and its whole reward.
+/// The first episode of the first environment, which should have just begun, as a page; and its whole reward.
 pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
-    let bar = bar(title, episodes.task.episode_length());
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);
-    page.begin(title);
-    let (mut running, mut reached, mut total) = (Running::new(episodes, policy.shape.stack), Vec::new(), 0.0);
-    let actor = Actor::new(policy.clone());
-    loop {
+    let total = record(&mut page, title, &Actor::new(policy.clone()), episodes, usize::MAX)?;
+    Ok((page, total))
+}
+
+/// Adds such an episode under mean actions, or its first steps, to a page, with goals and rewards so far of the page's first one;
+/// its reward.
+pub(super) fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episodes, steps: usize) -> Result<f64, StepError> {
+    page.begin(name);
+    let (mut running, mut reached, mut total) = (Running::new(episodes, actor.policy.shape.stack), Vec::new(), 0.0);
+    for _ in 0..steps {
         page.add(&episodes.simulation.batch);
-        page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
-        page.rewards.push(total as f32);
-        bar.set(page.frames() as u64);
+        if page.tracks.len() == 1 {
+            page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
+            page.rewards.push(total as f32);
+        }
         let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
         total += stepped.result.rewards[0];
         if !stepped.ended.is_empty() {
-            bar.finish();
-            return Ok((page, total));
+            break;
         }
     }
+    Ok(total)
 }

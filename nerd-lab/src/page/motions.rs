@@ -14,6 +14,7 @@ use nerd_train::ppo::Running;
 use nerd_train::ppo::{Actor, folder};
 use nerd_train::shipped::{model, policies};
 
+use super::game;
 use super::replay::Replay;
 use crate::error::{Result, refuse};
 
@@ -99,20 +100,7 @@ pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Re
         let (batch, dt) = (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
-        replay.begin(&name);
-        let (mut running, mut reached, mut total) = (Running::new(&episodes, actor.policy.shape.stack), Vec::new(), 0.0);
-        for _ in 0..steps {
-            replay.add(&episodes.simulation.batch);
-            if replay.tracks.len() == 1 {
-                replay.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
-                replay.rewards.push(total as f32);
-            }
-            let stepped = running.step(&mut episodes, &actor.mean(&running.stack.rows), &mut reached)?;
-            total += stepped.result.rewards[0];
-            if !stepped.ended.is_empty() {
-                break;
-            }
-        }
+        game::record(replay, &name, &actor, &mut episodes, steps)?;
     }
     Ok(replay.unwrap_or_else(|| unreachable!("two solvers were played")))
 }

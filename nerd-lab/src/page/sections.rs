@@ -57,7 +57,7 @@ pub fn charts(manifest: &Manifest, results: &Path) -> Section {
 pub fn stability(manifest: &Manifest, results: &Path) -> Section {
     let mut section = Section::new(
         "Stability",
-        "Scenes with known answers; point at a row, and it says why. Green is within the limit, yellow within ten times, red beyond, or the \
+        "Scenes with known answers; point at a row, and it says what is asked and why. Green is within the limit, yellow within ten times, red beyond, or the \
          solver gave up. Limits come from equations and other people's tests.",
     );
     for entry in manifest.artefact.iter().filter(|entry| entry.name.starts_with("stability")) {
@@ -65,9 +65,8 @@ pub fn stability(manifest: &Manifest, results: &Path) -> Section {
         let Ok(StabilityMap { methods, rows }) = found.parse::<StabilityMap>() else { continue };
         let methods: String = methods.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
         let rows: String = rows.iter().map(row).collect();
-        let map = format!(
-            "<table class='sorts map'><thead><tr><th>row</th><th>asks</th><th>limit</th>{methods}</tr></thead><tbody>{rows}</tbody></table>"
-        );
+        let map =
+            format!("<table class='sorts map'><thead><tr><th>row</th><th>limit</th>{methods}</tr></thead><tbody>{rows}</tbody></table>");
         section.body += &folded(&escape(&entry.about), &format!("<div class=wide>{map}</div>{}", from(&entry.name, &found.provenance)));
     }
     section.body = section.body.replacen("<details>", "<details open>", 1);
@@ -87,13 +86,8 @@ fn row(line: &Line) -> String {
         format!("<td class={class}>{figure}{}</td>", if c.lost.is_some() { " lost" } else { "" })
     };
     let cells: String = line.cells.iter().map(cell).collect();
-    let why = escape(&format!("{} {}", line.why, line.source));
-    format!(
-        "<tr title=\"{why}\"><td>{}</td><td>{}</td><td>{}</td>{cells}</tr>",
-        escape(&line.row),
-        escape(&line.asked()),
-        digits(line.limit)
-    )
+    let why = escape(&format!("{}. {} {}", line.asked(), line.why, line.source));
+    format!("<tr title=\"{why}\"><td>{}</td><td>{}</td>{cells}</tr>", escape(&line.row), digits(line.limit))
 }
 
 /// The strict protocol, and a policy of each task at work.

@@ -94,13 +94,6 @@ type Places = Vec<Vec<Vec<Vector3<f64>>>>;
 /// Places, microseconds of a frame, and motions that could not be gone on with.
 type Rolled = (Places, f64, Vec<bool>);
 
-/// What is compared with the reference.
-enum Entry {
-    Solver(Box<Setting>),
-    Hold,
-    Glide,
-}
-
 impl Motions {
     fn config(&self) -> GenerateConfig {
         GenerateConfig { transitions: self.starts * self.frames, frames: self.frames, seed: self.seed, ..GenerateConfig::default() }
@@ -129,11 +122,10 @@ impl Motions {
         }
     }
 
-    fn entries(&self) -> Vec<Entry> {
+    /// What is compared with the reference, beside two predictors that know no dynamics.
+    fn settings(&self) -> Vec<Setting> {
         let powers = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= self.substeps);
-        let models = self.model.iter().map(|folder| Setting::Neural(folder.clone()));
-        let solvers = powers.map(Setting::Implicit).chain(models).map(|setting| Entry::Solver(Box::new(setting)));
-        solvers.chain([Entry::Hold, Entry::Glide]).collect()
+        powers.map(Setting::Implicit).chain(self.model.iter().cloned().map(Setting::Neural)).collect()
     }
 
     /// Rolls a solver out under recorded torques `[motion][frame][joint]`, so many frames of all environments at a time by `roll`:
@@ -195,13 +187,8 @@ impl Motions {
         crowd
     }
 
-    /// The rows of an entry: on a card a model has one in f32 and one in TF32.
-    fn rows(&self, entry: &Entry, start: &Batch, torques: &[f64], truth: &Places) -> Result<Vec<Row>> {
-        let setting = match entry {
-            Entry::Hold => return Ok(vec![self.row("hold last", None, self.stepped(start, Box::new(Hold), torques)?, truth)?]),
-            Entry::Glide => return Ok(vec![self.row("constant velocity", None, self.stepped(start, Box::new(Glide), torques)?, truth)?]),
-            Entry::Solver(setting) => &**setting,
-        };
+    /// The rows of a solver: on a card a model has one in f32 and one in TF32.
+    fn rows(&self, setting: &Setting, start: &Batch, torques: &[f64], truth: &Places) -> Result<Vec<Row>> {
         let series = match setting {
             Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
             other => other.series().to_string(),
@@ -227,11 +214,11 @@ impl Motions {
         if system.robot.contact_points.is_empty() {
             refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
         }
-        let (config, entries) = (self.config(), self.entries());
+        let (config, settings) = (self.config(), self.settings());
         bounds::memory(&[("--starts", self.starts), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
         bounds::time(&[("--starts", self.starts), ("--frames", self.frames), ("4 x --substeps", 4 * self.substeps)])?;
         let finest = 4 * self.substeps;
-        let bar = progress::bar("solvers", entries.len() as u64 + 1);
+        let bar = progress::bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
         // One by one: a batch of a few motions would keep a core or two busy.
         let one = |env: usize| Ok(record(&system, &mut *Setting::Implicit(finest).solver(&system)?, &config, env as u64, 1)?);
@@ -244,9 +231,13 @@ impl Motions {
         let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
-            for (k, entry) in entries.iter().enumerate() {
+            for (k, setting) in settings.iter().enumerate() {
                 bar.set(k as u64 + 1);
-                rows.extend(self.rows(entry, &start, &torques, &truth)?);
+                rows.extend(self.rows(setting, &start, &torques, &truth)?);
+            }
+            let floors: [(&str, Box<dyn Solver>); 2] = [("hold last", Box::new(Hold)), ("constant velocity", Box::new(Glide))];
+            for (name, floor) in floors {
+                rows.push(self.row(name, None, self.stepped(&start, floor, &torques)?, &truth)?);
             }
             Ok(rows)
         })?;
@@ -296,7 +287,7 @@ impl Experiment for Motions {
     }
 
     fn effort(&self) -> f64 {
-        (self.entries().len() * self.starts * self.frames) as f64
+        ((self.settings().len() + 2) * self.starts * self.frames) as f64
     }
 
     fn inputs(&self) -> Result<Inputs> {
