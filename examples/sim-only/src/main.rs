@@ -1,4 +1,4 @@
-//! Somebody's own solver held against the stability suite:
+//! Somebody's own solver in the stability suite:
 //! `cargo run --release --manifest-path examples/Cargo.toml -p sim-only`, or with words of rows behind `--`.
 //!
 //! It is semi-implicit Euler over nerd-core's articulated-body algorithm, without contact, joint limits or damping. What flies
@@ -36,10 +36,12 @@ impl Solver for Euler {
 
 fn main() -> Result<(), Error> {
     let own = |substeps: usize| move |_: &Arc<System>| Box::new(Euler(substeps)) as Box<dyn Solver>;
-    let methods = [Method::new("Euler x4", own(4)).finer(own(16)), Method::new("Euler x64", own(64)).finer(own(256)), Method::converged()];
+    let ours = |_: &Arc<System>| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))) as Box<dyn Solver>;
+    let euler = [4, 64].map(|substeps| Method::new(format!("Euler x{substeps}"), own(substeps)).finer(own(4 * substeps)));
+    let methods = euler.into_iter().chain([Method::new("articulated", ours)]).collect::<Vec<_>>();
     let words: Vec<String> = std::env::args().skip(1).collect();
     let lines = Suite::new().only(&words)?.run(&methods, |_done| ());
-    println!("{:<26} {:>9}   {}", "row", "limit", methods.each_ref().map(|m| format!("{:<20}", m.name())).concat());
+    println!("{:<26} {:>9}   {}", "row", "limit", methods.iter().map(|m| format!("{:<20}", m.name())).collect::<String>());
     for line in &lines {
         let cells = line.cells.iter().map(|cell| format!("{cell:<20}"));
         println!("{:<26} {:>9.1e}   {}", line.row, line.limit, cells.collect::<String>());

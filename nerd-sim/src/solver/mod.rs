@@ -9,10 +9,10 @@ pub(crate) mod parallel;
 mod simulation;
 
 pub use capabilities::Capabilities;
-#[cfg(feature = "cuda")]
-pub(crate) use check::finish;
+pub(crate) use check::gone;
 pub use check::{check, commit};
-pub(crate) use check::{gone, sound};
+#[cfg(feature = "cuda")]
+pub(crate) use check::{finish, sound};
 pub use error::{Fault, StepError};
 pub use simulation::Simulation;
 
