@@ -1,6 +1,6 @@
 //! Instruments around a solver change what they say and nothing else.
 
-use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Shaken, Timed};
+use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Timed};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::Body;
 
@@ -33,34 +33,6 @@ fn timed_and_recorded_motion_is_the_same_and_replays() {
     assert!(refused.contains("frame 20") && refused.contains("only 20"), "{refused}");
     let refused = Replay::new(&frames).step(&mut batch(2), &[0.0; 4]).expect_err("another batch").to_string();
     assert!(refused.contains("12 numbers") && refused.contains("has 8"), "{refused}");
-}
-
-/// A frame in which one environment is set aside is a frame of the others.
-#[test]
-fn a_recorder_misses_no_frame() {
-    let mut batch = batch(2);
-    batch.state_mut(1)[0] = f64::NAN;
-    let mut recorder = Recorder::new(paper(&batch.system));
-    for _ in 0..5 {
-        recorder.step(&mut batch, &[0.0; 4]).expect_err("environment 1 is no number");
-    }
-    assert_eq!(recorder.frames.len(), 5);
-    assert!(recorder.frames[4][1] != recorder.frames[3][1], "environment 0 moves");
-}
-
-#[test]
-fn shaking_is_normal_and_repeats() {
-    let run = |seed: u64| {
-        let mut batch = batch(500);
-        Shaken::new(Hold, 0.1, seed).step(&mut batch, &[0.0; 1000]).expect("a frame");
-        batch.states
-    };
-    let states = run(3);
-    assert!(states == run(3) && states != run(4));
-    let noise: Vec<f64> = states.chunks_exact(4).flat_map(|s| &s[2..]).copied().collect();
-    let spread = (noise.iter().map(|x| x * x).sum::<f64>() / noise.len() as f64).sqrt();
-    // 1000 numbers: the standard deviation's own is 2.2 %.
-    assert!((spread / 0.1 - 1.0).abs() < 0.1, "standard deviation {spread}, 0.1 asked for");
 }
 
 /// A ball that flies and spins without gravity keeps both velocities: gliding is exact there.
