@@ -43,9 +43,12 @@ pub enum Friction {
 pub struct ArticulatedConfig {
     /// Integrator where there is nothing to touch, and no dry friction.
     pub integrator: Integrator,
-    /// Substeps a frame where there is nothing to touch, at least 1.
+    /// Substeps a frame in free space, at least 1: of a robot without dry friction, springs and drives, where there is nothing to touch.
+    ///
+    /// It and `contact_substeps` never act in one frame, except that a frame in which a joint turns out too stiff takes the larger of the two.
+    /// So a sweep over one of them alone changes nothing where the other acts; [`Self::moves_as`] tells whether two settings differ.
     pub substeps: usize,
-    /// Substeps a frame where there is something to touch, or dry friction, at least 1.
+    /// Substeps a frame everywhere else, at least 1.
     pub contact_substeps: usize,
     /// When the mass matrix is renewed (symplectic Euler only).
     pub refresh: Refresh,
@@ -82,7 +85,8 @@ impl ArticulatedConfig {
         }
     }
 
-    /// Stable at few substeps, and of second order: contact, limits and joint damping look ahead; RK4 in free space.
+    /// Stable at few substeps, and of second order: contact, limits and joint damping look ahead. `substeps` are those of contact: in free
+    /// space it is RK4 with four, whatever they are.
     pub fn implicit(substeps: usize, friction: Friction) -> Self {
         let (integrator, contact_step) = (Integrator::Rk4, ContactStep::Implicit);
         Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
