@@ -9,7 +9,6 @@ use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
-use nerd_model::normalizer::Moments;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::contacts;
@@ -110,14 +109,6 @@ fn world_views_see_where_the_robot_stands_and_its_own_does_not() {
     }
 }
 
-#[test]
-fn identity_moments_leave_rows_as_they_are() {
-    let rows: Vec<f32> = (0..300).map(|i| (i as f32 * 0.37).sin() * 10f32.powi(i % 9 - 4)).collect();
-    let mut normal = rows.clone();
-    Moments::identity(3).normalize(&mut normal);
-    assert_eq!(rows, normal);
-}
-
 /// The token of a state on flight, in a scene with one tilted plane, after the whole world is moved by `motion`.
 fn flown(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     let mut system = (*system(robot)).clone();
@@ -168,57 +159,5 @@ fn a_token_on_flight_sees_neither_place_nor_heading() {
             }
         }
         assert!(seen > 0, "{robot}: no point was near enough for its way to be seen; the test shows nothing");
-    }
-}
-
-const CUBE: &str = r#"<robot name="cube"><link name="cube"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/></inertial></link></robot>"#;
-const SPEC: &str = r#"
-urdf = "cube.urdf"
-floating = true
-frame_time = "1/60"
-gravity = [0.0, 0.0, -9.81]
-substeps = 4
-state_columns = ["px", "py", "pz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "vx", "vy", "vz"]
-torque_columns = []
-[[contact]]
-link = "cube"
-point = [0.2, 0.2, -0.2]
-radius = 0.0
-thickness = 0.05
-"#;
-
-/// A state with root at `p`, turned by `turn` about the vertical, all else equal in its own frame.
-fn placed(p: Vector3<f64>, turn: f64) -> (Vec<f64>, UnitQuaternion<f64>) {
-    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-    let r = heading * UnitQuaternion::from_euler_angles(0.3, -0.4, 0.0);
-    let (w, p_dot) = (heading * Vector3::new(0.5, -1.0, 2.0), heading * Vector3::new(1.0, 2.0, -0.5));
-    let v = p_dot + p.cross(&w);
-    let (c, mut state) = (r.coords, p.as_slice().to_vec());
-    state.extend([c.x, c.y, c.z, c.w]);
-    state.extend(w.iter().chain(v.iter()));
-    (state, heading)
-}
-
-#[test]
-fn the_network_sees_neither_place_nor_heading() {
-    let system = Arc::new(System::from_text("cube", CUBE, Some(SPEC)).expect("valid"));
-    let mut features = Features::new(&system, Base::State);
-    let mut token = |p: Vector3<f64>, turn: f64| {
-        let (state, heading) = placed(p, turn);
-        let event =
-            ContactEvent { p0: p, p1: p + heading * Vector3::new(0.2, 0.1, -0.3), normal: Vector3::z(), distance: 0.05, collider: 0 };
-        let mut out = vec![0.0; Features::inputs(&system, Base::State)];
-        features.token(&state, &state, &[event], &[], &Vector3::new(0.0, 0.0, -9.81), &mut out);
-        let mut change = vec![0.0; Features::outputs(&system)];
-        let (next, _) = placed(p + heading * Vector3::new(0.01, 0.02, 0.0), turn + 0.03);
-        features.target(&state, &state, &next, &mut change);
-        [out, change].concat()
-    };
-    let here = token(Vector3::zeros(), 0.0);
-    for (distance, bound) in [(1.0, 1e-6), (1e3, 1e-6), (1e5, 1e-5)] {
-        let there = token(Vector3::new(distance, -distance, 0.3 * distance), 2.5);
-        let worst = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        println!("{distance} m away, turned: {worst:.1e}");
-        assert!(f64::from(worst) < bound, "{distance} m away and turned, the network sees a difference of {worst:.1e}");
     }
 }

@@ -77,24 +77,6 @@ fn frames_of_another_solver_in_between_empty_the_window() {
     }
 }
 
-#[test]
-fn a_scene_that_is_no_scene_is_refused_for_its_environment_alone() {
-    let mut simulation = simulation("ground1", 3, Positions::Rotary);
-    let mut whole = self::simulation("ground1", 3, Positions::Rotary);
-    run(&mut simulation, 4);
-    run(&mut whole, 5);
-    let mut scene = (*simulation.batch.scenes[1]).clone();
-    scene.colliders[0].plane.as_mut().expect("a plane").offset = f64::NAN;
-    simulation.batch.scenes[1] = Arc::new(scene);
-    let faults = simulation.step(&[3.0; 6]).expect_err("a plane nowhere").faults().expect("of environments");
-    assert_eq!(faults.iter().map(|f| (f.env, f.frame)).collect::<Vec<_>>(), [(1, 4)]);
-    assert!(faults[0].reason.contains("plane"), "{}", faults[0].reason);
-    for env in [0, 2] {
-        let difference = gap(simulation.batch.state(env), whole.batch.state(env));
-        assert!(difference < BOUND, "environment {env} noticed: {difference:.1e}");
-    }
-}
-
 /// `n` environments at starts of the training box, and torques for them.
 fn batch(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
     let mut batch = Batch::new(system, &system.scene(scene).expect("scene"), n);

@@ -257,20 +257,6 @@ fn the_stream_equals_the_banded_pass() {
     assert!(compared > 180 && worst.iter().all(|w| *w < 1e-5 + yardstick), "{compared} predictions: {worst:?}, {yardstick:.1e}");
 }
 
-/// Keys and values may be kept only if a token's prediction does not depend on where the sequence began.
-#[test]
-fn rotary_predictions_depend_on_what_the_band_reaches() {
-    let (w, x) = (lively(ROTARY, 12), inputs(1, 16));
-    let newest = |from: usize| {
-        let y = run(&w, &x[from * ROTARY.inputs..], 16 - from);
-        y[y.len() - ROTARY.outputs..].to_vec()
-    };
-    // Three layers of four tokens reach nine tokens back.
-    let (inside, outside) = (apart(&newest(7), &newest(0)), apart(&newest(6), &newest(0)));
-    assert!(outside < 1e-5, "a token from beyond the band's reach changed a prediction by {outside:.1e}");
-    assert!(inside > 1e-5, "the ninth token back does not matter ({inside:.1e})");
-}
-
 /// Frames in which nothing was asked are tokens, too; and no token sees a newer one.
 #[test]
 fn windows_remember_frames_that_were_not_asked_for_and_see_none_that_is_newer() {

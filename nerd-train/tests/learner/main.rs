@@ -6,3 +6,5 @@ mod files;
 mod gradients;
 mod resume;
 mod updates;
+#[cfg(feature = "wgpu")]
+mod wgpu;
