@@ -28,9 +28,6 @@ pub struct Motions {
 
 impl Motions {
     /// Those of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
-    ///
-    /// # Errors
-    /// If it cannot be read, or is of another system or truth.
     pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(folder)?;
         manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
