@@ -124,7 +124,7 @@ pub struct Prepared {
 }
 
 /// Records `config`'s trajectories in memory and turns them into tokens: each rank its share of the shards, shard k on rank k mod R, and
-/// all are given to all. `solver` makes the truth; `progress` is told transitions done. The same config gives the same bytes as
+/// all are given to all. `solver` makes the truth; `progress` gets the transitions done. The same config gives the same bytes as
 /// [`nerd_sim::dataset::generate`].
 ///
 /// # Errors

@@ -39,7 +39,7 @@ impl Motions {
         Ok(motions)
     }
 
-    /// Records them, shards in parallel; `solver` makes the truth, `progress` is told transitions done.
+    /// Records them, shards in parallel; `solver` makes the truth, `progress` gets the transitions done.
     ///
     /// # Errors
     /// If the truth cannot step.

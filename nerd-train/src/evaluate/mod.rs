@@ -73,7 +73,7 @@ pub enum Action {
     Random(f64),
 }
 
-/// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.
+/// Rolls `truth` and `solver` out from the same starts; `progress` is called after each step.
 pub fn passive(
     system: &Arc<System>,
     scene: &Arc<Scene>,

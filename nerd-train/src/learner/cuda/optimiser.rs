@@ -115,7 +115,7 @@ impl Optimiser {
         Ok(())
     }
 
-    fn told(&self, d: &Device) -> Result<Scalars, LearnError> {
+    fn read_scalars(&self, d: &Device) -> Result<Scalars, LearnError> {
         let mut s = [Scalars::default()];
         d.read(&self.scalars, &mut s)?;
         Ok(s[0])
@@ -123,7 +123,7 @@ impl Optimiser {
 
     /// See [`crate::learner::Learner::progress`].
     pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
-        let s = self.told(d)?;
+        let s = self.read_scalars(d)?;
         if s.bad_step != u64::MAX {
             return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
         }
@@ -140,6 +140,6 @@ impl Optimiser {
             Ok(x)
         };
         let weights = Weights { config: self.shape, flat: read(&self.weights)? };
-        Ok(LearnerState { step: self.told(d)?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
+        Ok(LearnerState { step: self.read_scalars(d)?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
     }
 }
