@@ -29,9 +29,6 @@ const WORK: u128 = 100_000_000_000;
 const MEMORY: u64 = 8 << 30;
 
 /// Refuses what needs more memory than there is: `bytes` for every combination of `factors`, options with their values.
-///
-/// # Errors
-/// [`crate::Error::Refused`], naming it.
 pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
     let (needed, free) = (product(factors).saturating_mul(bytes as u128), u128::from(free()));
     if needed > free {
@@ -41,9 +38,6 @@ pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
 }
 
 /// Refuses what takes longer than a day: `factors` are options with their values, whose product is substeps.
-///
-/// # Errors
-/// [`crate::Error::Refused`], naming it.
 pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     let needed = product(factors);
     if needed > WORK {
@@ -53,9 +47,6 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
 }
 
 /// Refuses a figure that is not a number, which would stand in a table like any other; `whose` says which it is.
-///
-/// # Errors
-/// [`crate::Error::Refused`], naming it.
 pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
     match figures.into_iter().find(|x| !x.is_finite()) {
         Some(x) => refuse!("{whose} is {x}: no result is written"),

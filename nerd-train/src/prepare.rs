@@ -20,9 +20,6 @@ use crate::ranks::{RankError, Ranks};
 use crate::windows::Windows;
 
 /// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
-///
-/// # Errors
-/// Of the base's flight.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Result<Windows, DatasetError> {
     let form = form.into();
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
@@ -127,7 +124,7 @@ pub struct Prepared {
 }
 
 /// Records `config`'s trajectories in memory and turns them into tokens: each rank its share of the shards, shard k on rank k mod R, and
-/// all are given to all. `solver` makes the truth; `progress` is told transitions done. The same config gives the same bytes as
+/// all are given to all. `solver` makes the truth; `progress` gets the transitions done. The same config gives the same bytes as
 /// [`nerd_sim::dataset::generate`].
 ///
 /// # Errors
@@ -191,9 +188,6 @@ pub(crate) fn shard(
 }
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
-///
-/// # Errors
-/// If it cannot be read, or is of another system or truth.
 pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
     let form = form.into();
     let manifest = Manifest::read(folder)?;

@@ -24,7 +24,7 @@ pub struct Provenance {
 impl Provenance {
     /// This very run.
     pub fn now(seed: u64) -> Self {
-        let args = std::env::args().skip(1).map(told).collect::<Vec<_>>().join(" ");
+        let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
         Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: machine(), date: date() }
     }
 
@@ -52,7 +52,7 @@ impl std::fmt::Display for Provenance {
 }
 
 /// A word of the command line; of a path from a machine's root its last part alone, which may mean something elsewhere.
-fn told(word: String) -> String {
+fn without_folders(word: String) -> String {
     let last = |path: &str| std::path::Path::new(path).file_name().map(|name| name.to_string_lossy().into_owned());
     if word.starts_with('/') { last(&word).unwrap_or(word) } else { word }
 }

@@ -16,9 +16,6 @@ use crate::error::{Error, Result};
 use crate::provenance::machine;
 
 /// A folder that this process alone writes.
-///
-/// # Errors
-/// If another one does.
 pub fn claimed(folder: &Path) -> Result<Claim> {
     claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
 }
@@ -58,9 +55,6 @@ impl Record {
     }
 
     /// Appends one line.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn write(&mut self, line: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string(line).map_err(Error::format(&self.path))?;
         self.file.write_all(format!("{text}\n").as_bytes()).map_err(Error::file(&self.path))
@@ -89,9 +83,6 @@ fn sessions(out: &Path) -> PathBuf {
 
 impl Session {
     /// Appends a session to the record of the run in `out`.
-    ///
-    /// # Errors
-    /// If it cannot be written.
     pub fn log(out: &Path, first: u64, last: u64, seconds: f64, spent: &str) -> Result<()> {
         let path = sessions(out);
         let cut = std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|b| *b != b'\n'));
@@ -103,9 +94,6 @@ impl Session {
     }
 
     /// The sessions of the run in `out`. A line that was cut short by a killed process is left out, with a line that says so.
-    ///
-    /// # Errors
-    /// If they cannot be read.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let path = sessions(out);
         let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;

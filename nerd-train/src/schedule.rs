@@ -32,9 +32,6 @@ impl Default for Schedule {
 
 impl Schedule {
     /// Refuses rates that teach nothing or blow up.
-    ///
-    /// # Errors
-    /// Names the first that is out of its range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         within("rate", self.start, positive(10.0))?;
         within("last_rate", self.end, 0.0..=10.0)

@@ -56,9 +56,6 @@ pub enum Values {
 
 impl Values {
     /// A value as a command line says it.
-    ///
-    /// # Errors
-    /// What is needed.
     pub fn parse(&self, text: &str) -> Result<Value, String> {
         let value = match self {
             Self::Flag => text.parse().map_or(Value::Null, Value::Bool),
@@ -72,9 +69,6 @@ impl Values {
     }
 
     /// Refuses what is not among them. No number that is not finite is.
-    ///
-    /// # Errors
-    /// What is needed.
     pub fn check(&self, value: &Value) -> Result<(), String> {
         let text = |v: &Value| v.as_str().is_some_and(|s| !s.is_empty());
         let (good, needed) = match self {

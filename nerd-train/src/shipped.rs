@@ -44,9 +44,6 @@ pub fn model_of_task(task: &str, robot: &str) -> PathBuf {
 }
 
 /// Folders of models or policies in one, by how their names begin, in order; none if it is not there.
-///
-/// # Errors
-/// If it cannot be read.
 pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     if !of.exists() {
         return Ok(Vec::new());
@@ -59,9 +56,6 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
 }
 
 /// Folders of the policies that come with the project, by how their names begin.
-///
-/// # Errors
-/// If they cannot be listed.
 pub fn policies(prefix: &str) -> Result<Vec<PathBuf>> {
     folders(&root().join("models/policies"), prefix)
 }

@@ -43,9 +43,6 @@ pub struct TrainerConfig {
 
 impl TrainerConfig {
     /// Refuses what no run can be made of.
-    ///
-    /// # Errors
-    /// Names the first setting that is out of its range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         within("updates", self.updates, 1..=1_000_000_000_000)?;
         within("validation_windows", self.validation_windows, 1..=1 << 30)?;

@@ -75,9 +75,6 @@ impl Windows {
     }
 
     /// What [`Windows::to_bytes`] wrote.
-    ///
-    /// # Errors
-    /// If it did not.
     pub fn from_bytes(sent: &[u8]) -> Result<Self, RankError> {
         let (shape, numbers) = sent.as_chunks().0.split_at_checked(5).map_or((&[][..], &[][..]), |(shape, _)| (shape, &sent[40..]));
         let shape: Vec<usize> = shape.iter().map(|n| u64::from_le_bytes(*n) as usize).collect();

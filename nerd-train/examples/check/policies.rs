@@ -1,5 +1,7 @@
 //! PPO on the card: rollouts whose tasks are there are those of tasks on the CPU, and what is learned from them there is what the CPU learns.
 
+use std::path::Path;
+
 use nerd_model::pick::Setting;
 use nerd_sim::sampling::stream;
 use nerd_sim::system::System;
@@ -7,7 +9,7 @@ use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
 use nerd_train::ppo::{Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken};
 
-use crate::with::{Checks, Outcome, share_of_way};
+use crate::with::{Checks, Outcome, largest, share_of_way};
 
 /// Environments, and steps of a rollout.
 const N: usize = 512;
@@ -17,8 +19,9 @@ const APART: f64 = 1e-4;
 const SHARE: f64 = 0.02;
 
 /// The last minibatch of a pass is smaller; the rate is left alone, since a rounding may carry a divergence across its threshold.
-fn config() -> PpoConfig {
-    PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, epochs: 2, kl: 0.0, ..PpoConfig::default() }
+fn config(stack: usize, activation: Activation) -> PpoConfig {
+    let hidden = vec![64, 32];
+    PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, epochs: 2, kl: 0.0, stack, hidden, activation, ..PpoConfig::default() }
 }
 
 /// Episodes and what answers them on the card.
@@ -30,27 +33,33 @@ struct Side {
 
 impl Side {
     /// Whose episodes are stepped on the card, or by their own solver.
-    fn new(episodes: Episodes, on_card: bool, shape: &Shape) -> Outcome<Self> {
-        let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, &config())?);
+    fn new(episodes: Episodes, on_card: bool, shape: &Shape, config: &PpoConfig) -> Outcome<Self> {
+        let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, config)?);
         engine.steps_episodes = on_card;
         Ok(Self { episodes, engine, running })
     }
 
-    fn roll(&mut self, policy: &Policy, number: usize) -> Outcome<(Rollout, Taken)> {
+    fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, Taken)> {
         let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
-        let taken = self.engine.roll(&mut self.episodes, &mut self.running, policy, &config(), noise)?;
+        let taken = self.engine.roll(&mut self.episodes, &mut self.running, policy, config, noise)?;
         Ok((self.engine.rollout()?, taken))
     }
 
-    /// How far apart, as a share of their way, weights are that card and CPU learn from the last rollout.
-    fn learn(&mut self, first: &Policy, config: &PpoConfig) -> Outcome<f64> {
+    /// How far apart, as a share of their way, weights are that card and CPU learn from the last rollout; and how far apart what they find
+    /// on the way and the moments are.
+    fn learn(&mut self, first: &Policy, config: &PpoConfig) -> Outcome<[f64; 2]> {
         let adam = Adam::new(first.flat.len(), 1e-3);
         let [mut one, mut other] = [(first.clone(), adam.clone()), (first.clone(), adam)];
         let (mut cpu, orders) = (OnCpu::default(), StreamKey { seed: 5, number: 0 });
         cpu.rollout = self.engine.rollout()?;
-        cpu.update(&mut one.0, &mut one.1, config, orders)?;
-        self.engine.update(&mut other.0, &mut other.1, config, orders)?;
-        Ok(share_of_way(&one.0.flat, &other.0.flat, &first.flat))
+        let here = cpu.update(&mut one.0, &mut one.1, config, orders)?;
+        let there = self.engine.update(&mut other.0, &mut other.1, config, orders)?;
+        let moments = |p: &Policy| [&p.seen, &p.returns].map(|m| [&m.mean[..], &m.variance[..], &[m.count][..]].concat()).concat();
+        let found = largest(
+            &[there.terms.actor, there.terms.critic, there.gradient_norm],
+            &[here.terms.actor, here.terms.critic, here.gradient_norm],
+        );
+        Ok([share_of_way(&one.0.flat, &other.0.flat, &first.flat), found.max(largest(&moments(&other.0), &moments(&one.0)))])
     }
 }
 
@@ -64,23 +73,20 @@ fn episodes(task: &str, arena: &Arena) -> Outcome<Episodes> {
     Ok(episodes)
 }
 
-fn shape(episodes: &Episodes, stack: usize, activation: Activation, spread_by_state: bool) -> Shape {
-    let (observation, action) = (episodes.task.observation_dim(), episodes.task.action_dim());
-    Shape { observation, stack, action, hidden: vec![64, 32], activation, spread_by_state }
-}
-
 /// Every kind of policy learns the same on the card and on the CPU.
 pub fn policies(checks: &mut Checks) -> Outcome {
     for (activation, spread_by_state, value_clip) in
         [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
         let host = episodes("cartpole-swingup", &Arena::Judge(Setting::Implicit(4)))?;
-        let shape = shape(&host, 2, activation, spread_by_state);
-        let config = PpoConfig { value_clip, entropy: 0.01, ..config() };
-        let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape)?);
-        side.roll(&policy, 0)?;
-        let apart = side.learn(&policy, &config)?;
-        checks.demand(apart < 1e-2, format!("{activation:?}: weights {apart:.1e} of their way from those that the CPU learns"));
+        let config = PpoConfig { value_clip, entropy: 0.01, spread_by_state, ..config(2, activation) };
+        let shape = Shape::of(&*host.task, &config);
+        let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape, &config)?);
+        side.roll(&policy, &config, 0)?;
+        let [apart, found] = side.learn(&policy, &config)?;
+        let what =
+            format!("{activation:?}: weights {apart:.1e} of their way from those that the CPU learns, terms and moments {found:.1e}");
+        checks.demand(apart < 1e-2 && found < 1e-3, what);
     }
     Ok(())
 }
@@ -90,7 +96,7 @@ pub fn tasks(checks: &mut Checks) -> Outcome {
     for name in names() {
         let task = named(name)?;
         if task.kernels(&*System::named(task.robot())?, 1).is_ok() {
-            let folder = std::path::Path::new("models").join(task.robot());
+            let folder = Path::new("models").join(task.robot());
             task_alike(checks, name, &Arena::Model { folder, device: Device::Cuda })?;
             task_alike(checks, name, &Arena::Card(Setting::Implicit(4)))?;
         }
@@ -99,13 +105,13 @@ pub fn tasks(checks: &mut Checks) -> Outcome {
 }
 
 fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
-    let host = episodes(task, arena)?;
-    let shape = shape(&host, if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu, false);
+    let (host, config) = (episodes(task, arena)?, config(if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu));
+    let shape = Shape::of(&*host.task, &config);
     let policy = Policy::new(shape.clone(), &mut stream(8, 0));
-    let (mut cpu, mut gpu) = (Side::new(host, false, &shape)?, Side::new(episodes(task, arena)?, true, &shape)?);
+    let (mut cpu, mut gpu) = (Side::new(host, false, &shape, &config)?, Side::new(episodes(task, arena)?, true, &shape, &config)?);
     let title = format!("{task} on {}", arena.title()?);
     for number in 0..2 {
-        let ((one, told), (other, said)) = (cpu.roll(&policy, number)?, gpu.roll(&policy, number)?);
+        let ((one, told), (other, said)) = (cpu.roll(&policy, &config, number)?, gpu.roll(&policy, &config, number)?);
         let wide = |numbers: &[f32]| numbers.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let shares = [
             share(&one.observations, &other.observations),
@@ -118,11 +124,13 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
         let what = format!("{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:?} of them apart");
         checks.demand(gpu.engine.has_episodes() && near && shares.iter().all(|share| *share <= SHARE), what);
     }
-    let apart = gpu.learn(&policy, &config())?;
+    let [apart, _] = gpu.learn(&policy, &config)?;
     checks.demand(apart < 1e-2, format!("{title}: weights {apart:.1e} of their way from those that the CPU learns"));
-    let mut other = Side { running: gpu.running.clone(), ..Side::new(arena.episodes(task, N, 3)?, true, &shape)? };
-    other.engine.restore(&mut other.episodes, &gpu.engine.snapshot(&gpu.episodes)?)?;
-    let (gone_on, begun_again) = (gpu.roll(&policy, 2)?.0, other.roll(&policy, 2)?.0);
+    let kept = gpu.engine.snapshot(&gpu.episodes)?;
+    let mut other = Side::new(arena.episodes(task, N, 3)?, true, &shape, &config)?;
+    other.engine.restore(&mut other.episodes, &kept)?;
+    other.running = gpu.running.clone();
+    let (gone_on, begun_again) = (gpu.roll(&policy, &config, 2)?.0, other.roll(&policy, &config, 2)?.0);
     let (share, exact) = (share(&gone_on.observations, &begun_again.observations), matches!(arena, Arena::Card(_)));
     let same = gone_on.observations == begun_again.observations;
     checks.demand(share <= SHARE && (same || !exact), format!("{title}, gone on from a snapshot: {share:.1e} apart"));

@@ -1,8 +1,8 @@
 //! [`CudaChainLearner`]: updates of a chain's network through many frames, on the device.
 //!
 //! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last frame on,
-//! `loss and look -> network -> what was said -> network back -> frame back`: activations are made once more in place of being kept. All of it
-//! is one captured graph. The host draws where rollouts begin, and is told which are near enough to be carried on.
+//! `loss and look -> network -> output -> network back -> frame back`: activations are made once more in place of being kept. All of it
+//! is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -180,7 +180,7 @@ impl Recorded {
 }
 
 impl Way {
-    /// A block for each rollout, told the rollouts and the motions first.
+    /// A kernel with a block for each rollout; its first arguments are the rollouts and the motions.
     fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
         let Recorded { frames, chains, torques, scenes } = &self.motions;
         let world = [self.rollouts.ptr, chains.ptr, torques.ptr, scenes.ptr].map(Ptr);

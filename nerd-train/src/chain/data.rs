@@ -28,9 +28,6 @@ pub struct Motions {
 
 impl Motions {
     /// Those of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
-    ///
-    /// # Errors
-    /// If it cannot be read, or is of another system or truth.
     pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(folder)?;
         manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
@@ -42,7 +39,7 @@ impl Motions {
         Ok(motions)
     }
 
-    /// Records them, shards in parallel; `solver` makes the truth, `progress` is told transitions done.
+    /// Records them, shards in parallel; `solver` makes the truth, `progress` gets the transitions done.
     ///
     /// # Errors
     /// If the truth cannot step.

@@ -99,18 +99,12 @@ impl Device {
     }
 
     /// The model of a folder as a solver of `system` for so many environments; one of `truth`, if that is named.
-    ///
-    /// # Errors
-    /// Those of [`Model::load`] and [`Self::network`].
     pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
         self.solver(Model::load(folder, system, truth)?, system, envs, |network| network)
     }
 
     /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network,
     /// around which `wrap` may put something.
-    ///
-    /// # Errors
-    /// Those of [`Self::network`].
     pub fn solver(
         self,
         model: Model,

@@ -50,9 +50,6 @@ pub struct PassiveConfig {
 
 impl PassiveConfig {
     /// Refuses what no mean can be taken over.
-    ///
-    /// # Errors
-    /// Names the first setting that is out of its range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         within("starts", self.starts, 1..=1 << 30)?;
         within("steps", self.steps, 1..=1 << 30)?;
@@ -76,7 +73,7 @@ pub enum Action {
     Random(f64),
 }
 
-/// Rolls `truth` and `solver` out from the same starts; `progress` is told after each step.
+/// Rolls `truth` and `solver` out from the same starts; `progress` is called after each step.
 pub fn passive(
     system: &Arc<System>,
     scene: &Arc<Scene>,
@@ -89,9 +86,6 @@ pub fn passive(
 }
 
 /// The same for `[truth, solver]`; `watch` sees both batches after each step.
-///
-/// # Errors
-/// If a setting is out of its range, or either cannot step.
 pub fn watched(
     system: &Arc<System>,
     scene: &Arc<Scene>,

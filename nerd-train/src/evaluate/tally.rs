@@ -31,7 +31,7 @@ pub struct PassiveReport {
     /// First step at which a rollout diverged.
     pub first_divergence: Option<usize>,
     /// Of those, rollouts that the solver could not go on with: no number stands for where they went. They stay where they were, and
-    /// are held against the truth there.
+    /// are compared with the truth there.
     #[serde(default)]
     pub failed: usize,
 }

@@ -47,9 +47,6 @@ pub struct LearnerConfig {
 
 impl LearnerConfig {
     /// Refuses what no update can be made with.
-    ///
-    /// # Errors
-    /// Names the first setting that is out of its range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         within("batch", self.batch, 1..=1 << 20)?;
         within("clip", self.clip, positive(1e9))?;

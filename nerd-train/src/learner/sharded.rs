@@ -97,9 +97,6 @@ impl<P: Pass> Sharded<P> {
     }
 
     /// Squared error and the gradient of the loss, before clipping, for the training windows `rows`.
-    ///
-    /// # Errors
-    /// If the device fails.
     pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
         self.part(rows, rows.len())
     }
@@ -122,9 +119,6 @@ impl<P: Pass> Sharded<P> {
     }
 
     /// One optimiser update with learning rate `lr` on these training windows and no others.
-    ///
-    /// # Errors
-    /// As [`Learner::update`].
     pub fn update_on(&mut self, lr: f32, rows: &[u64]) -> Result<(), LearnError> {
         let (loss, gradient) = self.gradient(rows)?;
         self.make(lr, loss, gradient)

@@ -64,17 +64,11 @@ impl Ranks {
     }
 
     /// Adds up the vectors of all ranks, in rank order, so that all have the same bits after it.
-    ///
-    /// # Errors
-    /// If a rank is lost, or has a vector of another length.
     pub fn sum(&self, values: &mut [f32]) -> Result<(), RankError> {
         self.star.as_ref().map_or(Ok(()), |star| star.sum(values))
     }
 
     /// The same of a gradient and the loss that goes with it, so that all ranks stop where that is not a number.
-    ///
-    /// # Errors
-    /// As [`Ranks::sum`].
     pub fn sum_with(&self, gradient: &mut Vec<f32>, loss: f32) -> Result<f32, RankError> {
         if self.star.is_none() {
             return Ok(loss);
@@ -85,9 +79,6 @@ impl Ranks {
     }
 
     /// What rank `from` has, on all ranks; only there is `make` called.
-    ///
-    /// # Errors
-    /// If a rank is lost.
     pub fn share(&self, from: usize, make: impl FnOnce() -> Vec<u8>) -> Result<Vec<u8>, RankError> {
         let mine = (from == self.place.rank).then(make);
         match &self.star {
@@ -97,9 +88,6 @@ impl Ranks {
     }
 
     /// What all ranks have, in their order, on rank 0; nothing on the others.
-    ///
-    /// # Errors
-    /// If a rank is lost.
     pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
         match &self.star {
             None => Ok(vec![mine]),
@@ -108,17 +96,11 @@ impl Ranks {
     }
 
     /// Waits until all ranks have come to this point.
-    ///
-    /// # Errors
-    /// If a rank is lost.
     pub fn wait(&self) -> Result<(), RankError> {
         self.sum(&mut [])
     }
 
     /// Whether rank 0 says yes.
-    ///
-    /// # Errors
-    /// If a rank is lost.
     pub fn decide(&self, mine: bool) -> Result<bool, RankError> {
         if self.star.is_none() {
             return Ok(mine);

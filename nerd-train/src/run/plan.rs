@@ -99,9 +99,6 @@ fn arithmetic(config: &RunConfig) -> Result<String> {
 
 impl RunConfig {
     /// Refuses settings that mean nothing together.
-    ///
-    /// # Errors
-    /// The first of them.
     pub fn check(&self) -> Result<()> {
         for (key, empty) in [("robot", self.robot.is_empty()), ("out", self.out.as_os_str().is_empty())] {
             if empty {

@@ -75,9 +75,6 @@ impl Recipe {
     }
 
     /// That of a file, but for what is given.
-    ///
-    /// # Errors
-    /// If it cannot be read, has a key that there is not, or a value makes no sense.
     pub fn read(path: &Path, given: &Given) -> Result<Self> {
         let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
         Self::parse(path, &text, given)
@@ -115,17 +112,11 @@ impl Recipe {
     }
 
     /// Trains all runs that are not done yet; the folder of the last one's model, or none if time was over before.
-    ///
-    /// # Errors
-    /// Those of its runs.
     pub fn train(&self) -> Result<Option<PathBuf>> {
         self.train_among(&Arc::default())
     }
 
     /// The same as one of several processes. Where there are several runs, all ranks have to see their folders.
-    ///
-    /// # Errors
-    /// Those of its runs.
     pub fn train_among(&self, ranks: &Arc<Ranks>) -> Result<Option<PathBuf>> {
         if let [one] = &self.runs[..] {
             return Run::new(one)?.among(ranks)?.train();

@@ -113,18 +113,12 @@ impl RecordConfig {
     }
 
     /// Records so many transitions into a folder: shards and a manifest, those that are there already kept. One process at a time writes there.
-    ///
-    /// # Errors
-    /// If it is more than the machine bears, the truth cannot step, or a file cannot be written.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
         let made = self.write_part(system, transitions, Part::WHOLE, folder)?;
         made.ok_or_else(|| Error::Refused(format!("{}: another process removed or changed its shards", folder.display())))
     }
 
     /// The same of a part: the manifest once all parts are there. Parts share the folder.
-    ///
-    /// # Errors
-    /// As [`RecordConfig::write`].
     pub fn write_part(&self, system: &Arc<System>, transitions: usize, part: Part, folder: &Path) -> Result<Option<Manifest>> {
         let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.

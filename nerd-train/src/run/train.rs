@@ -34,17 +34,11 @@ pub struct Run {
 
 impl Run {
     /// The run of these settings.
-    ///
-    /// # Errors
-    /// If one of them makes no sense, names what is not there, or asks for more than the machine has.
     pub fn new(config: &RunConfig) -> Result<Self> {
         Ok(Self { plan: Plan::new(config)?, ranks: Arc::default(), cache: Arc::default() })
     }
 
     /// The same as a run of several processes, of which this is one.
-    ///
-    /// # Errors
-    /// If it cannot be shared out.
     pub fn among(mut self, ranks: &Arc<Ranks>) -> Result<Self> {
         let (batch, world) = (self.plan.learner.batch, ranks.world());
         if batch < world {

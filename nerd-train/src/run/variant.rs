@@ -54,9 +54,6 @@ impl Variant {
     }
 
     /// Refuses what would be two decisions at once.
-    ///
-    /// # Errors
-    /// [`crate::Error::Refused`], naming them.
     pub fn check(self, base: Base) -> Result<()> {
         if base.moves() && matches!(self, Self::Absolute | Self::EndToEnd) {
             refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight or draft out");

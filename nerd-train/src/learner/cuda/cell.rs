@@ -14,8 +14,8 @@ fn wide((_, e, lstm): Shape) -> usize {
 }
 
 impl Network {
-    /// States at `out` of what tokens say to the gates, with a bias that is added to it. `asides` are the states that tokens find, what is
-    /// kept, and what states say to the gates.
+    /// States at `out` of what tokens give the gates, with a bias that is added to it. `asides` are the states that tokens find, what is
+    /// kept, and what states give the gates.
     pub fn cell(&self, asides: &[Buffer<f32>], of: Shape, [weight, bias]: [u64; 2], u: (u64, Arg), out: u64) -> Result<(), DeviceError> {
         let ([before, kept, v], (windows, e, lstm), t) = (asides, of, self.plan.tokens) else { return Ok(()) };
         for k in 0..t {

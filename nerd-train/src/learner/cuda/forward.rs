@@ -71,9 +71,6 @@ impl CudaForward {
     }
 
     /// Predictions `[windows][tokens][outputs]` for all tokens of whole windows `[windows][tokens][inputs]`; a chain's tokens are its rods.
-    ///
-    /// # Errors
-    /// As [`CudaForward::forward`].
     pub fn all(&mut self, inputs: &[f32]) -> Result<Vec<f32>, LearnError> {
         let (plan, most) = (&self.network.plan, self.network.rows);
         let (window, tokens) = (plan.tokens * plan.inputs(), plan.tokens);

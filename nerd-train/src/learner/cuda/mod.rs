@@ -37,9 +37,6 @@ pub(crate) use trainer::joined;
 use super::LearnError;
 
 /// The engine of a network for at most `envs` environments: frame by frame if it can be, or else recomputing windows.
-///
-/// # Errors
-/// Of the engine.
 pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {
     Ok(match Plan::stream(&weights.config) {
         Ok(_) => Box::new(CudaStream::new(weights, precision, envs)?),

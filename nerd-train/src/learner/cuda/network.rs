@@ -22,7 +22,7 @@ const LOSSES: usize = 264;
 const SUMS: usize = 1 << 17;
 const CHUNKS: usize = 256;
 
-/// What mixes tokens: told which attention it is, `[q k v]`, and where mixed values go.
+/// Mixes tokens; takes the number of the attention, `[q k v]`, and where mixed values go.
 pub(super) type Mix<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
 
 /// An activation's kernels, forward and back.

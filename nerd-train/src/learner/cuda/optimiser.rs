@@ -1,5 +1,7 @@
 //! Weights, their moments and their gradient on a device, and what an update makes of them.
 
+use std::mem::offset_of;
+
 use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
 use nerd_cuda::{Buffer, Device, Sums};
 use nerd_model::transformer::{TransformerConfig, Weights};
@@ -10,7 +12,7 @@ use crate::learner::{LearnError, LearnerConfig, LearnerState, Optimizer, Progres
 /// Blocks of the gradient norm's first stage.
 const NORM_BLOCKS: usize = 528;
 
-/// Mirror of the struct in `kernels/common.cu`.
+/// Mirror of the struct in `kernels/common.cu`; `adam` reads from `scale` on.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
 struct Scalars {
@@ -96,7 +98,9 @@ impl Optimiser {
         let wanted = [Float(self.config.clip), Double(self.config.average), beta, s];
         d.launch("finish", (1, 1), (256, 1), 0, &[found, wanted].concat())?;
         let hidden = Ptr(self.muon.as_ref().map_or(0, |muon| muon.entries.ptr));
-        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, s, Long(p as u64), hidden, beta])?;
+        let factors = Ptr(self.scalars.ptr + offset_of!(Scalars, scale) as u64);
+        let bad = Ptr(self.scalars.ptr + offset_of!(Scalars, bad_step) as u64);
+        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, beta])?;
         let Some(muon) = &self.muon else { return Ok(()) };
         let [weights, gradients, m, average] = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
         Ok(muon.update(d, &Vectors { weights, gradients, m, average, scalars: self.scalars.ptr })?)
@@ -105,13 +109,13 @@ impl Optimiser {
     /// The rate of the next updates.
     pub fn set_lr(&mut self, d: &Device, lr: f32) -> Result<(), LearnError> {
         if lr.to_bits() != self.lr.to_bits() {
-            d.set_word(self.scalars.ptr + std::mem::offset_of!(Scalars, lr) as u64, lr.to_bits())?;
+            d.set_word(self.scalars.ptr + offset_of!(Scalars, lr) as u64, lr.to_bits())?;
             self.lr = lr;
         }
         Ok(())
     }
 
-    fn told(&self, d: &Device) -> Result<Scalars, LearnError> {
+    fn read_scalars(&self, d: &Device) -> Result<Scalars, LearnError> {
         let mut s = [Scalars::default()];
         d.read(&self.scalars, &mut s)?;
         Ok(s[0])
@@ -119,7 +123,7 @@ impl Optimiser {
 
     /// See [`crate::learner::Learner::progress`].
     pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
-        let s = self.told(d)?;
+        let s = self.read_scalars(d)?;
         if s.bad_step != u64::MAX {
             return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
         }
@@ -136,6 +140,6 @@ impl Optimiser {
             Ok(x)
         };
         let weights = Weights { config: self.shape, flat: read(&self.weights)? };
-        Ok(LearnerState { step: self.told(d)?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
+        Ok(LearnerState { step: self.read_scalars(d)?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
     }
 }

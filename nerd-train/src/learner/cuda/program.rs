@@ -52,9 +52,6 @@ impl CudaProgram {
     }
 
     /// Gradients by the parameters and by the tokens last passed, from that by their predictions.
-    ///
-    /// # Errors
-    /// As [`CudaProgram::forward`].
     pub fn backward(&mut self, behind: &[f32]) -> Result<(Vec<f32>, Vec<f32>), LearnError> {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, behind)?;

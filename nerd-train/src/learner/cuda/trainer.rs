@@ -47,9 +47,6 @@ impl CudaLearner {
     }
 
     /// The same as one of several ranks, on the GPU of its number on this machine. Gradients are added up by NCCL.
-    ///
-    /// # Errors
-    /// As [`CudaLearner::new`]; if NCCL is missing or fails, or another rank is gone.
     pub fn among(
         ranks: &Ranks,
         config: LearnerConfig,
@@ -67,9 +64,6 @@ impl CudaLearner {
     }
 
     /// On GPU 0, for these rows of the batch alone, with nothing added to their gradient: those of parts make up the whole's. For checks.
-    ///
-    /// # Errors
-    /// As [`CudaLearner::new`].
     pub fn of_rows(
         rows: Range<usize>,
         config: LearnerConfig,
@@ -106,9 +100,6 @@ impl CudaLearner {
 
     /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,
     /// without making the update. For checks.
-    ///
-    /// # Errors
-    /// [`LearnError::Device`] if the device fails.
     pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
         self.step.gradient()?;
         let gradients = &self.step.optimiser.gradients;

@@ -6,7 +6,7 @@ typedef unsigned long long u64;
 struct PassState {
     double rate, sums[6], norms, batches;
     u64 step;
-    float scale, used, root;
+    float scale, used, root; // Factors of the network's kernel `adam`.
 };
 
 // A row of a minibatch that holds no step.
@@ -131,14 +131,4 @@ extern "C" __global__ void ppo_finish(const double* partial, int blocks, const d
     for (int k = 0; k < 6; k++) s->sums[k] += means[k];
     if (kl > 0 && means[4] > 2 * kl) s->rate = fmax(s->rate / 1.5, 1e-6);
     else if (kl > 0 && means[4] < 0.5 * kl) s->rate = fmin(s->rate * 1.5, 1e-2);
-}
-
-extern "C" __global__ void ppo_adam(float* w, const float* g, float* m, float* v, const PassState* s, u64 n) {
-    const u64 i = INDEX;
-    if (i >= n) return;
-    const float d = g[i] * s->scale;
-    const float mean = 0.9f * m[i] + 0.1f * d, second = 0.999f * v[i] + 0.001f * d * d;
-    m[i] = mean;
-    v[i] = second;
-    w[i] -= s->used * mean / (sqrtf(second) * s->root + 1e-8f);
 }

@@ -34,14 +34,13 @@ use memory::{Kept, PassState, Steps};
 use world::World;
 
 const SOURCE: [&str; 3] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu")];
-const KERNELS: [&str; 14] = [
+const KERNELS: [&str; 13] = [
     "terms_out",
     "terms_back",
     "ppo_gather",
     "ppo_loss",
     "squares",
     "ppo_finish",
-    "ppo_adam",
     "normalize",
     "act",
     "value",

@@ -37,8 +37,9 @@ impl CudaEngine {
         let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl), Ptr(self.state.ptr)];
         self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &[&terms[..], &squares[..], &rest[..]].concat())?;
         let [m, v] = &self.moments;
-        let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, self.state.ptr].map(Ptr);
-        self.over("ppo_adam", self.weights.len, &[&vectors[..], &[n]].concat())
+        let factors = self.state.ptr + std::mem::offset_of!(PassState, factors) as u64;
+        let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, 0, factors, 0].map(Ptr);
+        self.over("adam", self.weights.len, &[&vectors[..], &[n, Ptr(0), Double(0.999)]].concat())
     }
 
     /// Adds up gradients and loss terms of all cards; the number of blocks that terms are in then.
