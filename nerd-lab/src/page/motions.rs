@@ -14,8 +14,8 @@ use nerd_train::ppo::Running;
 use nerd_train::ppo::{Actor, folder};
 use nerd_train::shipped::{model, policies};
 
-use super::replay::Replay;
 use crate::error::{Result, refuse};
+use nerd_train::replay::Replay;
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;

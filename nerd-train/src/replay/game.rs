@@ -2,14 +2,17 @@
 
 use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
-use nerd_train::ppo::{Actor, Policy, Running};
-use nerd_train::progress::bar;
 
-use super::replay::Replay;
+use super::page::Replay;
+use crate::ppo::{Actor, Policy, Running};
+use crate::progress::bar;
 
 /// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
-/// step; and its whole reward.
-pub fn replay(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
+/// step; and its whole reward. [`Replay::html`] is the page.
+///
+/// # Errors
+/// If the solver cannot step.
+pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
     let bar = bar(title, episodes.task.episode_length());
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);
