@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_lab::inspect::Inspection;
-use nerd_lab::page::replay::{Replay, Solid};
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, sha256_of, write_shard};
 use nerd_sim::prelude::*;
+use nerd_train::replay::{Replay, Solid};
 
 /// Ten trajectories of 30 frames.
 fn data(robot: &str, folder: &Path) -> (Arc<System>, Manifest) {

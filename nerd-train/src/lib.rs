@@ -20,6 +20,7 @@ pub mod provenance;
 pub mod ranges;
 pub mod ranks;
 pub mod records;
+pub mod replay;
 pub mod run;
 pub mod schedule;
 pub mod settings;

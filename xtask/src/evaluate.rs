@@ -7,9 +7,9 @@ use anyhow::{Result, bail};
 use nerd_lab::choice::Choice;
 use nerd_lab::experiments::passive::{Case, Passive};
 use nerd_lab::page::motions;
-use nerd_lab::page::replay::Replay;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::Action;
+use nerd_train::replay::Replay;
 use nerd_train::shipped::results;
 
 use crate::options::{FRAMES, Number, SEEDS, STARTS, Whole, value};

@@ -10,6 +10,7 @@ use nerd_train::nerd_sim::sampling::{Start, start};
 use nerd_train::nerd_tasks::{About, ChaCha8Rng, Episodes, Task, View, Work};
 use nerd_train::ppo::folder::{PolicyConfig, load_for, save};
 use nerd_train::ppo::{PpoConfig, Trainer, play};
+use nerd_train::replay;
 
 /// Hold the Cartpole's pole upright, near the middle of the rail. A state is (x, theta, x_dot, theta_dot).
 struct Balance;
@@ -59,5 +60,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (_, policy) = load_for(folder, &Balance)?;
     let games = play(&policy, &mut episodes(64, 1)?, &mut |_| ())?;
     println!("{}: {:.1} of 200 steps upright in 64 new episodes", folder.display(), games.iter().map(|g| g.length).sum::<f64>() / 64.0);
+
+    let (page, _) = replay::episode(&policy, &mut episodes(1, 2)?, "balance")?;
+    std::fs::write(folder.join("replay.html"), page.html())?;
     Ok(())
 }

@@ -8,9 +8,9 @@ use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, GenericImageView};
 use serde_json::json;
 
-use super::replay::{self, Replay};
 use crate::error::{self, Result, refuse};
 use crate::report::write;
+use nerd_train::replay::{self, Replay};
 
 const PAGE: &str = include_str!("film.html");
 /// Size of a tile (px), of which a cell has two, and of the line above it; cells in a row.

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::replay::{Replay, escape, script};
 use crate::report::artifact::Artifact;
 use crate::report::{Provenance, Table};
+use nerd_train::replay::{Replay, escape, script};
 
 /// A part of the page under a heading.
 pub struct Section {

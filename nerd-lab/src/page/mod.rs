@@ -2,12 +2,9 @@
 //! sent and kept.
 
 mod film;
-pub mod game;
 mod html;
 pub mod motions;
-pub mod replay;
 mod sections;
-mod solids;
 
 use std::path::Path;
 
@@ -16,7 +13,7 @@ use nerd_train::progress::Bar;
 use crate::error::Result;
 use crate::report::{Manifest, write};
 use motions::Cause;
-use replay::Replay;
+use nerd_train::replay::{self, Replay};
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");

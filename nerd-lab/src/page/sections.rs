@@ -5,11 +5,11 @@ use std::path::Path;
 use nerd_sim::suite::{Line, Verdict};
 
 use super::html::{Section, folded, from, motion, picture, result, table};
-use super::replay::{Replay, escape};
 use crate::experiments::passive::Rows;
 use crate::experiments::stability::StabilityMap;
 use crate::report::table::digits;
 use crate::report::{Artifact, Manifest};
+use nerd_train::replay::{Replay, escape};
 
 /// What the paper reports, beside ours.
 pub fn scorecard(results: &Path) -> Section {

@@ -50,7 +50,7 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     (episodes, actions)
 }
 
-/// The task's kernels on what `episodes` are now: torques, rewards, how each ended, rows of `depth`, cut ones, states, goals; frames, begun, failed.
+/// The task's kernels on what `episodes` are now: torques, rewards, how each ended, rows of two observations, cut ones, states, goals; frames, begun, failed.
 struct Said {
     numbers: Vec<Vec<f64>>,
     ends: Vec<u8>,
@@ -59,10 +59,10 @@ struct Said {
     failed: u32,
 }
 
-fn run(made: &std::path::Path, episodes: &Episodes, actions: &[f64], rows: &[f64], depth: usize) -> Said {
+fn run(made: &std::path::Path, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Said {
     let (batch, task, kept) = (&episodes.simulation.batch, &episodes.task, episodes.snapshot());
     let (config, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach::of(batch));
-    let mut input: Vec<u8> = [N as i32, depth as i32].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let mut input: Vec<u8> = [N as i32, 2].iter().flat_map(|x| x.to_le_bytes()).collect();
     input.extend(stream(SEED, 0).get_seed());
     input.extend((FIRST as u64).to_le_bytes());
     let numbers = |values: &[f64]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
@@ -85,7 +85,7 @@ fn run(made: &std::path::Path, episodes: &Episodes, actions: &[f64], rows: &[f64
     let whole = |bytes: Vec<u8>| bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect::<Vec<u64>>();
     let mut all = vec![reals(bytes(8 * N * joints)), reals(bytes(8 * N))];
     let ends = bytes(N);
-    let row = depth * task.observation_dim();
+    let row = 2 * task.observation_dim();
     all.extend([row, row, d, task.goal_dim()].map(|width| reals(bytes(8 * N * width))));
     let (frames, begun) = (whole(bytes(8 * N)), whole(bytes(8 * N)));
     let failed = u32::from_le_bytes(bytes(4).try_into().expect("four bytes"));
@@ -118,8 +118,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         let made = cpp::compile(compiler, &(text + include_str!("alone.cuh")), folder.path(), name);
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
-        let said = run(&made, &episodes, &actions, &before, 2);
-        let single = run(&made, &episodes, &actions, &before[..N * task.observation_dim()], 1);
+        let said = run(&made, &episodes, &actions, &before);
         let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
         let after = episodes.snapshot();
         let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
@@ -135,13 +134,14 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
             now.iter().copied().chain(difference).collect::<Vec<_>>()
         });
         let expected = expected.collect::<Vec<_>>();
-        let cut: Vec<f64> =
-            single.numbers[3].chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
-        let seen: Vec<f64> = reached.chunks(width).zip(&ends).filter(|(_, end)| **end == 2).flat_map(|(row, _)| row.to_vec()).collect();
+        let of_late = |rows: &[f64], all: usize| -> Vec<f64> {
+            let rows = rows.chunks(all).zip(&ends).filter(|(_, end)| **end == 2);
+            rows.flat_map(|(row, _)| row[..width].to_vec()).collect()
+        };
+        let (cut, seen) = (of_late(&said.numbers[3], 2 * width), of_late(&reached, width));
         let off = [
             ("rewards", apart(&said.numbers[1], &rewards)),
             ("rows", apart(&said.numbers[2], &expected)),
-            ("observations", apart(&single.numbers[2], episodes.observations())),
             ("cut rows", apart(&cut, &seen)),
             ("states", apart(&said.numbers[4], &after.states)),
             ("goals", apart(&said.numbers[5], &after.goals)),

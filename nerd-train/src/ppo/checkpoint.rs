@@ -11,8 +11,7 @@ use nerd_tasks::Snapshot;
 
 use super::config::PpoConfig;
 use super::error::PpoError;
-use super::normalizer::RunningMoments;
-use super::policy::Policy;
+use super::folder::{get, put};
 use super::team::Team;
 use super::trainer::Trainer;
 use crate::difference::between;
@@ -30,9 +29,9 @@ impl Trainer {
         let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;
         let past = past_states.len().checked_div(states.len()).unwrap_or(0);
         let mut file = Tensors::default();
-        put(&mut file, "policy", &state.policy);
+        put(&mut file, "policy.", &state.policy);
         if let Some((reward, policy)) = &state.best {
-            put(&mut file, "best", policy);
+            put(&mut file, "best.", policy);
             file.put_f64("best.reward", [*reward]);
         }
         file.put_f32("adam.m", &[state.adam.m.len()], &state.adam.m);
@@ -81,9 +80,9 @@ impl Trainer {
             return Err(file.wrong(format!("it is that of another run: {}", between(&found, &asked))).into());
         }
         let mut state = self.state.clone();
-        state.policy = get(&file, "policy", &state.policy)?;
+        state.policy = get(&file, "policy.", state.policy.shape)?;
         state.best = match file.f64("best.reward", Some(1)) {
-            Ok(reward) => Some((reward[0], get(&file, "best", &state.policy)?)),
+            Ok(reward) => Some((reward[0], get(&file, "best.", state.policy.shape.clone())?)),
             Err(_) => None,
         };
         let weights = Some(state.adam.m.len());
@@ -129,26 +128,4 @@ fn whole(team: &Team, own: Vec<u64>, blocks: usize) -> Result<Vec<u64>, RankErro
 fn rows<T: Copy>(all: &[T], blocks: usize, n: usize, range: &Range<usize>) -> Vec<T> {
     let width = all.len().checked_div(blocks * n).unwrap_or(0);
     (0..blocks).flat_map(|block| &all[(block * n + range.start) * width..(block * n + range.end) * width]).copied().collect()
-}
-
-fn put(file: &mut Tensors, name: &str, policy: &Policy) {
-    file.put_f32(format!("{name}.flat"), &[policy.flat.len()], &policy.flat);
-    for (what, moments) in [("seen", &policy.seen), ("returns", &policy.returns)] {
-        let all = moments.mean.iter().chain(&moments.variance).copied().chain([moments.count]);
-        file.put_f64(format!("{name}.{what}"), all);
-    }
-}
-
-/// A policy of the same shape as `like`.
-fn get(file: &Tensors, name: &str, like: &Policy) -> Read<Policy> {
-    let moments = |what: &str, columns: usize| -> Read<RunningMoments> {
-        let all = file.f64(&format!("{name}.{what}"), Some(2 * columns + 1))?;
-        Ok(RunningMoments { mean: all[..columns].into(), variance: all[columns..2 * columns].into(), count: all[2 * columns] })
-    };
-    Ok(Policy {
-        shape: like.shape.clone(),
-        flat: file.f32(&format!("{name}.flat"), Some(like.flat.len()))?,
-        seen: moments("seen", like.seen.mean.len())?,
-        returns: moments("returns", 1)?,
-    })
 }

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nerd_model::transformer::TensorSpec;
 use nerd_tasks::Task;
 use serde::{Deserialize, Serialize};
 
@@ -43,12 +44,7 @@ pub struct PolicyConfig {
 /// If it cannot be written.
 pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Read<()> {
     let mut file = Tensors::default();
-    file.put_network(&policy.shape.program().tensors, &policy.flat);
-    for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
-        file.put_f64(format!("{name}.mean"), moments.mean.iter().copied());
-        file.put_f64(format!("{name}.variance"), moments.variance.iter().copied());
-        file.put_f64(format!("{name}.count"), [moments.count]);
-    }
+    put(&mut file, "", policy);
     let write = |name: &str, text: String| {
         let path = folder.join(name);
         nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
@@ -86,21 +82,39 @@ fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> R
     let config: PolicyConfig = serde_json::from_str(&text).map_err(Error::format(&path))?;
     check(&config).map_err(Error::format(&path))?;
     let file = Tensors::open(&folder.join("policy.safetensors"))?;
-    let shape = config.shape.clone();
-    let flat = file.network(&shape.program().tensors)?;
+    let policy = get(&file, "", config.shape.clone())?;
+    Ok((config, policy))
+}
+
+/// A policy's network and moments, under names that begin so.
+pub(super) fn put(file: &mut Tensors, prefix: &str, policy: &Policy) {
+    file.put_network(&tensors(prefix, &policy.shape), &policy.flat);
+    for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
+        file.put_f64(format!("{prefix}{name}.mean"), moments.mean.iter().copied());
+        file.put_f64(format!("{prefix}{name}.variance"), moments.variance.iter().copied());
+        file.put_f64(format!("{prefix}{name}.count"), [moments.count]);
+    }
+}
+
+/// The same, read.
+pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Read<Policy> {
+    let flat = file.network(&tensors(prefix, &shape))?;
     let moments = |name: &str, columns: usize| -> Read<RunningMoments> {
-        let column = |what: &str, n: usize| file.f64(&format!("{name}.{what}"), Some(n));
+        let column = |what: &str, n: usize| file.f64(&format!("{prefix}{name}.{what}"), Some(n));
         Ok(RunningMoments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
     };
-    let seen = moments("observation", shape.inputs())?;
-    let returns = moments("return", 1)?;
-    let of = |m: &RunningMoments| {
+    let (seen, returns) = (moments("observation", shape.inputs())?, moments("return", 1)?);
+    let sound = |m: &RunningMoments| {
         m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0)
     };
-    if !flat.iter().all(|w| w.is_finite()) || !of(&seen) || !of(&returns) {
+    if !flat.iter().all(|w| w.is_finite()) || !sound(&seen) || !sound(&returns) {
         return Err(file.wrong("a weight or a moment is not a finite number, or a variance is below 0"));
     }
-    Ok((config, Policy { shape, flat, seen, returns }))
+    Ok(Policy { shape, flat, seen, returns })
+}
+
+fn tensors(prefix: &str, shape: &Shape) -> Vec<TensorSpec> {
+    shape.program().tensors.into_iter().map(|tensor| TensorSpec { name: format!("{prefix}{}", tensor.name), ..tensor }).collect()
 }
 
 /// Says what of a policy does not fit its task.

@@ -167,7 +167,7 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         assert!(said.contains("`hidden` is 18446744073709551615"), "{name}: {said}");
         let mut none = policy.clone();
         none.flat[1] = f32::NAN;
-        assert!(refusal(&config, &none).contains("no finite number"), "{name}");
+        assert!(refusal(&config, &none).contains("not a finite number"), "{name}");
         let mut none = policy;
         none.seen.variance[0] = -1.0;
         assert!(refusal(&config, &none).contains("below 0"), "{name}");

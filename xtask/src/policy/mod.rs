@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_lab::experiments::policies::Policies;
-use nerd_lab::page::game::replay;
 use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder};
+use nerd_train::replay;
 
 mod arena;
 
@@ -155,7 +155,7 @@ fn show(args: ShowArgs) -> Result<()> {
     let task = config.task;
     let arena = args.arena.of(&task)?;
     let title = format!("{task} on {}", arena.title()?);
-    let (page, reward) = replay(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
+    let (page, reward) = replay::episode(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
     println!("{title}: {} steps, reward {reward:.1}; {}", page.frames(), args.out.display());
     crate::files::write(&args.out, page.html().as_bytes())
 }

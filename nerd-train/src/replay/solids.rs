@@ -5,8 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use nerd_core::robot::ShapeKind;
 use nerd_sim::scene::Collider;
-use nerd_sim::system::Source;
-use nerd_sim::system::System;
+use nerd_sim::system::{Source, System};
 use serde::Serialize;
 
 /// Radius of a bone over its length.

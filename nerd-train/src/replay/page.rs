@@ -11,9 +11,7 @@ use nerd_sim::scene::Scene;
 use nerd_sim::system::Source;
 use serde::Serialize;
 
-use super::solids::{isometry, numbers, rounded, solids, standing};
-
-pub use super::solids::Solid;
+use super::solids::{Solid, isometry, numbers, rounded, solids, standing};
 
 /// The renderer: a function `replay(element, data)`.
 pub const SCRIPT: &str = include_str!("replay.js");
@@ -22,9 +20,11 @@ const PAGE: &str = include_str!("replay.html");
 /// What is shown. Lengths in m; a pose is position, then quaternion x y z w, in world axes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Replay {
+    /// Over the picture.
     pub title: String,
     /// Seconds from frame to frame.
     pub dt: f64,
+    /// Against gravity.
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
@@ -45,7 +45,9 @@ pub struct Replay {
 /// One motion.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Track {
+    /// What moves so.
     pub name: String,
+    /// Poses by frame and link.
     pub poses: Vec<Vec<[f32; 7]>>,
 }
 
