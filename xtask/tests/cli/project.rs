@@ -40,7 +40,7 @@ fn every_result_holds_and_every_document_says_what_it_says() {
 fn a_changed_digit_is_found_and_mended() {
     let folder = Folder::new();
     std::fs::create_dir_all(folder.path("results/passive")).expect("a folder");
-    for file in ["manifest.toml", "passive/passive.json"] {
+    for file in ["manifest.toml", "passive/result.json"] {
         std::fs::copy(root().join("results").join(file), folder.path("results").join(file)).expect("a result");
     }
     folder.write("Cargo.toml", "[workspace]\n");
