@@ -21,7 +21,6 @@ macro_rules! eprintln {
 mod campaign;
 mod check;
 mod commands;
-mod crowd;
 mod dataset;
 mod evaluate;
 mod files;
@@ -39,7 +38,6 @@ mod results;
 mod rollout;
 mod solvers;
 mod stability;
-mod stand;
 mod train;
 mod urdf;
 

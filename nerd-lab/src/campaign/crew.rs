@@ -16,7 +16,7 @@ use super::files::{read, scratch};
 use super::judge::{Call, Case, Outcome, Verdict, judge};
 
 /// What a case may take.
-const TIME: Duration = Duration::from_secs(10);
+const TIME: Duration = Duration::from_secs(20);
 /// Address space of a worker (bytes).
 const MEMORY: u64 = 4 << 30;
 

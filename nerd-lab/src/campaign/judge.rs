@@ -20,6 +20,16 @@ pub struct Case {
 }
 
 impl Case {
+    /// The files that its lines name: by their folder, or by their name without its ending.
+    fn named(&self) -> Files {
+        let words: Vec<&str> = self.before.iter().chain([&self.line]).flat_map(|line| line.split_whitespace()).collect();
+        let stem = |name: &str| name.rsplit_once('.').map_or(name.to_string(), |(stem, _)| stem.to_string());
+        let named = |name: &str| {
+            words.iter().any(|word| name.strip_prefix(word).is_some_and(|rest| rest.starts_with('/')) || stem(word) == stem(name))
+        };
+        self.files.iter().filter(|(name, _)| named(name)).map(|(name, bytes)| (name.clone(), bytes.clone())).collect()
+    }
+
     /// What stands behind an option.
     pub fn value(&self, option: &str) -> Option<&str> {
         self.line.split(' ').skip_while(|word| *word != option).nth(1)
@@ -64,7 +74,7 @@ pub fn judge(case: &Case, call: Call) -> Result<Verdict> {
         let path = entry?.path();
         if path.is_dir() { std::fs::remove_dir_all(path)? } else { std::fs::remove_file(path)? }
     }
-    write(&here, &case.files)?;
+    write(&here, &case.named())?;
     std::fs::write("there", "x")?;
     #[cfg(unix)]
     std::os::unix::fs::symlink("/dev/null", "null")?;

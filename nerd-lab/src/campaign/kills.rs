@@ -56,8 +56,9 @@ pub fn kill(program: &Path, kills: u64, seed: u64) -> Result<Vec<Killed>> {
             let run = folder.path().join("run");
             // One run is killed a few times and then let be.
             for _ in 0..rng.random_range(1..=STABS) {
-                let child = start(program, line, folder.path())?;
-                if killed.counts[0] == wanted || !stab(child, &run, takes.mul_f64(rng.random()), killed.counts[0] % 2 == 1)? {
+                let aimed = killed.counts[0] % 2 == 1;
+                let mut stabbed = || stab(start(program, line, folder.path())?, &run, takes.mul_f64(rng.random()), aimed);
+                if killed.counts[0] == wanted || !stabbed()? {
                     break;
                 }
                 let half: Vec<String> =

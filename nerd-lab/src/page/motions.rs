@@ -10,12 +10,11 @@ use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, named};
-use nerd_train::ppo::Running;
 use nerd_train::ppo::{Actor, folder};
 use nerd_train::shipped::{model, policies};
 
 use crate::error::{Result, refuse};
-use nerd_train::replay::{Replay, record};
+use nerd_train::replay::{self, Replay};
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;
@@ -99,7 +98,7 @@ pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Re
         let (batch, dt) = (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
-        record(replay, &name, &actor, &mut episodes, steps)?;
+        replay::record(replay, &name, &actor, &mut episodes, steps)?;
     }
     Ok(replay.unwrap_or_else(|| unreachable!("two solvers were played")))
 }

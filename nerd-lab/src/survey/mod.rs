@@ -14,6 +14,7 @@ mod crowd;
 mod file;
 mod pinocchio;
 mod stand;
+pub mod tables;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

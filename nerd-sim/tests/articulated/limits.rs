@@ -114,3 +114,24 @@ fn what_is_said_counts() {
         assert!(silent.is_empty(), "{name}: {silent:?}");
     }
 }
+
+/// A joint whose ends are one place has no range to divide by.
+#[test]
+fn a_joint_without_a_range_is_locked() {
+    let urdf = grip(0.2).replace("upper=\"0.08\"", "upper=\"0\"");
+    assert_ne!(urdf, grip(0.2), "the range is there to be changed");
+    for urdf in [urdf.clone(), urdf.replace("effort=", "effort=\"0\" was=")] {
+        let system = Arc::new(System::bare("grip", &urdf, false).expect("valid"));
+        let limit = system.robot.joints().next().and_then(|j| j.limit).expect("a limit");
+        assert!(limit.stiffness.is_finite() && limit.stiffness > 0.0, "stiffness {}", limit.stiffness);
+        for (name, mut solver) in solvers(&system) {
+            let mut batch = Batch::new(&system, &system.scene("free").expect("scene"), 1);
+            let most = (0..120).map(|_| {
+                solver.step(&mut batch, &[0.0]).expect("finite");
+                batch.state(0)[0].abs()
+            });
+            let most = most.fold(0.0, f64::max);
+            assert!(most < 4e-3, "{name}: a locked joint gives way by {most:.1e} m");
+        }
+    }
+}

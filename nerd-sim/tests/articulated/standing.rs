@@ -102,3 +102,20 @@ fn a_table_slides_from_coulombs_force_on() {
         }
     }
 }
+
+/// Explicit substeps are too long for so stiff a friction: they only tremble about rest, and let the robot sink. Its frames are
+/// stepped implicitly.
+#[test]
+fn explicit_substeps_bear_the_default_material() {
+    for (name, config) in [
+        ("paper", ArticulatedConfig::paper(&quadruped(), Friction::Coulomb)),
+        ("explicit x16", ArticulatedConfig::explicit(16, Friction::Coulomb)),
+        ("explicit x64", ArticulatedConfig::explicit(64, Friction::Huber)),
+    ] {
+        let path = stand(config, 0.0, 6);
+        let (low, high) = path[60..].iter().fold((f64::MAX, f64::MIN), |(a, b), [p, _]| (a.min(p.z), b.max(p.z)));
+        let aside = path.iter().map(|[p, _]| p.xy().norm()).fold(0.0, f64::max);
+        println!("{name}: from {high:.4} to {low:.4} m, {aside:.4} m aside");
+        assert!(low > 0.6 && high - low < 5e-3 && aside < 0.05, "{name}: its base sinks from {high} to {low} m, {aside} m aside");
+    }
+}

@@ -80,6 +80,19 @@ fn a_ball_in_a_corner_feels_floor_and_riser() {
     }
 }
 
+/// Corners of a box pressed into a corner, with points inside both solids: gravity holds it on the floor, a push at the wall.
+#[test]
+fn a_box_leans_on_floor_and_wall() {
+    let system = body(r#"<box size="0.2 0.2 0.2"/>"#);
+    let wall = block([0.1, -1.0, -0.5], [1.0, 1.0, 1.0]);
+    let room = Arc::new(Scene { gravity: Vector3::new(5.0, 0.0, -9.81), ..(*scene(9.81, vec![floor(), wall])).clone() });
+    for (name, config) in solvers(&system) {
+        let last = run(&system, &room, Articulated::new(config), Isometry3::translation(0.0, 0.0, 0.1), 120);
+        let p = vector(&last);
+        assert!(p.x.abs() < 2e-3 && (p.z - 0.1).abs() < 2e-3, "{name}: {p:?}, it leans at x 0, z 0.1");
+    }
+}
+
 /// Tiles side by side are one floor: a ball rolls over their seam as over a plane, and rests there as deep.
 #[test]
 fn a_seam_between_tiles_is_no_bump() {

@@ -55,6 +55,18 @@ fn a_stiff_cable_with_little_damping_moves() {
     }
 }
 
+#[test]
+fn what_is_lost_says_what_to_change() {
+    let system = lead("", "held = \"fixed\"").expect("a cable");
+    let mut batch = Batch::new(&system, &system.scene("free").expect("a scene"), 1);
+    let mut state = system.robot.zero_state();
+    state[system.robot.nq()] = 1e200;
+    batch.reset(0, &state);
+    let error =
+        Articulated::new(ArticulatedConfig::accurate(&system)).step(&mut batch, &[0.0; 16]).expect_err("beyond numbers").to_string();
+    assert!(["[cable] damping", "substeps", "links"].iter().all(|word| error.contains(word)), "{error}");
+}
+
 /// How far the lowest contact point of each start is from the ground's surface (m).
 fn clear(system: &Arc<System>) -> f64 {
     let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
@@ -78,4 +90,16 @@ fn a_free_cable_starts_above_the_ground_or_is_refused() {
         refused("", &format!("held = \"{held}\"\nat = [0.0, 0.0, -0.2]"), &["[cable] at", "along"]);
         refused("", &format!("held = \"{held}\"\nat = [0.0, 0.0, 0.5]\nalong = [0.0, 0.0, -1.0]"), &["[cable] at", "along"]);
     }
+}
+
+#[test]
+fn a_gain_follows_the_torque_that_is_said_unless_it_is_said_too() {
+    let gain = |more: &str| {
+        let system = lead(&format!("[[joint]]\nname = \"x\"\n{more}"), "").expect("a cable");
+        let joint = system.joint_specs().find(|joint| joint.name == "x").expect("x").clone();
+        (joint.torque, joint.gain.unwrap_or(joint.torque))
+    };
+    assert_eq!(gain("torque = 2.5"), (2.5, 2.5));
+    assert_eq!(gain("torque = 2.5\ngain = 1.0"), (2.5, 1.0));
+    assert!(gain("").0 > 100.0, "what is not said stays");
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use nerd_sim::dataset::{GenerateConfig, Manifest, Part, generate, generate_part, read_shard};
+use nerd_sim::dataset::{GenerateConfig, Manifest, Part, generate, generate_part, read_shard, record};
 use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
 
@@ -87,6 +87,27 @@ fn a_recording_holds_what_the_sampling_laws_say() {
     }
     assert!((1000.0..=1500.0).contains(&strongest), "largest torque {strongest}, drawn from +-1500");
     assert!(touching > 50, "{touching} of 8000 points touch: the random planes are out of reach");
+}
+
+#[test]
+fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box() {
+    let system = System::named("ant").expect("built in");
+    let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+    let config = GenerateConfig { frames: 24, hold: 8, resets: 0.5, ..Default::default() };
+    let r = record(&system, &mut truth, &config, 0, 64).expect("recorded");
+    let mut runs = [0; 9];
+    for t in 0..r.trajectories {
+        let torque = |f: usize| &r.torques[(t * 24 + f) * 8..][..8];
+        let first = (1..24).find(|f| torque(*f) != torque(0)).expect("24 frames of one action, at most 8 were asked for");
+        (1..24).for_each(|f| assert_eq!(torque(f) != torque(f - 1), f % first == 0, "trajectory {t}, held {first}, frame {f}"));
+        runs[first] += 1;
+    }
+    // Log-uniform over 1 to 8: once in 64 ln 2 / ln 9 = 20 trajectories a single frame, in 64 ln (9 / 8) / ln 9 = 3.4 eight.
+    assert!((10..=32).contains(&runs[1]) && runs[1..].iter().sum::<i32>() == 64 && runs[4..].iter().sum::<i32>() > 10, "{runs:?}");
+    // Resets start within 0.2 m of the origin, samples up to 10 m away.
+    let d = system.robot.state_dim();
+    let near = (0..64).filter(|t| [0, 2].iter().all(|axis| r.states[t * 25 * d + axis].abs() <= 0.2)).count();
+    assert!((20..=44).contains(&near), "{near} of 64 start where episodes do, half were asked for");
 }
 
 /// The reuse key is what the system is, not what it is called.

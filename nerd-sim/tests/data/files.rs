@@ -31,6 +31,40 @@ fn what_killed_writers_left_is_removed_and_what_living_ones_write_is_not() {
 }
 
 #[test]
+fn many_writers_of_one_folder_do_not_disturb_each_other() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    std::thread::scope(|scope| {
+        for writer in 0..8u8 {
+            let path = folder.path().join(format!("{}.bin", writer % 4));
+            scope.spawn(move || (0..50).for_each(|_| write(&path, &[writer; 5000]).expect("written")));
+        }
+    });
+    assert_eq!(names(folder.path()), ["0.bin", "1.bin", "2.bin", "3.bin"]);
+    for (k, name) in names(folder.path()).iter().enumerate() {
+        let bytes = std::fs::read(folder.path().join(name)).expect("read");
+        assert!(bytes.len() == 5000 && bytes.iter().all(|b| *b == bytes[0] && usize::from(*b) % 4 == k), "{name} is mixed");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn symbolic_links_stay_and_lead_to_what_is_written() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir(at("far")).expect("made");
+    symlink("far/there.txt", at("one")).expect("linked");
+    symlink(at("one"), at("two")).expect("linked");
+    for text in [b"first", b"again"] {
+        write(&at("two"), text).expect("written");
+        assert_eq!(std::fs::read(at("far/there.txt")).expect("read"), text);
+    }
+    assert!(["one", "two"].iter().all(|link| std::fs::symlink_metadata(at(link)).expect("there").is_symlink()));
+    symlink("loop", at("loop")).expect("linked");
+    assert!(write(&at("loop"), b"").is_err());
+}
+
+#[test]
 fn a_folder_is_claimed_once_and_an_empty_one_goes_again() {
     let above = tempfile::tempdir().expect("temporary folder");
     let folder = above.path().join("out");

@@ -143,6 +143,30 @@ fn joints_have_units_of_their_own_and_no_seams() {
     }
 }
 
+/// Long rests, whose rates are noise, say nothing of those of the motion.
+#[test]
+fn rest_refuses_nothing() {
+    let mut all = tosses(&cube(), 3, 60);
+    for toss in &mut all {
+        let mut last = toss.states[59].clone();
+        last[7..].fill(0.0);
+        for k in 0..150 {
+            let mut state = last.clone();
+            state[0] += if k % 2 == 0 { 1e-4 } else { -1e-4 };
+            toss.states.push(state);
+        }
+    }
+    let log = read(folder(&text(&all), header()).path());
+    assert_eq!(log.trajectories[0].states.len(), 210);
+}
+
+/// A scale of length that is 2 % short is worth a line, no more.
+#[test]
+fn free_fall_tells_the_scale() {
+    let log = read(folder(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf")).path());
+    assert!(log.notes.iter().any(|n| n.contains("free fall is 9.81") && n.contains("gravity is 10.000")), "{:?}", log.notes);
+}
+
 /// The sample that comes with the crate.
 #[test]
 fn the_sample_is_read() {

@@ -1,6 +1,6 @@
 //! Instruments around a solver change what they say and nothing else.
 
-use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Timed};
+use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Shaken, Timed};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::Body;
 

@@ -151,3 +151,39 @@ fn contact_scales_with_the_robot() {
         }
     }
 }
+
+/// What a robot rests on is what it had: balls at the ends of legs, wheels all around, and a height at which they touch.
+#[test]
+fn what_stands_keeps_its_feet() {
+    let ball = "<collision><origin xyz=\"0 0 -0.3\"/><geometry><sphere radius=\"0.04\"/></geometry></collision></link>";
+    let trunk = body("trunk", 6.0, [0.6, 0.3, 0.1], [0.0; 3]);
+    let feet = table(1.0).replace(&trunk, "TRUNK").replace("</link>", ball).replace("TRUNK", &trunk);
+    let system = read("feet", &feet, None).expect("a robot");
+    for link in 1..5 {
+        let feet = system.robot.contact_points.iter().filter(|p| p.link == link && p.radius == 0.04).count();
+        assert_eq!(feet, 1, "link {link} of {:?}", system.robot.contact_points);
+    }
+    assert!((system.default_state()[2] - 0.34).abs() < 1e-6, "stands at {} m", system.default_state()[2]);
+    // A car on four wheels, however far they have turned.
+    let mut car = trunk;
+    for (k, [x, y]) in [[0.25, 0.2], [0.25, -0.2], [-0.25, 0.2], [-0.25, -0.2]].into_iter().enumerate() {
+        let wheel = format!("wheel{k}");
+        let round = "<geometry><cylinder radius=\"0.1\" length=\"0.05\"/></geometry>";
+        let turned = "<collision><origin xyz=\"0 0 0\" rpy=\"1.5707963267948966 0 0\"/>";
+        let text = body(&wheel, 0.5, [0.2, 0.05, 0.2], [0.0; 3]);
+        let (inertial, _) = text.split_once("<collision>").expect("it has a shape");
+        car += &format!("{inertial}{turned}{round}</collision></link>");
+        car += &joint(&format!("axle{k}"), ["trunk", &wheel], [x, y, -0.05], 5.0).replace("revolute", "continuous");
+    }
+    let system = read("car", &format!("<robot name=\"car\">{car}</robot>"), None).expect("a robot");
+    let scene = system.scene("plane").expect("a plane");
+    for turn in [0.0, 0.5, 1.6, 3.1] {
+        let mut batch = Batch::new(&system, &scene, 1);
+        let mut state = system.default_state();
+        state[7..11].fill(turn);
+        batch.reset(0, &state);
+        let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+        (0..60).for_each(|_| solver.step(&mut batch, &[0.0; 4]).expect("it stands"));
+        assert!((batch.state(0)[2] - 0.15).abs() < 0.01, "wheels turned by {turn} rad: the car is at {} m, not 0.15", batch.state(0)[2]);
+    }
+}

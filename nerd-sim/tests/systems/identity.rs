@@ -87,3 +87,27 @@ fn how_data_are_made_changes_one() {
         assert!(found[0] == ours[0] && found[1] != ours[1], "{from} as {to}: {found:?}");
     }
 }
+
+#[test]
+fn limits_count_and_all_built_in_robots_differ() {
+    let toml = include_str!("../../assets/cartpole.toml");
+    let urdf = include_str!("../../assets/cartpole.urdf");
+    let ours = hashes(urdf, toml);
+    // Nothing of it touches: no material matters.
+    let slippery = changed(
+        toml,
+        "substeps = 4",
+        "substeps = 4\nmaterial = { stiffness = 1.0, damping = 1.0, friction_damping = 1.0, friction = 0.0 }",
+    );
+    assert_eq!(hashes(urdf, &slippery)[0], ours[0]);
+    for found in
+        [hashes(&changed(urdf, "lower=\"-4\"", "lower=\"-3.9\""), toml), hashes(urdf, &changed(toml, "damping = 10.0", "damping = 11.0"))]
+    {
+        assert_ne!(found[0], ours[0]);
+    }
+    let mut all: Vec<String> = System::built_in().into_iter().map(|n| System::named(n).expect("built in").robot_sha256()).collect();
+    assert!(all.iter().all(|h| h.len() == 64 && h.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b))));
+    all.sort();
+    all.dedup();
+    assert_eq!(all.len(), System::built_in().len(), "two robots of one hash");
+}

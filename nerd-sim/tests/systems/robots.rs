@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use nerd_core::dynamics::Data;
+use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::state::{quaternion, vector};
 use nerd_sim::control::Controller;
 use nerd_sim::dataset::{GenerateConfig, record};
@@ -28,6 +28,26 @@ fn masses_joints_and_contact_points_are_the_references() {
         assert!((robot.mass() / mass - 1.0).abs() < 1e-4, "{name}: {} kg, reference {mass}", robot.mass());
         assert_eq!((robot.joint_count(), robot.contact_points.len()), (joints, points), "{name}");
     }
+}
+
+/// Default pose: knees 0.432 m high at x = +-0.471, feet 0.107 m high at x = +-0.429, z = +-0.2835.
+#[test]
+fn anymal_stands_as_the_reference_does() {
+    let system = System::named("anymal").expect("built in");
+    let mut data = Data::new(&system.robot);
+    kinematics(&system.robot, &system.default_state(), &mut data);
+    let mut feet = 0;
+    for (i, link) in system.robot.links.iter().enumerate().filter(|(_, l)| l.name.ends_with("SHANK")) {
+        let knee = data.origin + data.position[i];
+        assert!((knee.y - 0.432).abs() < 1e-3 && (knee.x.abs() - 0.471).abs() < 1e-3, "knee of {} at {knee:?}", link.name);
+        for point in system.robot.contact_points.iter().filter(|p| p.link == i) {
+            let foot = point_position(&data, i, &point.local);
+            let there = (foot.y - 0.107).abs() < 1e-3 && (foot.x.abs() - 0.429).abs() < 1e-3 && (foot.z.abs() - 0.2835).abs() < 1e-3;
+            assert!(there, "foot of {} at {foot:?}", link.name);
+            feet += 1;
+        }
+    }
+    assert_eq!(feet, 4);
 }
 
 /// The reference's files hold actions (`a_*`) beside the torques its controllers made of them.
@@ -150,6 +170,31 @@ fn a_clearance_that_no_start_has_is_refused() {
     let toml = toml(-1.0).replace("clearance = 0.3", "clearance = 0.6");
     let error = System::from_text("ball", urdf, Some(&toml)).expect_err("no start is clear").to_string();
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
+}
+
+#[test]
+fn a_robot_built_in_code_moves_as_its_file_does() {
+    let (spec, urdf) = System::texts("pendulum").expect("it is built in");
+    let file = Arc::new(System::from_text("pendulum", urdf, Some(spec)).expect("a pendulum"));
+    let robot = || nerd_sim::nerd_core::robot::Robot::from_urdf(urdf, nerd_sim::nerd_core::robot::Base::fixed()).expect("a robot");
+    let built = Arc::new(System::from_robot(robot(), Some(spec)).expect("the same"));
+    assert_eq!(built.robot_sha256(), file.robot_sha256());
+    let end = |system: &Arc<System>| {
+        let mut batch = Batch::new(system, &system.scene("free").expect("space"), 1);
+        let mut solver = Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb));
+        let mut state = system.default_state();
+        state[0] += 0.5;
+        batch.reset(0, &state);
+        (0..30).try_for_each(|_| solver.step(&mut batch, &[0.1, -0.2])).expect("steps");
+        batch.state(0).to_vec()
+    };
+    assert_eq!(end(&built), end(&file));
+    // Without a word about it, as a bare file.
+    assert_eq!(System::from_robot(robot(), None).expect("bare").frame_time, 1.0 / 60.0);
+    let mut free = robot();
+    free.base = nerd_sim::nerd_core::robot::Base::Floating;
+    let said = System::from_robot(free, Some(spec)).expect_err("a contradiction").to_string();
+    assert!(said.contains("floating = false, but the robot's base is free"), "{said}");
 }
 
 /// No point of a built-in robot creeps by more than 1 mm/s where 30 N push it (the cube's: all that friction can bear).

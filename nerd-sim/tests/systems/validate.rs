@@ -189,3 +189,42 @@ fn the_urdf_that_a_file_names_is_the_one_that_is_read() {
     let error = read(TOML).expect_err("latin-1");
     assert!(error.contains("all.urdf") && error.contains("UTF-8"), "{error}");
 }
+
+#[test]
+fn a_solver_refuses_to_stand_still() {
+    let system = System::named("cartpole").expect("built in");
+    for n in [0, usize::MAX] {
+        let mut batch = Batch::new(&system, &system.scene("free").expect("empty"), 1);
+        let config = ArticulatedConfig { substeps: n, ..ArticulatedConfig::paper(&system, Friction::Coulomb) };
+        let error = Articulated::new(config).step(&mut batch, &[1.0, 0.0]).expect_err("no step").to_string();
+        assert!(error.contains("substeps") && error.contains("1e5"), "{error}");
+    }
+}
+
+#[test]
+fn data_that_cannot_be_made_are_refused_by_name() {
+    let system = System::named("cartpole").expect("built in");
+    let usual = GenerateConfig { transitions: 100, frames: 10, ..Default::default() };
+    for (config, words) in [
+        (GenerateConfig { frames: 0, ..usual.clone() }, "frames"),
+        (GenerateConfig { transitions: 0, ..usual.clone() }, "transitions"),
+        (GenerateConfig { shard_trajectories: 0, ..usual.clone() }, "shard_trajectories"),
+        (GenerateConfig { hold: 0, ..usual.clone() }, "hold"),
+        (GenerateConfig { hold: usize::MAX, ..usual.clone() }, "hold"),
+        (GenerateConfig { resets: f64::NAN, ..usual.clone() }, "resets"),
+        (GenerateConfig { transitions: 1_000_000_000, frames: 1_000_000, ..usual.clone() }, "GB"),
+    ] {
+        let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
+        let error = record(&system, &mut truth, &config, 0, 2).expect_err(words).to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn fields_of_a_batch_that_disagree_are_told() {
+    let system = System::named("cartpole").expect("built in");
+    let mut batch = Batch::new(&system, &system.scene("free").expect("empty"), 2);
+    assert_eq!(batch.check(), Ok(()));
+    batch.states.pop();
+    assert!(batch.check().expect_err("one number short").contains("8 numbers in `states`"));
+}

@@ -107,6 +107,39 @@ fn each_slides_by_its_own_friction() {
 }
 
 #[test]
+fn what_does_not_fit_is_refused() {
+    let ant = System::named("ant").expect("built in");
+    let mut batch = Batch::new(&ant, &ant.scene("plane").expect("plane"), 2);
+    let said = |batch: &mut Batch, solver: &mut dyn Solver| solver.step(batch, &[0.0; 16]).expect_err("it does not fit").to_string();
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(&ant));
+    batch.systems = vec![ant.clone()];
+    assert!(said(&mut batch, &mut solver).contains("needs 2 `systems`"));
+    batch.systems = vec![ant.clone(), System::named("cube").expect("built in")];
+    assert!(said(&mut batch, &mut solver).contains("environment 1 is built otherwise"), "{}", said(&mut batch, &mut solver));
+    // A solver of one's own that knows one robot.
+    struct Still;
+    impl Solver for Still {
+        fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+            nerd_sim::solver::check(batch, torques, &mut Vec::new())
+        }
+    }
+    batch.systems = vec![ant.clone(), ant.clone()];
+    assert!(said(&mut batch, &mut Still).contains("one robot for all environments"));
+    let (toml, urdf) = System::texts("cube").expect("built in");
+    for (line, key) in [
+        ("gain = \"U(1, 2)\"", "vary.gain: the robot has no joint"),
+        ("mass = \"U(0, 1)\"", "vary.mass's low end"),
+        ("friction = \"U(-1, 1)\"", "vary.friction's low end"),
+        ("gravity = \"U(-9.81, -9)\"", "vary.gravity's low end"),
+        ("masses = \"U(1, 2)\"", "unknown field `masses`"),
+    ] {
+        let text = format!("{toml}\n[vary]\n{line}\n");
+        let said = System::from_text("cube", urdf, Some(&text)).expect_err("it is out of range").to_string();
+        assert!(said.contains(key), "{line}: {said}");
+    }
+}
+
+#[test]
 fn data_keep_what_was_drawn() {
     let (toml, urdf) = System::texts("cube").expect("built in");
     let text = format!("{toml}\n[vary]\nmass = \"U(0.5, 2)\"\nfriction = \"U(0.2, 1)\"\n");

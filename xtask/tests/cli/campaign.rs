@@ -11,7 +11,7 @@ fn every_case_of_the_corpus_ends_as_it_should() {
 
 #[test]
 fn changed_files_and_command_lines_are_refused_or_used() {
-    let cases = std::env::var("NERD_CAMPAIGN").unwrap_or_else(|_| "20000".into());
+    let cases = std::env::var("NERD_CAMPAIGN").unwrap_or_else(|_| "4000".into());
     let folder = Folder::new();
     let table = done(&format!("campaign --cases {cases} --seed 16 --faults"), &[folder.0.path()]).0;
     println!("{table}");

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::{Folder, bytes, command, done, text};
+use crate::{Folder, command, done, text};
 
 /// A run of seconds. Losses are logged as often as checkpoints are written at 40 updates, so that means are over the same.
 const TRAIN: &str = "train --robot pendulum --recipe small --transitions 20000 --fresh 3200 --frames 50 --batch 16 --rollouts 2 --log-every 4 \

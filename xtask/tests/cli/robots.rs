@@ -38,7 +38,7 @@ fn every_file_of_a_folder_has_its_line() {
     let table = done("urdf", &[folder.0.path()]).0;
     let line = |name: &str| table.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("no line of {name}:\n{table}"));
     assert!(line("a.urdf").contains("is not UTF-8 text: byte 13") && line("b.urdf").contains("| ok"), "{table}");
-    let file = folder.path("b.urdf");
+    let file = folder.write("c.urdf", bytes(root().join("nerd-sim/assets/ant.urdf")));
     refused("urdf --crowd 4", &[&file], "--mujoco");
     refused("urdf --crowd 4 --mujoco /no/python", &[&file], "/no/python");
 }
