@@ -113,7 +113,7 @@ fn tasks() -> Result<Table> {
 
 fn models() -> Result<Table> {
     let mut rows = Vec::new();
-    for folder in [folders(&root().join("models"), "")?, folders(&root().join("models/sizes"), "")?].concat() {
+    for folder in folders(&root().join("models"), "")? {
         let Ok(model) = ModelConfig::read(&folder) else { continue };
         let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
         rows.push([&[from_root(&folder), model.robot.clone(), model.truth.clone(), describe(&model)], &numbers[..]].concat());

@@ -194,7 +194,7 @@ impl Figure {
                 for (k, name) in names.iter().enumerate() {
                     let (x, y) = (60 + (k / down) as i32 * (wide as i32 * columns as i32 / 2 - 30), (k % down) as i32 * ROW as i32 + 8);
                     foot.draw(&Circle::new((x, y), 5, colour(&names, name).filled()))?;
-                    foot.draw(&Text::new(name.to_string(), (x + 14, y - 8), FONT))?;
+                    foot.draw(&Text::new(name.to_string(), (x + 14, y - 5), FONT))?;
                 }
                 area.present()
             };

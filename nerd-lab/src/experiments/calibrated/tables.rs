@@ -66,7 +66,7 @@ impl CalibratedAll {
         let header = ["solver", "parameter", "described", "calibrated", "bounds", "objective at a bound"];
         Table::new("parameters", &header).with(rows).noted(
             "Calibrated: mean and standard deviation over splits. Last column: how much the objective of the first split rises when this \
-             parameter alone is moved to that of its bounds where it rises less; where the fit stands at one, to the other. Below 1 % the data \
+             parameter alone is moved to that of its bounds where it rises less; where the fit is at one, to the other. Below 1 % the data \
              do not determine it.",
         )
     }
@@ -79,7 +79,7 @@ fn over_splits(solver: &Calibrated, k: usize) -> [f64; 2] {
     [mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (x.len().max(2) - 1) as f64).sqrt()]
 }
 
-/// How much the objective rises to that of a parameter's bounds where it rises less, as a share of itself, and whether the fit stands at
+/// How much the objective rises to that of a parameter's bounds where it rises less, as a share of itself, and whether the fit is at
 /// the other.
 fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
     let (profile, fitted) = (solver.profiles.get(k)?, solver.splits.first()?.fit.values[k]);

@@ -33,15 +33,15 @@ settings! {
         /// The strict protocol: seeds never used before, comma-separated. Of each and every task a policy is trained in the
         /// frozen model, unless it is there; then all are played
         fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
-        /// With --fresh: seeds of policies that are trained in the truth [default: none]
+        /// With `fresh`: seeds of policies that are trained in the truth [default: none]
         truth_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
-        /// With --fresh: tasks [default: the paper's]
+        /// With `fresh`: tasks [default: the paper's]
         task: Vec<String> = Vec::new(), Texts;
-        /// With --fresh: settings of PPO, small or paper (full length)
+        /// With `fresh`: settings of PPO, small or paper (full length)
         recipe: String = "small".into(), Words(&["small", "paper"]);
-        /// With --fresh: folder of the policies' runs; the same command continues
+        /// With `fresh`: folder of the policies' runs; the same command continues
         runs: PathBuf = "out/fresh".into(), Text;
-        /// With --fresh: minutes after which each training stops [default: none]
+        /// With `fresh`: minutes after which each training stops [default: none]
         minutes: Option<f64> = None, Positive;
         /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it
         /// learned
