@@ -36,6 +36,11 @@ pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<()> {
     file.save(path)
 }
 
+/// The configuration that was saved with a state.
+pub(crate) fn config(path: &Path) -> Result<String> {
+    Ok(Tensors::open(path)?.word("config")?.into())
+}
+
 /// Reads the state of a run with this network, and the configuration saved beside it.
 ///
 /// # Errors
@@ -96,7 +101,8 @@ impl Best {
             return Ok(None);
         }
         let damaged = |reason: &dyn std::fmt::Display| {
-            Error::format(&path)(format!("it is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"))
+            let path = path.display();
+            Error::Refused(format!("{path} is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"))
         };
         let file = Tensors::open(&path).map_err(|e| damaged(&e))?;
         let word = |name: &str| file.word(name).map_err(|e| damaged(&e));

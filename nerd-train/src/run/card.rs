@@ -102,8 +102,7 @@ pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>>
     if !path.exists() {
         return Ok(None);
     }
-    let (state, found) = checkpoint::load(&path, &run.network)?;
-    let mut found: serde_json::Value = serde_json::from_str(&found).map_err(Error::format(&path))?;
+    let mut found: serde_json::Value = serde_json::from_str(&checkpoint::config(&path)?).map_err(Error::format(&path))?;
     // Through a text, as what was found went: as values alone, numbers of four bytes are widened.
     let asked = serde_json::to_string(run).map_err(Error::format(&path))?;
     let asked: serde_json::Value = serde_json::from_str(&asked).map_err(Error::format(&path))?;
@@ -116,7 +115,7 @@ pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>>
     if !said.is_empty() {
         refuse!("{} belongs to a run with other settings: {said}; use another --out, or its settings", path.display());
     }
-    Ok(Some(state))
+    Ok(Some(checkpoint::load(&path, &run.network)?.0))
 }
 
 /// What `config.json` will hold.
