@@ -1,4 +1,4 @@
-//! What may be asked of a machine: refused before work begins where it is more than memory holds or a day does.
+//! Limits of memory and time: what exceeds them is refused before work begins.
 
 use std::ops::RangeInclusive;
 
@@ -46,7 +46,7 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a figure that is not a number, which would stand in a table like any other; `whose` says which it is.
+/// Refuses NaN, which would be in a table like any other figure; `whose` names it.
 pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
     match figures.into_iter().find(|x| !x.is_finite()) {
         Some(x) => refuse!("{whose} is {x}: no result is written"),

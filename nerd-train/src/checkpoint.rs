@@ -1,5 +1,5 @@
-//! What a training run keeps of its weights: `last.safetensors`, from which it goes on, and `best.safetensors`, the weights that had the
-//! smallest criterion. Each is replaced as a whole, so whoever reads it sees an old or a new file, never half of one.
+//! Checkpoints of a training run: `last.safetensors`, from which it continues, and `best.safetensors`, the weights with the smallest
+//! criterion. Each is replaced atomically.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! In what two runs differ, for the line that refuses to continue one as the other.
+//! Differences between two runs, for the message that refuses to continue one as the other.
 
 use serde_json::Value;
 

@@ -1,4 +1,4 @@
-//! Why something of this crate came to nothing.
+//! Errors of this crate.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub enum Error {
     File {
         /// Which.
         path: PathBuf,
-        /// What the file system said.
+        /// The file system's error.
         source: std::io::Error,
     },
     /// A file that does not hold what it should.

@@ -1,6 +1,6 @@
 #![doc = include_str!("../README.md")]
 
-/// Standard `eprintln!` panics where nobody reads.
+/// The standard `eprintln!` panics on a closed pipe.
 macro_rules! eprintln {
     ($($text:tt)*) => { $crate::progress::tell(format_args!($($text)*)) };
 }

@@ -87,7 +87,7 @@ impl<'a> Row<'a> {
             let i = row * points + k;
             let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
             let distance = recording.depths[i];
-            // The point on the robot follows from the rest and is no input of the network.
+            // The point on the robot follows from the rest and is not an input of the network.
             ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
         };
         (0..points).map(event).collect()

@@ -1,4 +1,4 @@
-//! What a long command shows on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
+//! Progress on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
 
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
@@ -22,7 +22,7 @@ pub fn tell(text: std::fmt::Arguments) {
     }
 }
 
-/// The line that a process ends with, if it fails: that one is said in any case.
+/// The line that a failed process ends with; it is always printed.
 pub fn last(text: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }

@@ -1,4 +1,4 @@
-//! Settings within their ranges: one that is out of its range is refused by name before any work begins.
+//! Ranges of settings: one out of range is refused by name before any work begins.
 
 use std::fmt::Display;
 use std::ops::{Bound, RangeBounds};
@@ -19,7 +19,7 @@ pub struct OutOfRange {
 
 part!(OutOfRange);
 
-/// Refuses a value out of its range; what is not a number is in none.
+/// Refuses a value out of its range; NaN is in none.
 pub(crate) fn within<T: PartialOrd + Display>(name: &'static str, value: T, range: impl RangeBounds<T>) -> Result<(), OutOfRange> {
     if range.contains(&value) {
         return Ok(());

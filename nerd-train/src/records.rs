@@ -1,5 +1,5 @@
-//! Records of a run, one JSON object a line, appended while it goes on: `metrics.jsonl`, how it learns, and `sessions.jsonl`, which of its
-//! updates or iterations took how long where.
+//! Records of a run, one JSON object a line, appended as it runs: `metrics.jsonl` with its progress, and `sessions.jsonl` with the time
+//! of its updates or iterations by machine.
 //!
 //! Every line of metrics has a `step`, the number of updates done when it was written. A run that continues from `step` updates first drops
 //! the lines it is going to write again (those with a larger `step`), so a file never has two versions of one step, however often the run

@@ -1,5 +1,5 @@
-//! Settings that a TOML file and a command line say with the same keys. Each key, with what it means, its range and its
-//! default, is written once, in `settings!`; whoever shows or reads them asks [`Settings::keys`].
+//! Settings with the same keys in a TOML file and on the command line. Each key's help, range and default are written once, in `settings!`;
+//! [`Settings::keys`] lists them.
 
 use std::ops::RangeInclusive;
 

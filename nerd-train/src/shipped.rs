@@ -1,4 +1,4 @@
-//! Where the project's own files are: models, policies, results.
+//! Folders of the project's own files: models, policies, results.
 
 use std::path::{Path, PathBuf};
 
@@ -36,8 +36,8 @@ pub fn model(truth: Truth, robot: &str) -> PathBuf {
     })
 }
 
-/// Folder of the model that comes with the project for a task: `models/TASK` if there is one, trained on along its policies' motions, or else its
-/// robot's.
+/// Folder of the model that comes with the project for a task: `models/TASK` if there is one, trained on along its policies' motions, or
+/// else its robot's.
 pub fn model_of_task(task: &str, robot: &str) -> PathBuf {
     let own = models().join(task);
     if own.join("config.json").exists() { own } else { model(Truth::default(), robot) }

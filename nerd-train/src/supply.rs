@@ -1,9 +1,8 @@
-//! Fresh data while a run goes on: shards recorded in the background take the places of the oldest.
+//! Fresh data during a run: shards recorded in the background replace the oldest.
 //!
-//! A network that meets ten million transitions seventy times learns them by heart: a pendulum's loss was 8e-4 on its
-//! data and 4e-3 on new data. A simulator need not repeat itself. Which shard is taken up before which update follows
-//! from the settings alone, so a resumed run learns from what the unbroken one would have; where the cores cannot keep
-//! up the learner waits.
+//! A network that sees ten million transitions seventy times overfits: a pendulum's loss was 8e-4 on its data and 4e-3 on new data. Which
+//! shard is replaced before which update follows from the settings alone, so a resumed run sees the same data; where the cores cannot
+//! keep up, the learner waits.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -110,7 +109,7 @@ impl Supply {
         Some(self.given(k).map(|windows| (place, windows)))
     }
 
-    /// Shard k, whoever records it.
+    /// Shard k, recorded by any thread.
     fn given(&self, k: u64) -> Result<Windows> {
         let world = self.ranks.world() as u64;
         let (maker, j) = ((k % world) as usize, k / world);

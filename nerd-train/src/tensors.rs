@@ -1,4 +1,4 @@
-//! The file that runs keep their state in: named vectors as one safetensors file, and words beside them.
+//! The state file of runs: named vectors and metadata in one safetensors file.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};

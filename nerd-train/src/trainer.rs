@@ -116,7 +116,8 @@ impl Trainer {
         self
     }
 
-    /// Trains, on `fresh` data as it comes if there is any, from the learner's step to the configured number of updates or until the time is over.
+    /// Trains, on `fresh` data as it comes if there is any, from the learner's step to the configured number of updates or until the time
+    /// is over.
     ///
     /// # Errors
     /// If an update, a validation or a file fails; the files of the last checkpoint stay as they are.
@@ -209,7 +210,7 @@ impl Trainer {
         self.stop_at.map_or(Ok(false), |wall| self.ranks.decide(started.elapsed() >= wall))
     }
 
-    /// Refuses to go on where ranks have come to other weights: nobody would notice.
+    /// Refuses to continue if ranks have different weights, which would go unnoticed.
     fn same(&self, learner: &mut dyn Learner) -> Result<()> {
         if self.ranks.world() == 1 {
             return Ok(());
@@ -228,7 +229,7 @@ impl Trainer {
     /// The best weights so far, if there are any of this very run.
     ///
     /// # Errors
-    /// If there is a file that cannot be read: it may be what a long run came to.
+    /// If there is a file that cannot be read: it may hold a long run.
     pub fn best(&self) -> Result<Option<Best>> {
         Best::load(&self.folder, &self.run)
     }

@@ -79,7 +79,7 @@ fn chapter(text: &mut String, verb: &Command, level: &str) {
     }
     verb.get_subcommands().for_each(|below| chapter(text, below, &format!("{level}#")));
 }
-/// Whether a value stands behind it.
+/// Whether a value follows it.
 fn valued(arg: &Arg) -> bool {
     arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
 }

@@ -1,7 +1,7 @@
 //! `cargo xtask dataset --robot pendulum --out data/pendulum`: trajectories of a truth as safetensors shards, whatever `train` can
 //! learn from.
 //!
-//! A shard is there whole or not at all; the same command again keeps what is there and makes what is missing. `--part 3/8` makes the
+//! A shard is written whole or not at all; the same command again keeps existing shards and makes missing ones. `--part 3/8` makes the
 //! third of eight parts, into the same folder as the others (docs/many-gpus.md).
 
 use std::path::PathBuf;

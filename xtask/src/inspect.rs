@@ -1,5 +1,5 @@
-//! `cargo xtask inspect FOLDER`: what a learner will see of a data set that `dataset` wrote, see [`nerd_lab::inspect`]; or, with `--robot`
-//! alone, what is known of a robot.
+//! `cargo xtask inspect FOLDER`: a data set as a learner will see it ([`nerd_lab::inspect`]); or, with `--robot` alone, a robot's
+//! specification.
 
 use std::path::PathBuf;
 
@@ -49,7 +49,7 @@ fn known(robot: &str) -> Result<()> {
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
     println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
     system.notes.iter().for_each(|note| println!("# {note}"));
-    // Of a built-in robot the file is there already, and says all; of a cable it says what stands beside `[cable]`.
+    // A built-in robot's file exists and is complete; a cable's has the keys besides `[cable]`.
     if System::texts(&system.name).is_none() && system.source != Source::Cable {
         println!("like = \"urdf\"");
     }

@@ -1,4 +1,4 @@
-//! `cargo xtask list robots|scenes|tasks|models|rows`: what there is to name on the command line.
+//! `cargo xtask list robots|scenes|tasks|models|rows`: names for the command line.
 
 use std::sync::Arc;
 

@@ -10,7 +10,7 @@ use nerd_lab::experiments::calibrated::Calibration;
 use nerd_lab::experiments::chart::Chart;
 use nerd_train::provenance::Provenance;
 
-// The standard macros panic where nobody reads.
+// The standard macros panic on a closed pipe.
 macro_rules! println {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
@@ -128,7 +128,7 @@ fn call(words: &[&str]) -> Result<(), String> {
 }
 
 fn main() -> ExitCode {
-    // Sums of several graphics cards go without NVLink's multicast, which not every machine has set up, unless somebody asks for it.
+    // Sums over several GPUs do not use NVLink's multicast, which not every machine has set up, unless the variable asks for it.
     if std::env::var_os(MULTICAST).is_none() {
         // SAFETY: no other thread runs yet.
         unsafe { std::env::set_var(MULTICAST, "0") };

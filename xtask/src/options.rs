@@ -1,4 +1,4 @@
-//! Settings of the libraries as options of the command line: names, help, ranges and defaults are theirs.
+//! Settings of the libraries as options of the command line, with their names, help, ranges and defaults.
 
 use std::marker::PhantomData;
 
@@ -28,7 +28,7 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static
     PossibleValuesParser::new(words).try_map(|word| serde_json::from_value::<T>(word.into()))
 }
 
-/// Refuses the first of `options`, names and whether they were given, that was: nobody would read it.
+/// Refuses the first of `options`, names and whether they were given, that was given without effect.
 pub fn unused(options: &[(&str, bool)], when: &str) -> Result<()> {
     match options.iter().find(|(_, given)| *given) {
         Some((option, _)) => Err(Error::msg(format!("{option} means nothing {when}"))),

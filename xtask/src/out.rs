@@ -1,5 +1,5 @@
-//! Standard output, which may be closed (`| head`) or full: neither ends a command before it has written its files. With
-//! `--json` it has the tables alone, as one object: a table's name, its rows as objects.
+//! Standard output, which may be closed (`| head`) or full without ending a command before it has written its files. With `--json` it
+//! holds only the tables, as one object: names, and rows as objects.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write, stdout};
@@ -52,7 +52,7 @@ pub fn measured(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     Ok(artifact)
 }
 
-/// Writes what was kept, and says whether all lines came out, but for those that nobody wanted.
+/// Writes the buffered output, and returns whether all lines were written or not wanted.
 pub fn finish() -> Result<()> {
     if let Some(tables) = TABLES.get() {
         write(format_args!("{:#}", serde_json::Value::Object(tables.lock().unwrap_or_else(PoisonError::into_inner).clone())));

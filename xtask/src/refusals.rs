@@ -1,4 +1,4 @@
-//! How a command ends that cannot be done: one line, exit code 2.
+//! The end of a failed command: one line, exit code 2.
 
 use std::process::ExitCode;
 
@@ -15,7 +15,7 @@ pub fn usage(error: &clap::Error) -> String {
     words.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").into()
 }
 
-/// An error and its causes; many errors already name theirs. It may quote a whole file, whose middle nobody would read.
+/// An error and its causes; many errors already name theirs. It may quote a whole file, whose middle is left out.
 pub fn failure(error: &anyhow::Error) -> String {
     const MOST: usize = 2000;
     let words = error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });

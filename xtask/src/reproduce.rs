@@ -2,7 +2,7 @@
 //! frames, double pendulum 100 frames on its seven grounds), prints the table beside the paper's, draws speed against
 //! accuracy. Minutes on two cores. `--train` first trains small models from nothing on the CPU.
 //!
-//! What it measures goes to `out/reproduce`, never by itself over the committed results, which `--out results` replaces.
+//! Results go to `out/reproduce`; `--out results` replaces the committed ones.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), (
 /// Those whose data and network are a matter of minutes on a CPU.
 const QUICK: [&str; 2] = ["cartpole", "pendulum"];
 
-/// Where results go that nobody has asked to be anywhere, and models trained here and now.
+/// Default folder of results, and of models trained on the spot.
 const OWN: &str = "out/reproduce";
 
 /// Reproduce the tables and charts of the README.

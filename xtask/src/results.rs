@@ -1,4 +1,4 @@
-//! `cargo xtask results`: which results still hold; makes them anew; writes their figures into the documents.
+//! `cargo xtask results`: checks which results still hold, makes them again, writes their figures into the documents.
 
 use std::process::Command;
 
@@ -20,7 +20,7 @@ pub struct ResultsArgs {
 pub enum Part {
     /// End with an error unless every result holds and every document says what the results say
     Check,
-    /// Make results anew, by their commands in `results/manifest.toml`
+    /// Make results again, by their commands in `results/manifest.toml`
     Make {
         /// Which [default: all that do not hold, but for records]
         names: Vec<String>,

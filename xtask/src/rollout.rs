@@ -1,5 +1,5 @@
 //! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated --preset paper --friction coulomb
-//! --states FILE.csv --frames 100 --out OUT.csv`: how anyone checks us. What the files hold stands in [`TABLES`].
+//! --states FILE.csv --frames 100 --out OUT.csv`. [`TABLES`] describes the files.
 
 use std::path::PathBuf;
 

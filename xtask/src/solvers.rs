@@ -1,4 +1,4 @@
-//! Options that name a solver and set it, and which of them mean something together.
+//! Options that name and configure a solver, and their valid combinations.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! `cargo xtask stability`: where each method stays right, where it bends and where it breaks. Failures are the point.
+//! `cargo xtask stability`: where each method holds, bends and breaks. Failures are the point.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What a chain's network learns from.
+//! The data that a chain's network learns from.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::learner::LearnError;
 
 /// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
 pub(super) const ASTRAY: f64 = 0.03;
-/// Adam's betas: what a slope is like changes as rollouts grow longer, and is soon forgotten.
+/// Adam's betas: small, since gradients change as rollouts grow longer.
 pub(super) const BETA: [f64; 2] = [0.9f32 as f64, 0.98f32 as f64];
 
 /// Motions and what is asked of them.

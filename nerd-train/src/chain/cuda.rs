@@ -1,8 +1,8 @@
 //! [`CudaChainLearner`]: updates of a chain's network through many frames, on the device.
 //!
-//! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last frame on,
-//! `loss and look -> network -> output -> network back -> frame back`: activations are made once more in place of being kept. All of it
-//! is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
+//! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last
+//! frame on, `loss and look -> network -> output -> network back -> frame back`: activations are made once more in place of being kept.
+//! All of it is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -49,7 +49,7 @@ pub struct CudaChainLearner {
     config: LearnerConfig,
     course: Course,
     mine: Range<usize>,
-    /// Where the last update ended; a run that is gone on with begins all of them anew.
+    /// Where the last update ended; a resumed run restarts all of them.
     ended: Vec<Option<(usize, usize, View)>>,
     step: u64,
     way: Way,
@@ -66,7 +66,7 @@ struct Way {
     rollouts: Buffer<f64>,
     /// `[frame][rollout]`.
     chains: Buffer<f64>,
-    /// Slopes by them, and normals and gaps of a frame.
+    /// Gradients by them, and normals and gaps of a frame.
     behinds: Buffer<f64>,
     touches: Buffer<f64>,
     by_tokens: Buffer<f32>,
@@ -192,7 +192,7 @@ impl Way {
         self.network.device.launch(kernel, (self.network.rows, 1), (threads, 1), 0, args)
     }
 
-    /// The gradient of an update, and behind it the loss.
+    /// The gradient of an update, followed by the loss.
     fn pass(&self, optimiser: &Optimiser) -> Result<(), DeviceError> {
         let (net, d, n) = (&self.network, &self.network.device, self.network.rows);
         let (w, all) = (optimiser.weights.ptr, &optimiser.gradients);

@@ -1,4 +1,4 @@
-//! What is learned from: recorded motions with their scenes.
+//! Training data: recorded motions with their scenes.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Rollouts and the slope of their loss as a program for a device: the text of the kernels around the network, forward and back.
+//! Rollouts and the gradient of their loss on a device: the kernels around the network, forward and backward.
 //!
 //! They are [`super::Unroll`], [`super::View`] and [`super::Loss`] in 64 bits, on the kernels of a chain's frames.
 
@@ -11,7 +11,7 @@ use super::course::ASTRAY;
 use super::loss::Loss;
 use super::view::View;
 
-/// Numbers of a rollout, as the host tells it: motion, frame that an update begins with, whether it begins anew, view.
+/// Numbers of a rollout, as the host sends it: motion, first frame of the update, whether it restarts, view.
 pub const ROLLOUT: usize = 7;
 
 /// A rollout's numbers.
@@ -20,7 +20,7 @@ pub fn row(motion: usize, frame: usize, anew: bool, view: &View) -> [f64; ROLLOU
     [motion as f64, frame as f64, f64::from(u8::from(anew)), mirror, sin, cos, yaw]
 }
 
-/// The text for a chain, for scenes of at most so many colliders; `scale` is what 1 means of each number that is said.
+/// The text for a chain, for scenes of at most so many colliders; `scale` is the scale of each output.
 pub fn unroll_program(chain: &Chain, scale: &[f64; OUTPUTS], loss: &Loss, system: &System, colliders: usize) -> String {
     let mut text = chain_functions(chain, scale, system, colliders);
     for (name, x) in [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)] {

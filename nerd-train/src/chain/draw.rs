@@ -1,4 +1,4 @@
-//! Where the rollouts of an update begin.
+//! Draws the starts of an update's rollouts.
 
 use std::ops::Range;
 
@@ -9,12 +9,12 @@ use rand::RngExt;
 use super::data::Motions;
 use super::view::View;
 
-/// Share of rollouts that begin anew in an update, though they might be carried on.
+/// Share of rollouts that restart in an update although they could continue.
 const ANEW: f64 = 0.1;
 
 /// What is drawn of a rollout.
 pub(crate) struct Draw {
-    /// Whether it begins anew, whatever became of the one before.
+    /// Whether it restarts unconditionally.
     pub anew: bool,
     /// Where it begins if it does.
     pub motion: usize,

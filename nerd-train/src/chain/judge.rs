@@ -1,4 +1,4 @@
-//! How good a chain's network is.
+//! The criterion of a chain's network.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Updates of a chain's network, as a [`Learner`], so that a run of it is a run like any other.
+//! Updates of a chain's network as a [`Learner`], so that its runs are ordinary runs.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -26,7 +26,7 @@ pub struct ChainLearner {
     course: Course,
     network: Loaded,
     loss: Loss,
-    /// Of this rank, where the last update ended. A run that is gone on with begins all of them anew.
+    /// Of this rank, where the last update ended. A resumed run restarts all of them.
     rollouts: Vec<Option<Rollout>>,
     ranks: Arc<Ranks>,
     memory: Mutex<Vec<Vec<Memory>>>,

@@ -1,8 +1,9 @@
-//! How far predicted rods are from true ones.
+//! The loss of predicted rods.
 //!
 //! With `p(e) = sqrt(1 + e^2) - 1` of every number and means over them, in the k-th frame of a rollout with `q = 2 f sqrt k`:
-//! `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`, A the mean change of rates, V that of nodes' velocities
-//! and G what the gripper's glide misses, all in a frame of time T. Errors grow along a rollout, and so does what counts as one.
+//! `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`, A the mean change of rates, V that of nodes'
+//! velocities and G the error of the gripper's glide, all over a frame of time T. Errors grow along a rollout, and their scale grows with
+//! them.
 
 use nalgebra::Vector3;
 use nerd_model::chain::{Chain, Gripper, OUTPUTS, Rods};
@@ -30,7 +31,7 @@ impl Loss {
         Self { rate: 0.5 * scale[0], velocity, gripper, share: SHARE[usize::from(frames > 1)] }
     }
 
-    /// The loss of the k-th frame, k from 1, times `weight`; its slopes go to `slope`.
+    /// The loss of the k-th frame, k from 1, times `weight`; its gradients go to `slope`.
     pub fn of(&self, chain: &Chain, (said, truth): (&Rods, &Rods), k: usize, weight: f64, slope: &mut Rods) -> f64 {
         let (q, dt) = (2.0 * self.share * (k as f64).sqrt(), chain.frame_time);
         let ([x, v], [true_x, true_v]) = (chain.nodes(said), chain.nodes(truth));
@@ -59,7 +60,7 @@ fn vectors(a: &[Vector3<f64>], b: &[Vector3<f64>], unit: f64, weight: f64, slope
     a.iter().zip(b).zip(slope).map(one).sum()
 }
 
-/// `weight p(e / unit)`, its slope added.
+/// `weight p(e / unit)`, its gradient added.
 fn round(e: f64, unit: f64, weight: f64, slope: &mut f64) -> f64 {
     let e = e / unit;
     let length = (1.0 + e * e).sqrt();

@@ -1,12 +1,12 @@
 //! Training of chains ([`nerd_model::chain`]) through many frames.
 //!
-//! An update rolls chains out through H predicted frames, adds up how far each frame is from the truth, and takes the slope of that back
-//! through all of them: network, features and step. Where an update ends most of the next ones begin, so that the network is taught on what
-//! it makes itself; a chain that is too far off begins anew, and so do some at random. Slopes through many frames are held back ([`join`]). H is `--sequence`: 1 at first, more in the
-//! later runs of a recipe.
+//! An update rolls chains out through H predicted frames, sums each frame's loss, and back-propagates through all of them: network,
+//! features and step. Most rollouts continue where the last update ended, so that the network trains on its own states; a chain that is
+//! too far off restarts, and so do some at random. Gradients through many frames are limited ([`join`]). H is `--sequence`: 1 at first,
+//! more in the later runs of a recipe.
 //!
 //! ```text
-//! motions ── view (turned, mirrored) ──▶ rollouts ── unroll ──▶ loss, slope ──▶ Adam
+//! motions ── view (turned, mirrored) ──▶ rollouts ── unroll ──▶ loss, gradient ──▶ Adam
 //!                                           ▲ carried on
 //! ```
 

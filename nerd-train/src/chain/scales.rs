@@ -1,4 +1,4 @@
-//! What a chain's numbers are worth, measured in its data.
+//! Scales of a chain's quantities, measured in its data.
 
 use nerd_model::chain::{Chain, INPUTS, OUTPUTS, Rods};
 use nerd_model::normalizer::{Moments, Normalizer};
@@ -11,7 +11,7 @@ const FRAMES: usize = 8000;
 /// No scale is less: what never moves would be divided by nothing.
 const LEAST: f64 = 1e-9;
 
-/// What 1 means of what a network says, and the mean change of a node's velocity over a frame (m/s).
+/// Scales of a network's outputs, and the mean change of a node's velocity over a frame (m/s).
 ///
 /// A rod's numbers count from twice the mean size of a change of rate, and of what the trapezoid rule misses of its direction; the
 /// gripper's from the mean size of what its glide misses.

@@ -1,4 +1,4 @@
-// Rollouts of chains and the slope of their loss, as unroll.rs, view.rs and loss.rs have them, in 64 bits: a block a rollout, a thread a rod.
+// Rollouts of chains and the gradient of their loss, as unroll.rs, view.rs and loss.rs have them, in 64 bits: a block a rollout, a thread a rod.
 // Beside what chain.cuh asks for, the host gives SHARE, BY_RATE, BY_SPEED and BY_LED[12], in which errors are counted, and ASTRAY.
 
 #ifdef __CUDACC_RTC__
@@ -70,7 +70,7 @@ FN void nodes(const double* chain, double* ends) {
     SYNC;
 }
 
-// Adds to `slope` what that makes of slopes behind it.
+// Adds to `slope` what that makes of the upstream gradients.
 FN void nodes_back(const double* behind, double* slope) {
     EACH(c, 6) {
         const int of = c / 3, i = c % 3;
@@ -96,7 +96,7 @@ FN void look(const Rollout& r, const Motions& m, const double* chain, const doub
     EACH(k, RODS) {
         V3 normal;
         double gap;
-        // What is not a number is seen, so that it can be told.
+        // NaNs are kept, so that they can be reported.
         if (touch(surface, surfaces, home() + unseen(r.view, read3(ends + 3 * k) - home()), normal, gap)) gap = infinite() - infinite();
         normal = seen(r.view, normal);
         const V3 along = read3(chain + GRIPPER + 3 * k), rate = read3(chain + RATES + 3 * k);
@@ -118,7 +118,7 @@ FN void advance(const double* chain, const double* glided, const float* numbers,
     SYNC;
 }
 
-// The slope by a rod's raw direction, and by its rate u, from that behind.
+// The gradient by a rod's raw direction, and by its rate u, from the upstream one.
 FN V3 advance_back(const double* chain, int k, const float* numbers, const double* behind, V3& by_u) {
     V3 u;
     const V3 raw = said(chain, k, numbers + k * OUTPUTS, u);
@@ -130,7 +130,7 @@ FN V3 advance_back(const double* chain, int k, const float* numbers, const doubl
     return by_raw;
 }
 
-// Slopes by what was said, `[RODS][OUTPUTS]`.
+// Gradients by the outputs, `[RODS][OUTPUTS]`.
 FN void said_back(const double* chain, const float* numbers, const double* behind, float* by_said) {
     EACH(k, RODS) {
         V3 by_u;
@@ -142,7 +142,7 @@ FN void said_back(const double* chain, const float* numbers, const double* behin
     SYNC;
 }
 
-// Adds to `slope` what `points` makes of slopes behind it.
+// Adds to `slope` what `points` makes of the upstream gradients.
 FN void points_back(const double* gripper, V3 t, V3 rate, double* slope) {
     const double sy = sin(gripper[6]), cy = cos(gripper[6]), sp = sin(gripper[7]), cp = cos(gripper[7]);
     const V3 by_yaw = v3(-sy * cp, cy * cp, 0), by_pitch = v3(-cy * sp, -sy * sp, -cp);
@@ -153,7 +153,7 @@ FN void points_back(const double* gripper, V3 t, V3 rate, double* slope) {
     slope[10] += dot(by_pitch, rate);
 }
 
-// Slopes in front of `glide`, in place of those behind it.
+// Gradients by the input of `glide`, in place of the upstream ones.
 FN void glide_back(double* slope) {
     for (int k = 0; k < 6; k++) {
         const int i = k < 3 ? k : k + 3;
@@ -163,7 +163,7 @@ FN void glide_back(double* slope) {
     }
 }
 
-// Slopes by the chain before a frame: through what was said of it, through its tokens `[RODS][INPUTS]`, and through the gripper's glide.
+// Gradients by the chain before a frame: through its outputs, through its tokens `[RODS][INPUTS]`, and through the gripper's glide.
 // `ends` are those of the chain, and are written over.
 FN void frame_back(const double* chain, const double* glided, const float* numbers, const double* touches, const float* by_tokens,
                    const double* behind, double* ends, double* slope) {
@@ -204,7 +204,7 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
     SYNC;
 }
 
-// `weight p(e / unit)`, and its slope.
+// `weight p(e / unit)`, and its gradient.
 FN double bent(double e, double unit, double weight, double& slope) {
     e /= unit;
     const double length = sqrt(1 + e * e);
@@ -212,7 +212,7 @@ FN double bent(double e, double unit, double weight, double& slope) {
     return weight * (length - 1);
 }
 
-// The loss of the k-th frame, k from 1; its slopes are added to `slope`. Of `ends` and `true_ends` nothing is left.
+// The loss of the k-th frame, k from 1; its gradients are added to `slope`. Of `ends` and `true_ends` nothing is left.
 FN double loss(const double* after, const double* wanted, double* ends, double* true_ends, int k, double weight, double* slope) {
     OF_BLOCK double parts[RODS + 1];
     const double q = 2 * SHARE * sqrt((double)k), share = weight / (3 * RODS);
@@ -248,7 +248,7 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     return total;
 }
 
-// Adds slopes from behind a frame, of so many later ones, to its own: at most as much as if each of them were as large as its own.
+// Adds upstream gradients of so many later frames to its own: at most as much as if each of them were as large as its own.
 FN void join(const double* behind, int later, double* slope) {
     OF_BLOCK double squares[2];
     EACH(c, 2) {

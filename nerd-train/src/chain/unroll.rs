@@ -1,4 +1,4 @@
-//! Rollouts through H frames, and the slope of their loss by the weights: back-propagation through time.
+//! Rollouts through H frames and the gradient of their loss: back-propagation through time.
 
 use nerd_model::chain::{Chain, Look, OUTPUTS, Rods, Said};
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
@@ -41,7 +41,7 @@ struct Kept {
     before: Vec<Rods>,
     looks: Vec<Look>,
     said: Vec<f32>,
-    /// Of the frame's loss, by where the rollouts are behind it.
+    /// Of the frame's loss, by the rollouts after it.
     slopes: Vec<Rods>,
 }
 
@@ -93,7 +93,7 @@ impl Unroll<'_> {
         Kept { before, looks, said, slopes }
     }
 
-    /// Slopes by where the rollouts are before a frame from those `behind` it, of so many later ones; nothing behind the last.
+    /// Gradients by the rollouts before a frame from the upstream ones, `behind`, of so many later frames; none after the last.
     fn backward(&self, kept: &Kept, (behind, later): (&[Rods], usize), memory: &mut Memory, gradient: &mut Vec<f32>) -> Vec<Rods> {
         let (chain, width) = (self.chain, self.chain.rods * OUTPUTS);
         let (mut all, mut slopes, mut by_said) = (kept.slopes.clone(), Vec::with_capacity(kept.before.len()), Vec::new());
@@ -119,7 +119,7 @@ impl Unroll<'_> {
     }
 }
 
-/// Adds slopes from behind a frame, of so many later ones, to its own: at most as much as if each of them were as large as its own. Where a rod
+/// Adds upstream gradients of so many later frames to its own: at most as much as if each of them were as large as its own. Where a rod
 /// strikes, a frame stretches what comes into it, and without that one rollout of hundreds would decide an update.
 pub fn join(own: &mut Rods, behind: &Rods, later: usize) {
     let norm = |rods: &Rods| (square(rods.gripper.numbers()) + square(rods.along.iter().chain(&rods.rates).flatten().copied())).sqrt();

@@ -45,7 +45,7 @@ KERNEL unroll_advance(const Rollout* rollouts, const double* truths, const doubl
     store(after, at + (long long)gridDim.x * CHAIN, CHAIN);
 }
 
-// The slope of frame k's loss with those behind it, of so many later ones; then the frame is looked at once more.
+// The gradient of frame k's loss joined by the upstream ones of so many later frames; then the frame is evaluated once more.
 KERNEL unroll_behind(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int k,
                      int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
     __shared__ double chain[CHAIN], other[CHAIN], slope[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
@@ -127,9 +127,9 @@ template <class T> std::vector<T> take(long long n) {
     return all;
 }
 template <class T> void give(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
-// From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; what is said,
-// and slopes by tokens and by chains behind. To standard output chains before and after, tokens, by rollout the loss and whether it is near;
-// slopes of the loss joined by those behind, by what was said, and by chains before.
+// From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
+// and gradients by tokens and by later chains. To standard output chains before and after, tokens, by rollout the loss and whether it is near;
+// gradients of the loss joined by the upstream ones, by outputs, and by chains before.
 int main() {
     const auto head = take<int>(4);
     const int n = head[0], motions = head[1], frames = head[2], k = head[3];

@@ -1,4 +1,4 @@
-//! A motion turned about the vertical through the gripper's home, and mirrored: as true as it was, and never seen before.
+//! Augmentation: a motion turned about the vertical through the gripper's home, and mirrored.
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;

@@ -1,4 +1,4 @@
-//! Distances between states, and where a state that keeps its velocities goes.
+//! Distances between states, and the constant-velocity predictor.
 
 use std::sync::Arc;
 

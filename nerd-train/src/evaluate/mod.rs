@@ -2,8 +2,8 @@
 //! the reference system: starts as the robot is reset, mean over every step and every trajectory of the absolute
 //! difference, endless angles wrapped; a position law holds its target, elsewhere there is no torque).
 //!
-//! Beside each figure stand two floors, predictors that know no dynamics: `hold` repeats the start, `glide` goes on
-//! at the start's velocity. A rollout that diverges is counted and stays in every mean.
+//! Each figure has two baselines without dynamics: `hold` repeats the start, `glide` continues at the start's velocity. A rollout that
+//! diverges is counted and stays in every mean.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Sums over a rollout of what its report says.
+//! Sums over a rollout, for its report.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::gaps::{Gaps, quantities};
 
 /// A coordinate beyond this (rad or m) is of a rollout that is gone.
 const GONE: f64 = 1e5;
-/// How many times the truth's largest speed is no speed of the robot any more.
+/// Multiple of the truth's largest speed beyond which a rollout has diverged.
 const FAST: f64 = 3.0;
 
 /// Errors of one solver against the truth; figures in the order of [`super::quantities`].
@@ -30,7 +30,7 @@ pub struct PassiveReport {
     pub diverged: usize,
     /// First step at which a rollout diverged.
     pub first_divergence: Option<usize>,
-    /// Of those, rollouts that the solver could not go on with: no number stands for where they went. They stay where they were, and
+    /// Of those, rollouts that the solver could not continue. They stay where they were, and
     /// are compared with the truth there.
     #[serde(default)]
     pub failed: usize,

@@ -70,7 +70,7 @@ fn squares(error: &[f32]) -> f64 {
     error.iter().map(|e| f64::from(e * e)).sum()
 }
 
-/// Errors become the loss's slopes.
+/// Errors become the loss's gradients.
 fn slope(error: &mut [f32], Loss { scale, huber }: Loss) {
     let scale = scale as f32;
     match huber {

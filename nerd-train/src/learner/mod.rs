@@ -1,4 +1,4 @@
-//! What one optimiser update is, whoever computes it.
+//! An optimiser update, on any engine.
 //!
 //! Loss: mean over windows, all tokens and all outputs of the squared error in normalised target units, or of its pseudo-Huber
 //! form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`; what is reported is the squared error. Adam

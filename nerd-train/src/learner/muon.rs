@@ -3,8 +3,8 @@
 //! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`, so
 //! that an update has the root mean square that Adam's usually has and one learning rate serves both (Liu and others
 //! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm and iterates five times
-//! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything that is no
-//! hidden matrix stays with Adam. Query, key and value count as three matrices, as do the gates of a recurrent cell.
+//! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything but hidden
+//! matrices stays with Adam. Query, key and value count as three matrices, as do the gates of a recurrent cell.
 
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
 pub struct Hidden {
     /// Offset of its first entry.
     pub offset: usize,
-    /// Distance between entries that stand under each other in memory's rows.
+    /// Row stride in memory.
     pub stride: usize,
     /// Rows.
     pub rows: usize,
@@ -37,7 +37,7 @@ pub struct Hidden {
 }
 
 impl Hidden {
-    /// Where entry (r, c) stands in the flat vector.
+    /// Index of entry (r, c) in the flat vector.
     pub fn at(&self, r: usize, c: usize) -> usize {
         if self.transposed { self.offset + c * self.stride + r } else { self.offset + r * self.stride + c }
     }
@@ -67,7 +67,7 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
             ("blocks", "attn.proj.weight") => square.push(matrix(0, e, e, false)),
             ("blocks", "mlp.up.weight") => wide.push(matrix(0, 4 * e, 4 * e, false)),
             ("blocks", "mlp.down.weight") => wide.push(matrix(0, e, 4 * e, true)),
-            // What reads the token itself is no hidden matrix.
+            // A matrix that reads the token itself is not hidden.
             ("cells", "state.weight") => square.extend((0..tensor.shape[1] / e).map(|k| matrix(k * e, tensor.shape[1], e, false))),
             ("cells", "token.weight") if layer != "0" => {
                 square.extend((0..tensor.shape[1] / e).map(|k| matrix(k * e, tensor.shape[1], e, false)));
@@ -86,7 +86,7 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
 pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     let mut hidden: Vec<Hidden> = hidden(config).concat();
     hidden.sort_by_key(|h| h.offset);
-    // A matrix's entries end where its last one stands; the three that share `qkv` overlap.
+    // A matrix's entries end at its last one; the three that share `qkv` overlap.
     let (mut runs, mut end) = (Vec::new(), 0);
     for h in hidden {
         if h.offset > end {

@@ -1,8 +1,9 @@
-//! An update on the CPU in shards, whoever computes a shard.
+//! An update on the CPU, in shards.
 //!
-//! An update cuts its batch, or this rank's part of it, in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its bent form, so the
-//! shards' losses and gradients add up to those of the mean over the batch. Shards keep all cores busy, and a small shard's
-//! activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of threads.
+//! An update cuts its batch, or this rank's part of it, in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its
+//! bent form, so the shards' losses and gradients add up to those of the mean over the batch. Shards keep all cores busy, and a small
+//! shard's activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of
+//! threads.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -144,7 +145,7 @@ impl<P: Pass> Sharded<P> {
         (windows * set.history * set.outputs) as f64
     }
 
-    /// `work` on every shard of `rows`, on several threads; the results stand in shard order.
+    /// `work` on every shard of `rows`, on several threads; the results are in shard order.
     ///
     /// Plain threads, not rayon tasks: burn waits inside its own locks, and a waiting rayon thread might take up
     /// another shard there. Each thread has its own network, so that autodiff graphs share nothing.

@@ -1,16 +1,16 @@
 //! Ranks: several processes of one run, on one machine or on many.
 //!
-//! Each rank computes its share of every update, what they found is added up in rank order, and then every rank makes the same step:
-//! weights are equal everywhere and are never sent. Rank 0 leads: it evaluates, decides and writes, and the others wait for it.
-//! A run without others is rank 0 of 1, for which nothing here costs anything.
+//! Each rank computes its share of every update, gradients are summed in rank order, and every rank makes the same step: weights are
+//! equal everywhere and never sent. Rank 0 leads: it evaluates, decides and writes while the others wait. A single process is rank 0 of
+//! 1, at no cost.
 //!
 //! ```text
 //! place.rs   which rank this is: RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR, MASTER_PORT
-//! star.rs    how ranks meet: all are tied to rank 0 by TCP, through which sums and bytes go
+//! star.rs    how ranks meet: all connect to rank 0 by TCP, which carries sums and bytes
 //! ```
 //!
-//! On graphics cards the gradients alone go another way, by NCCL (`nerd_cuda::Sums`). Processes are started by `torchrun`, `srun`, `mpirun`
-//! or a loop in a shell that sets their variables; who starts them also ends those that wait for one that is gone.
+//! On GPUs gradients go by NCCL (`nerd_cuda::Sums`). Processes are started by `torchrun`, `srun`, `mpirun` or a shell loop that sets their
+//! variables; the launcher also ends those that wait for a lost one.
 
 mod place;
 mod star;

@@ -1,4 +1,4 @@
-//! Which rank a process is, from the variables that `torchrun` sets and all other launchers can.
+//! A process's rank, from the variables that `torchrun` sets and other launchers can set.
 
 use crate::error::part;
 
@@ -25,7 +25,7 @@ pub enum RankError {
         rank: usize,
         /// Of how many.
         world: usize,
-        /// What it said, or how it was missed.
+        /// Its reason, or how it was lost.
         reason: String,
     },
     /// They do not do the same.

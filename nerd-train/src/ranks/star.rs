@@ -1,8 +1,8 @@
-//! All ranks tied to rank 0: it listens, the others come to it.
+//! A star of TCP connections: rank 0 listens, the others connect.
 //!
-//! A message is a byte that says what it is, the length of what follows (8 bytes, little endian), and that. Who ends before the others says
-//! why, and rank 0 passes it on; a connection that closes without a word is a lost rank. A rank that waits elsewhere, in a driver say, is
-//! ended by its launcher.
+//! A message is a byte for its kind, a length (8 bytes, little endian) and the payload. A rank that fails sends its reason, and rank 0
+//! passes it on; a connection that closes without one is a lost rank. A rank that waits elsewhere, such as in a driver, is ended by its
+//! launcher.
 
 use std::io::{Error, ErrorKind, Read, Result as Io, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, TcpListener, TcpStream};
@@ -16,7 +16,7 @@ use super::place::{Place, RankError, bytes, floats};
 const LIMIT: Duration = Duration::from_secs(60);
 /// Between two tries.
 const AGAIN: Duration = Duration::from_millis(50);
-/// Time for one that came to say who it is.
+/// Time for a new connection to identify itself.
 const HELLO: Duration = Duration::from_secs(5);
 /// Time to part: what was sent last has to arrive before a connection closes.
 const PARTING: Duration = Duration::from_secs(5);
@@ -107,7 +107,7 @@ impl Star {
 
     fn send(&self, rank: usize, bytes: &[u8]) -> Result<(), RankError> {
         let stream = self.tie(rank)?;
-        // One that went has perhaps said why.
+        // A lost rank may have sent its reason.
         write(stream, DATA, bytes).or_else(|_| {
             loop {
                 self.receive(rank)?;

@@ -1,4 +1,4 @@
-//! What all ranks of a run have in common before it begins.
+//! What all ranks of a run agree on before it begins.
 
 use nerd_model::transformer::{TransformerConfig, Weights};
 use serde_json::json;
@@ -17,8 +17,8 @@ pub(super) fn settings(ranks: &Ranks, config: &RunConfig, identity: &Identity) -
     ranks.agree("settings", mine.to_string().as_bytes(), how)
 }
 
-/// Refuses to begin where a folder of data, or what a rank has recorded of a chain, is something else than that of rank 0; tokens that ranks
-/// record they have from each other.
+/// Refuses to begin where a folder of data, or what a rank has recorded of a chain, is something else than that of rank 0; tokens that
+/// ranks record they have from each other.
 pub(super) fn data(ranks: &Ranks, config: &RunConfig, sha256: &str) -> Result<(), RankError> {
     if config.data.is_none() && config.unrolled().is_none() {
         return Ok(());

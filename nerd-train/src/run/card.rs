@@ -1,4 +1,4 @@
-//! What a run is, and what its model folder says of it.
+//! A run's identity, and the card of its model.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -148,7 +148,7 @@ fn history(config: &ModelConfig) -> String {
         config.batch,
         config.transitions
     );
-    // The names of those who acted stand in its own card.
+    // The names of those who acted are on its own card.
     let acted = config.provenance.get("policies").and_then(|said| said.split_once(':'));
     let run = acted.map_or(run.clone(), |(share, _)| format!("{run}, policies {share}"));
     let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));

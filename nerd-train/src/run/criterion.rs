@@ -1,4 +1,4 @@
-//! What chooses between the weights of a run.
+//! The criterion that selects a run's weights.
 
 use nerd_model::base::Base;
 use nerd_model::folder::Model;

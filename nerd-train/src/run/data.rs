@@ -1,4 +1,4 @@
-//! What a run learns from and is judged by: windows of tokens, or motions of a chain.
+//! Training and validation data of a run: windows of tokens, or motions of a chain.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

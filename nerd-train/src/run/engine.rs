@@ -1,4 +1,4 @@
-//! What trains a network, by device.
+//! The learner of a network, by device.
 
 use std::sync::Arc;
 

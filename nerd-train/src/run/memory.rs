@@ -1,4 +1,4 @@
-//! What a run takes of the machine's memory, refused before it begins where there is not as much.
+//! A run's need of memory; too much is refused before it begins.
 
 use nerd_model::transformer::{Positions, TransformerConfig};
 

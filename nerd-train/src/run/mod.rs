@@ -16,7 +16,7 @@
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
-//! As one of several ranks ([`Run::among`]) a run is led by rank 0; what all have in common before it begins is in agree.rs.
+//! As one of several ranks ([`Run::among`]) a run is led by rank 0; `agree.rs` has what all agree on before it begins.
 //!
 //! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors`, `best.safetensors`; the same
 //! settings again continue it. A [`Recipe`] is a file of settings, of one run or of several that follow each other.

@@ -1,4 +1,4 @@
-//! How a model is trained on where nobody says it.
+//! Defaults for training a model further.
 
 use nerd_model::base::Base;
 use nerd_model::folder::ModelConfig;

@@ -1,5 +1,5 @@
-//! What settings come to: what predictions are added to, network, learner, trainer, data to record. All that can be refused is refused here,
-//! before anything is recorded or written.
+//! The plan from settings: base, network, learner, trainer, data to record. Everything that can be refused is refused here, before
+//! anything is recorded or written.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -57,7 +57,7 @@ impl Plan {
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check()?;
         trainer.check()?;
-        // More than the run looks at would be recorded for nobody, at whatever price.
+        // More than the run reads would be wasted.
         let (fresh, batch, sequence) = (config.fresh, learner.batch, network.sequence());
         let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;
         if fresh as u128 > looked_at {

@@ -12,8 +12,8 @@
 //! huber = 0.02
 //! ```
 //!
-//! A chain keeps its runs in `OUT/1`, `OUT/2` and so on; the last one's model is the result. Shipped recipes stand in
-//! `nerd-train/assets/runs`, to be copied.
+//! A recipe of several runs keeps them in `OUT/1`, `OUT/2` and so on; the last one's model is the result. Shipped recipes are in
+//! `nerd-train/assets/runs`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What is recorded of a robot's motion: by `dataset` into a folder, by `train` in memory.
+//! Recording of a robot's motion: by `dataset` into a folder, by `train` in memory.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -104,7 +104,7 @@ impl RecordConfig {
         }
         let name = |folder: &PathBuf| -> Result<String> {
             let sha256 = crate::ppo::folder::load(&shipped::find(folder))?.1.sha256();
-            // That of a run stands in its folder `policy`.
+            // A run has it in its folder `policy`.
             let whole = if folder.ends_with("policy") { folder.parent() } else { None }.unwrap_or(folder);
             Ok(format!("{} {}", whole.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]))
         };
@@ -112,7 +112,8 @@ impl RecordConfig {
         Ok(format!("in {} % of the trajectories: {}", (1e4 * self.policy_share).round() / 100.0, names.join(", ")))
     }
 
-    /// Records so many transitions into a folder: shards and a manifest, those that are there already kept. One process at a time writes there.
+    /// Records so many transitions into a folder: shards and a manifest, those that are there already kept. One process at a time writes
+    /// there.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
         let made = self.write_part(system, transitions, Part::WHOLE, folder)?;
         made.ok_or_else(|| Error::Refused(format!("{}: another process removed or changed its shards", folder.display())))

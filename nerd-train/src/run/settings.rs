@@ -16,7 +16,7 @@ settings! {
     /// One run of training. Files and command lines say it with these keys (`torque-scale` for `torque_scale`).
     pub struct RunConfig {
         ..
-        /// What it learns from; its keys stand beside the run's own.
+        /// Its data; these keys are among the run's own.
         record: RecordConfig;
         /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
         robot: String = String::new(), Text;

@@ -1,4 +1,4 @@
-//! One run: its data, its updates, and the model that it comes to.
+//! One run: its data, its updates and its model.
 
 use std::path::PathBuf;
 use std::sync::Arc;

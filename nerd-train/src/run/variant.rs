@@ -1,4 +1,4 @@
-//! NeRD, and the designs the paper compares it with (A.3.3): each is NeRD with one decision taken back.
+//! NeRD and the designs that the paper compares it with (A.3.3): each is NeRD with one decision taken back.
 
 use nerd_model::base::Base;
 use nerd_model::form::{Form, View};

@@ -1,4 +1,4 @@
-//! Where a policy acts, on the command line.
+//! Options for the simulator that a policy acts in.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! `cargo xtask policy train|co-train|evaluate|show`: policies learned on any solver, played on any other.
+//! `cargo xtask policy train|co-train|evaluate|show`: policies trained on any solver, played on any other.
 
 use std::path::PathBuf;
 

@@ -1,9 +1,9 @@
-//! The way back over a program's parts.
+//! The backward pass over a program's parts.
 //!
-//! Gradients of matrices run on the side stream while the main one goes on. So a slope is never written over in place: what follows from
-//! it stands in another buffer, and its own is used again once the side stream has read it. The gradient of a matrix that adds to a slot
-//! is given to the side stream with that of the next one: beside the product right behind it, both take longer, and large updates with
-//! them (by 2 to 4 % on an H100).
+//! Gradients of matrices run on the side stream while the main one continues. So an upstream gradient is never overwritten in place: the
+//! next one goes to another buffer, and its own is reused once the side stream has read it. The gradient of a matrix that adds to a slot
+//! is launched with that of the next one: beside the product that follows it, both would take longer (2 to 4 % of large updates on an
+//! H100).
 
 use std::collections::VecDeque;
 
@@ -18,14 +18,14 @@ use super::plan::Part;
 /// Buffers of one length that are enough for both streams to go on.
 const SOME: usize = 3;
 
-/// Slopes by a slot's rows, and which of the buffers they stand in, if in one.
+/// Gradients by a slot's rows, and which of the buffers they stand in, if in one.
 #[derive(Clone, Copy)]
 struct Slope {
     at: u64,
     buffer: Option<usize>,
 }
 
-/// The gradient of a matrix: rows that it read, how far they are apart, their slope, and where it goes.
+/// The gradient of a matrix: rows that it read, how far they are apart, their gradient, and where it goes.
 struct Gradient {
     x: (u64, usize),
     dy: Slope,
@@ -48,7 +48,7 @@ struct Walk<'a> {
 }
 
 impl Network {
-    /// Where the slope by predictions stands, or that by the hidden layer of a head.
+    /// Where the gradient by predictions stands, or that by the hidden layer of a head.
     pub fn slope(&self) -> u64 {
         if let Some(Part::Head { from, .. }) = self.plan.parts.last() { self.at(*from) } else { self.targets.ptr }
     }
@@ -110,7 +110,7 @@ impl Walk<'_> {
                 net.sum_rows(self.slope(at)?.at, (self.rows, plan.width(at)), bias.map(place), table.map(place))
             }
             Part::Step(step) => self.step(i, step, w, g),
-            // Its slopes come with the loss.
+            // Its gradients come with the loss.
             Part::Head { .. } => Ok(()),
         }
     }
@@ -125,7 +125,7 @@ impl Walk<'_> {
                 Some(Part::Shift { bias: Some(bias), joined: true, .. }) => net.tensor(w, bias),
                 _ => 0,
             };
-            // Nobody reads the slope behind it.
+            // Its upstream gradient is not read.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
             return net.each(kernels(f)[1], quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)]);
@@ -170,7 +170,7 @@ impl Walk<'_> {
         self.waiting.push(gradient);
     }
 
-    /// Gives gradients to the side stream, behind what the main one has been given.
+    /// Launches gradients on the side stream, after the main stream's work so far.
     fn give(&mut self) -> Result<(), DeviceError> {
         let d = &self.net.device;
         d.mark(Lane::Main, &self.back.fork)?;
@@ -189,17 +189,17 @@ impl Walk<'_> {
         self.net.device.product(Lane::Main, (Operand::Transposed, Operand::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
     }
 
-    /// The slope of a slot behind which all has been walked.
+    /// The gradient of a slot whose readers are all done.
     fn slope(&self, slot: Slot) -> Result<Slope, DeviceError> {
         self.slopes[slot.0].ok_or_else(|| DeviceError(format!("{slot:?} of the program is written and not read")))
     }
 
-    /// A slope is needed no more.
+    /// Releases a gradient.
     fn done(&mut self, slot: Slot) {
         self.free.extend(self.slopes[slot.0].take().and_then(|slope| slope.buffer));
     }
 
-    /// A buffer for the slope of a slot.
+    /// A buffer for the gradient of a slot.
     fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
         let slope = self.fresh(self.rows * self.net.plan.tokens * self.net.plan.width(slot))?;
         self.slopes[slot.0] = Some(slope);
@@ -227,7 +227,7 @@ impl Walk<'_> {
         Ok(slope)
     }
 
-    /// Waits, before a slope is written, for the side stream to have read what was there.
+    /// Waits, before a gradient is written, for the side stream to have read what was there.
     fn settle(&mut self, slope: Slope) -> Result<(), DeviceError> {
         let Some(buffer) = slope.buffer.filter(|buffer| std::mem::take(&mut self.read[*buffer])) else { return Ok(()) };
         if !self.waiting.is_empty() {

@@ -14,7 +14,8 @@ const SIZES: usize = 8;
 
 /// Inference on GPU 0.
 pub struct CudaForward {
-    /// By how many windows it is over, and whether for their newest tokens alone: a few sizes, since the number asked for may change every frame.
+    /// By how many windows it is over, and whether for their newest tokens alone: a few sizes, since the number asked for may change
+    /// every frame.
     passes: Replay<(usize, bool)>,
     network: Network,
     weights: Buffer<f32>,
@@ -46,7 +47,7 @@ impl CudaForward {
     /// Prediction for the newest token of each window.
     ///
     /// `inputs` are `[windows][tokens][inputs]`, normalised, with `tokens <= history`; `last[w]` is the index of
-    /// window w's newest token (what stands behind it is not looked at). Returns `[windows][outputs]`.
+    /// window w's newest token (later ones are not read). Returns `[windows][outputs]`.
     ///
     /// # Errors
     /// [`LearnError::Mismatch`] if the sizes do not fit together, [`LearnError::Device`] if the device fails.

@@ -1,10 +1,9 @@
-//! The CUDA engine: any network's program, forward and back, with clip, Adam, Muon and moving average, captured as one CUDA graph and
-//! replayed per update.
+//! The CUDA engine: any network's program, forward and backward, with clip, Adam, Muon and moving average, captured as one CUDA graph and
+//! replayed for every update.
 //!
 //! Matrix products go through cuBLAS, everything else through `kernels/*.cu`, which NVRTC compiles with the program's shapes when the
-//! engine starts. Driver, cuBLAS and NVRTC are loaded at run time; without them the constructors return
-//! [`LearnError::Device`]. All sums have a fixed order and cuBLAS a fixed workspace, so a
-//! run that is stopped and taken up again from its state gives the same bits as an unbroken one on the same device.
+//! engine starts. Driver, cuBLAS and NVRTC are loaded at run time; without them the constructors return [`LearnError::Device`]. All sums
+//! have a fixed order and cuBLAS a fixed workspace, so a resumed run gives the same bits as an unbroken one on the same device.
 
 mod attention;
 mod backward;

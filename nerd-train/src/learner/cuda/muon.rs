@@ -1,8 +1,7 @@
 //! Muon on the device (see [`crate::learner::muon`]): all matrices of one shape as one batch of products.
 //!
 //! `muon_pack` moves momentum on and packs its look-ahead, `muon_unit` divides by the norm, five times `A = X X^T`,
-//! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. Shapes run side by side, turn about on the
-//! two streams.
+//! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. Shapes alternate between the two streams.
 
 use std::collections::BTreeSet;
 

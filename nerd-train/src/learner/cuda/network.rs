@@ -56,17 +56,17 @@ pub(crate) struct Network {
     pub device: Device,
     pub plan: Plan,
     pub rows: usize,
-    /// Targets `[rows][T][outputs]`; after a loss without a head, its slope.
+    /// Targets `[rows][T][outputs]`; after a loss without a head, its gradient.
     pub targets: Buffer<f32>,
     /// Rows of slots: of tokens first, `[rows][T][padded]`.
     values: Vec<Buffer<f32>>,
     homes: Vec<usize>,
-    /// Newest rows of the slots that parts behind the last mixing one read.
+    /// Newest rows of the slots that parts after the last mixing one read.
     newest: Vec<(Slot, Buffer<f32>)>,
     folded: Buffer<f32>,
     table: Buffer<[i32; 4]>,
     pub turns: Buffer<[f32; 2]>,
-    /// By part: of a norm reciprocal deviations; of a cell states found, what is kept, and what states say to the gates.
+    /// By part: of a norm reciprocal deviations; of a cell states found, what is kept, and the states' inputs to the gates.
     pub asides: Vec<Vec<Buffer<f32>>>,
     partial: Buffer<f32>,
     /// Threads of a block that makes whole passes of a small program, and how many windows it passes.
@@ -143,9 +143,9 @@ impl Network {
         self.device.write(&self.values[0], &self.staging)
     }
 
-    /// Where the rows of a slot stand.
+    /// Place of a slot's rows.
     pub fn at(&self, slot: Slot) -> u64 {
-        // What stands between parts that are one kernel has no rows.
+        // Slots inside a fused kernel have no rows.
         self.values.get(self.homes[slot.0]).map_or(0, |rows| rows.ptr)
     }
 
@@ -164,7 +164,7 @@ impl Network {
         folded.map_or_else(|| self.tensor(w, weight), |at| self.folded.at(at))
     }
 
-    /// Folds the scales of the parameters at `w` into the matrices behind them.
+    /// Folds the scales of the parameters at `w` into the matrices that follow them.
     pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
         self.each_row("fold", &[Ptr(w), Ptr(self.folded.ptr), Ptr(self.table.ptr)])
     }
@@ -183,15 +183,15 @@ impl Network {
         self.windows_at(self.at(Slot(0)), w, rows)
     }
 
-    /// The same of tokens that stand elsewhere, padded as here.
+    /// The same for tokens elsewhere, padded as here.
     pub fn windows_at(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
         let (parts, mut at) = (self.plan.parts.len() - usize::from(self.plan.head().is_some()), self.addresses());
         at[0] = tokens;
         self.run(w, 0..parts, &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
     }
 
-    /// Predictions of windows: of all their tokens, or of those alone whose numbers in their windows stand at `last`. Of a small program nothing
-    /// else is kept, and its products have 32 bits or those of TF32.
+    /// Predictions of windows: of all their tokens, or only of those whose numbers in their windows are at `last`. Of a small program
+    /// nothing else is kept, and its products have 32 bits or those of TF32.
     pub fn predict(&self, w: u64, rows: usize, last: Option<u64>) -> Result<(), DeviceError> {
         if let (Some([threads, windows]), None) = (self.whole, last) {
             let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
@@ -212,7 +212,7 @@ impl Network {
         self.run(w, first..all, &at, n, &attend)
     }
 
-    /// Some parts over `n` rows of slots that stand at `at`.
+    /// Some parts over `n` rows of slots at `at`.
     pub fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Mix) -> Result<(), DeviceError> {
         let (plan, d) = (&self.plan, &self.device);
         let (mut attentions, mut shift) = (0, [Ptr(0); 2]);
@@ -273,8 +273,8 @@ impl Network {
         }
     }
 
-    /// Squared error of the first `n` tokens against the targets, which are among `all` of a mean, behind the gradient at `g`. Its
-    /// slope ([`crate::learner::LearnerConfig::huber`]) takes the place of targets, or of the hidden layer, and then the last three
+    /// Squared error of the first `n` tokens against the targets, which are among `all` of a mean, after the gradient at `g`. Its
+    /// gradient ([`crate::learner::LearnerConfig::huber`]) takes the place of targets, or of the hidden layer, and then the last three
     /// tensors have their gradients.
     pub fn loss(&self, w: u64, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
         let (outputs, partial) = (self.plan.outputs(), Ptr(self.partial.ptr));
@@ -296,7 +296,7 @@ impl Network {
         [0, 1, 2].map(|k| self.tensor(w, Weight(bias.0 + k)))
     }
 
-    /// Gradients of what is added to all tokens of so many windows, from the slope at `dy`: of the places in a window, and of a bias.
+    /// Gradients of what is added to all tokens of so many windows, from the gradient at `dy`: of the places in a window, and of a bias.
     pub fn sum_rows(&self, dy: u64, (rows, width): (usize, usize), bias: Option<u64>, table: Option<u64>) -> Result<(), DeviceError> {
         let tokens = self.plan.tokens;
         let (rows, wide) = if table.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };
@@ -328,7 +328,7 @@ impl Network {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.turns.ptr))
     }
 
-    /// Where the rows of slots stand.
+    /// Places of slots' rows.
     pub fn addresses(&self) -> Vec<u64> {
         (0..self.homes.len()).map(|slot| self.at(Slot(slot))).collect()
     }

@@ -18,8 +18,8 @@ use super::stream::CudaStream;
 
 /// [`nerd_model::neural::Neural`] on a GPU: contacts, draft, token, network and the state that follows are one captured graph a frame.
 ///
-/// It refuses what it has no kernel for: networks that see windows, other bases than the state and drafts, other views than the robot's own,
-/// and what [`nerd_sim::articulated::device::CudaArticulated`] refuses.
+/// It refuses what it has no kernel for: networks that see windows, other bases than the state and drafts, other views than the robot's
+/// own, and what [`nerd_sim::articulated::device::CudaArticulated`] refuses.
 pub type CudaNeural = OnDevice<Network>;
 
 /// A frame as a graph: `neural_tell`, the stream of the network, `neural_apply`.
@@ -111,7 +111,7 @@ impl Motion for Network {
 }
 
 impl Made {
-    /// Forgets what does not go on with these frames; says whether torques are held.
+    /// Clears memory that these frames do not continue; returns whether torques are held.
     fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
         let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
         let fresh: Vec<usize> = first.iter().enumerate().filter_map(begins).collect();

@@ -1,4 +1,4 @@
-//! Weights, their moments and their gradient on a device, and what an update makes of them.
+//! Weights, their moments and gradient on a device, and their update.
 
 use std::mem::offset_of;
 
@@ -34,7 +34,7 @@ struct Scalars {
 pub(crate) struct Optimiser {
     pub weights: Buffer<f32>,
     pub average: Buffer<f32>,
-    /// Gradients, and behind them what `mean` makes a loss of.
+    /// Gradients, followed by what `mean` turns into a loss.
     pub gradients: Buffer<f32>,
     m: Buffer<f32>,
     v: Buffer<f32>,
@@ -79,17 +79,18 @@ impl Optimiser {
         self.weights.len
     }
 
-    /// Where its numbers stand.
+    /// Place of its numbers.
     pub fn scalars(&self) -> u64 {
         self.scalars.ptr
     }
 
-    /// Adds up the gradients of all ranks, and the numbers behind them.
+    /// Sums the gradients of all ranks, and the numbers after them.
     pub fn sum(&self, d: &Device) -> Result<(), LearnError> {
         self.sums.as_ref().map_or(Ok(()), |sums| Ok(sums.sum(d, &self.gradients)?))
     }
 
-    /// Makes an update of the gradient of all ranks; `mean` leads from the number behind it to the loss: squared errors are many, a chain's loss is one.
+    /// Makes an update of the gradient of all ranks; `mean` turns the number after it into the loss: squared errors are many, a chain's
+    /// loss is one.
     pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
         let (p, s, beta) = (self.parameters(), Ptr(self.scalars.ptr), Double(self.beta));
         let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));

@@ -1,8 +1,8 @@
-//! What of a program is computed together, with which constants kernels are compiled, and where rows and parameters stand.
+//! The plan of a program on a device: fused operations, the kernels' constants, places of rows and parameters.
 //!
-//! A scale is folded into the matrix behind it, `W' = diag(w) W`, once an update. Kernels then move rows without it, and both gradients
-//! follow from that of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`. Biases and places are added by the kernel behind them
-//! where there is one, and a hidden layer at the end is one kernel with its loss.
+//! A scale is folded into the matrix that follows it, `W' = diag(w) W`, once an update. Both gradients follow from that of `W'`:
+//! `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`. Biases and positions are added by the next kernel where there is one, and a last
+//! hidden layer is one kernel with its loss.
 
 use nerd_model::program::{Activation, Op, Program, Slot, Step, Weight};
 use nerd_model::transformer::TransformerConfig;
@@ -22,7 +22,7 @@ pub(super) enum Part {
     Shift { at: Slot, bias: Option<Weight>, table: Option<Weight>, joined: bool },
     /// Any other step.
     Step(Step),
-    /// Predictions `relu(z + bias) W + c`, W and c being the last tensors, behind the bias.
+    /// Predictions `relu(z + bias) W + c`, W and c being the last tensors, after the bias.
     Head { from: Slot, to: Slot, bias: Weight },
 }
 
@@ -67,7 +67,7 @@ impl Plan {
         }
     }
 
-    /// Refuses what the kernels do not cover; `head` says whether a hidden layer at the end may be one kernel.
+    /// Refuses what the kernels do not cover; `head`: whether a last hidden layer may be one kernel.
     pub fn new(program: Program, tokens: usize, head: bool) -> Result<Self, LearnError> {
         let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
         let mut plan = Self { tokens, parts: Vec::new(), starts, table: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
@@ -107,7 +107,7 @@ impl Plan {
         if from == Slot(0) && !matches!(step.op, Op::Linear { .. }) || to == Slot(0) {
             return refuse("tokens go through a product first");
         }
-        // Norms and products alone add to a slope.
+        // Norms and products alone add to a gradient.
         let meets = |other: &&Step| match other.op {
             Op::Place(_) => false,
             Op::Linear { add: true, .. } => [other.from, other.to].contains(&from),
@@ -155,7 +155,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Where W' of a matrix will stand.
+    /// Place of a matrix's W'.
     fn fold(&mut self, weight: Weight, scale: Weight) -> usize {
         let shape = &self.program.tensors[weight.0].shape;
         let (at, rows, columns) = (self.folded, shape[0], shape[1]);
@@ -229,7 +229,7 @@ impl Plan {
             Part::Step(step) => matches!(step.op, Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }),
             _ => false,
         };
-        // What is joined to the part behind it is done with that.
+        // A part fused with the next one is done with that.
         self.parts.iter().rposition(mixes).map_or(0, |i| i + 1 + usize::from(matches!(self.parts[i], Part::Shift { joined: true, .. })))
     }
 
@@ -285,7 +285,7 @@ mod tests {
 
     use super::*;
 
-    /// A letter a part; small where it is done by the one behind it.
+    /// A letter a part; small where it is fused with the next one.
     fn letters(plan: &Plan) -> String {
         let letter = |part: &Part| match part {
             Part::Linear { folded: Some(_), .. } => 'F',
@@ -334,7 +334,7 @@ mod tests {
             Plan::new(p, TOKENS, true).err().map(|e| e.to_string())
         };
         let all: [fn(&mut Program, Slot); 4] = [
-            // Heads of seven columns; a slot that two steps read which add to no slope; norms of two widths; a product that
+            // Heads of seven columns; a slot that two steps read which add to no gradient; norms of two widths; a product that
             // reads what a later step adds to.
             |p, x| _ = p.then(x, 14, Op::Attend { heads: 2, band: None }),
             |p, x| _ = [Activation::Gelu, Activation::Relu].map(|f| p.then(x, 42, Op::Activate(f))),

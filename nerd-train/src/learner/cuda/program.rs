@@ -1,4 +1,4 @@
-//! [`CudaProgram`]: any program on the card, forward and back.
+//! [`CudaProgram`]: any program on a GPU, forward and backward.
 
 use nerd_cuda::Buffer;
 use nerd_model::program::Program;

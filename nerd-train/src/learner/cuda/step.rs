@@ -1,4 +1,4 @@
-//! One update on a GPU, kernel by kernel: what it reads, what it writes, and in which order.
+//! One update on a GPU, kernel by kernel: reads, writes, order.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! [`CudaLearner`]: one update is one replay of a captured graph.
 //!
 //! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`. A rank of several gathers its rows of the
-//! batch, and behind the backward pass the gradients of all are added up.
+//! batch, and after the backward pass all gradients are summed.
 
 use std::ops::Range;
 
@@ -155,7 +155,7 @@ impl Learner for CudaLearner {
             let rows = net.rows.min(count - first);
             gather(net, &self.validation, rows, Choice::These(numbers.at(first)))?;
             net.windows(w, rows)?;
-            // Gradients are made anew by every update.
+            // Every update overwrites the gradients.
             net.loss(w, rows * tokens, rows * tokens, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());
             net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;

@@ -192,7 +192,7 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     }
 }
 
-// One new token of every environment against the last B keys and values of each. Environment r has taken[r] tokens behind it; its
+// One new token of every environment against the last B keys and values of each. Environment r has taken[r] earlier tokens; its
 // key and value go to slot taken % B of ring [env][B][2 E]. Turning a query by the distance to a key is turning both by their
 // places, so keys are kept unturned. One warp a row and head, D <= 32; turns [B][D / 2].
 extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* taken, float* out, const float2* turns,

@@ -1,5 +1,5 @@
 // Recurrent cells, one token of every window at a time: GRUs of three gates (r, z, n), LSTMs of four (i, f, g, o). u [rows][T][gates E] is
-// what tokens say, v [rows][gates E] what states say. kept [rows][T][gates + 1][E] holds gates and, of an LSTM, c; of a GRU, v_n;
+// from tokens, v [rows][gates E] from states. kept [rows][T][gates + 1][E] holds gates and, of an LSTM, c; of a GRU, v_n;
 // before [rows][T][E] the states that tokens find, that of the oldest being zero. A thread an entry of a state.
 
 __device__ __forceinline__ float sigmoid(float x) { return 1.0f / (1.0f + expf(-x)); }
@@ -31,7 +31,7 @@ extern "C" __global__ void cell_forward(const float* u, const float* ub, const f
     if (k + 1 < T) before[(token + 1) * e + m] = h;
 }
 
-// du and dv of token k (one array, of an LSTM) from the slope behind its state, and what goes back to the state before it: dc whole, of dh
+// du and dv of token k (one array, of an LSTM) from the upstream gradient of its state, and what goes back to the state before it: dc whole, of dh
 // what does not go through v. Beyond the newest token there is none.
 extern "C" __global__ void cell_backward(const float* behind, const float* before, const float* kept, float* du, float* dv, float* dh,
                                          float* dc, int k, int e, int lstm, int rows) {

@@ -54,7 +54,7 @@ extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, fl
     if (a) a[i] += factors[3] * (x - a[i]);
 }
 
-// Where entry (r, c) of packed matrix k stands in the flat vector; rows of the table: offset, stride, transposed.
+// Index of entry (r, c) of packed matrix k in the flat vector; rows of the table: offset, stride, transposed.
 __device__ __forceinline__ u64 hidden_at(const int4* table, int k, int i, int columns) {
     const int4 t = table[k];
     const int r = i / columns, c = i % columns;
