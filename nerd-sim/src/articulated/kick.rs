@@ -165,6 +165,7 @@ impl Workspace {
 }
 
 /// Adds a contact's force to `data.qdd`, and what it resists to `data.mass`.
+#[inline]
 fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], h: f64) {
     let (n, (force, along, across)) = (&contact.normal, contact.push(h));
     for (i, a) in columns {

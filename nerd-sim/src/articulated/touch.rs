@@ -72,6 +72,7 @@ pub(super) struct DryFriction {
 
 impl Contact {
     /// How far ahead its forces must look to be stable over h, from its own inertia 1 / w.
+    #[inline]
     pub(super) fn weigh(&mut self, w: f64, h: f64, friction: Friction) {
         let vn = self.normal.dot(&self.velocity);
         if vn >= 0.0 {
@@ -84,6 +85,7 @@ impl Contact {
     }
 
     /// Its force on the robot before the substep, and what resists along and across its normal.
+    #[inline]
     pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
         let vn = n.dot(&self.velocity);
@@ -92,6 +94,7 @@ impl Contact {
     }
 
     /// Its force and drag after a change of its velocity over h; whether another solve is asked for.
+    #[inline]
     pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
         let (vn, dn) = (n.dot(&self.velocity), n.dot(change));
@@ -108,11 +111,13 @@ impl Contact {
 }
 
 impl Spring {
+    #[inline]
     pub(super) fn weigh(&mut self, w: f64, h: f64) {
         self.ahead = [ahead(h * h * self.stiffness * w), damper(h, self.damping, w)];
     }
 
     /// Its force on the joint before the substep, and what resists.
+    #[inline]
     pub(super) fn push(&self, h: f64) -> (f64, f64) {
         let [spring, damper] = self.ahead;
         let force = -(self.stiffness * self.gap + self.damping * self.rate);
@@ -120,6 +125,7 @@ impl Spring {
     }
 
     /// Its force after a change of its rate over h.
+    #[inline]
     pub(super) fn force(&self, change: f64, h: f64) -> f64 {
         let [spring, damper] = self.ahead;
         -(self.stiffness * (self.gap + spring * h * change) + self.damping * (self.rate + damper * change))
@@ -128,12 +134,14 @@ impl Spring {
 
 impl DryFriction {
     /// Its drag at a rate of the joint.
+    #[inline]
     pub(super) fn drag(&self, rate: f64, friction: Friction) -> f64 {
         let material = Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 };
         drag(self.most, rate.abs(), &material, friction)
     }
 
     /// Its drag after a change of its rate; whether another solve is asked for.
+    #[inline]
     pub(super) fn settle(&mut self, change: f64, friction: Friction, settled: f64) -> bool {
         let across = self.drag(self.rate + change, friction);
         let changed = (across / self.across - 1.0).abs() > settled;
@@ -143,11 +151,13 @@ impl DryFriction {
 }
 
 /// The share of a spring with `z = h^2 k w` that keeps it stable.
+#[inline]
 pub(super) fn ahead(z: f64) -> f64 {
     (0.5 - 0.5 / z).max(0.0)
 }
 
 /// The share of a damper d that keeps it stable.
+#[inline]
 fn damper(h: f64, d: f64, w: f64) -> f64 {
     (1.0 - 1.0 / (h * d * w)).max(0.5)
 }
