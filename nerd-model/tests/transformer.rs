@@ -3,9 +3,10 @@
 
 use std::collections::HashMap;
 
+use nerd_model::BurnDevice;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{
-    Architecture, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
+    Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
 };
 
 const SMALL: TransformerConfig = TransformerConfig {
@@ -234,7 +235,8 @@ fn the_stream_equals_the_banded_pass() {
         _ => !(9..=14).contains(&frame),
     };
     let mut streams: [Box<dyn Stream>; 2] = [Box::new(PackedStream::new(&w)), Box::new(Windowed::new(PackedForward::new(&w), ROTARY))];
-    let (mut out, mut worst, mut yardstick, mut compared) = (Vec::new(), [0.0f32; 2], 0.0f32, 0);
+    let mut burn = BurnForward::new(&w, &BurnDevice::flex());
+    let (mut out, mut whole, mut worst, mut yardstick, mut compared) = (Vec::new(), Vec::new(), [0.0f32; 2], 0.0f32, 0);
     for frame in 0..frames {
         let tokens: Vec<f32> = (0..envs).flat_map(|env| x[(env * frames + frame) * width..][..width].to_vec()).collect();
         let asked: Vec<usize> = (0..envs).filter(|env| asks(*env, frame)).collect();
@@ -247,12 +249,13 @@ fn the_stream_equals_the_banded_pass() {
                 let exact: Vec<f32> = reference(&w, seen, frame + 1 - first).iter().map(|y| *y as f32).collect();
                 let newest = exact.len() - outputs;
                 *worst = worst.max(apart(got, &exact[newest..]));
-                yardstick = yardstick.max(apart(&run(&w, seen, frame + 1 - first)[newest..], &exact[newest..]));
+                burn.forward(seen, frame + 1 - first, &[(frame - first) as u32], &mut whole).unwrap();
+                yardstick = yardstick.max(apart(&whole, &exact[newest..]));
                 compared += 1;
             }
         }
     }
-    // These weights magnify rounding; the yardstick is the training pass's own distance from the pass in f64.
+    // These weights magnify rounding; the yardstick is burn's own distance from the pass in f64.
     println!("{compared} predictions: stream and windows are {worst:?} from the f64 pass, the banded pass {yardstick:.1e}");
     assert!(compared > 180 && worst.iter().all(|w| *w < 1e-5 + yardstick), "{compared} predictions: {worst:?}, {yardstick:.1e}");
 }
