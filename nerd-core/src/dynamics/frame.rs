@@ -41,7 +41,8 @@ impl Robot {
         let coordinate = joint.mimic().map_or_else(|| self.coordinate(link), |m| m.coordinate);
         let own = q[self.root_coords() + coordinate];
         let value = joint.mimic().map_or(own, |m| m.multiplier * own + m.offset);
-        let (rotation, position, axis) = hung(joint, value, &parent, &start);
+        let mut axis = Motion::default();
+        let (rotation, position) = hung(joint, value, &parent, start, &mut axis);
         (rotation, position, qd.map_or(twist, |qd| twist + axis * qd[self.root_dofs() + coordinate]))
     }
 

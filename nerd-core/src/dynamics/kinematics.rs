@@ -36,13 +36,21 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
             None => joints[data.dof[i] - dofs],
             Some(mimic) => mimic.multiplier * joints[mimic.coordinate] + mimic.offset,
         };
-        (data.rotation[i], data.position[i], data.axis[i]) = hung(joint, value, parent, &start);
+        let (rotation, position) = hung(joint, value, parent, start, &mut data.axis[i]);
+        data.rotation[i] = rotation;
+        data.position[i] = position;
     }
 }
 
-/// Rotation and place of a link, and the motion of its joint per unit of its coordinate's rate, from those of what it hangs on.
-#[inline]
-pub(super) fn hung(joint: &Joint, value: f64, parent: &Matrix3<f64>, start: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>, Motion) {
+/// Rotation and place of a link from those of what it hangs on; the motion of its joint per unit of its coordinate's rate into `motion`.
+#[inline(always)]
+pub(super) fn hung(
+    joint: &Joint,
+    value: f64,
+    parent: &Matrix3<f64>,
+    start: Vector3<f64>,
+    motion: &mut Motion,
+) -> (Matrix3<f64>, Vector3<f64>) {
     let turn = joint.turn();
     let mut position = start + parent * joint.origin().translation.vector;
     let rotation = match joint.kind {
@@ -54,7 +62,7 @@ pub(super) fn hung(joint: &Joint, value: f64, parent: &Matrix3<f64>, start: &Vec
     };
     // The axis is the same before and after turning about itself.
     let axis = rotation * joint.axis().into_inner();
-    let mut motion = match joint.kind {
+    *motion = match joint.kind {
         JointKind::Prismatic => {
             position += axis * value;
             Motion::new(Vector3::zeros(), axis)
@@ -62,9 +70,9 @@ pub(super) fn hung(joint: &Joint, value: f64, parent: &Matrix3<f64>, start: &Vec
         _ => Motion::new(axis, position.cross(&axis)),
     };
     if let Some(mimic) = joint.mimic() {
-        motion = motion * mimic.multiplier;
+        *motion = *motion * mimic.multiplier;
     }
-    (rotation, position, motion)
+    (rotation, position)
 }
 
 /// Fills `inertia` of every link, about the root; after [`kinematics`].
