@@ -109,15 +109,9 @@ pub fn moved(robot: &Robot, q: &[f64], qd: &LocalVelocity<Vec<f64>>, h: f64) -> 
 }
 
 /// The rate of `f` at the state by differences over `2 h` s.
-pub fn rate<T: std::ops::Sub<Output = T>>(
-    robot: &Robot,
-    q: &[f64],
-    qd: &LocalVelocity<Vec<f64>>,
-    h: f64,
-    mut f: impl FnMut(&[f64]) -> T,
-) -> T
+pub fn rate<T>(robot: &Robot, q: &[f64], qd: &LocalVelocity<Vec<f64>>, h: f64, mut f: impl FnMut(&[f64]) -> T) -> T
 where
-    T: std::ops::Div<f64, Output = T>,
+    T: std::ops::Sub<Output = T> + std::ops::Div<f64, Output = T>,
 {
     let [ahead, behind] = [h, -h].map(|h| f(&moved(robot, q, qd, h)));
     (ahead - behind) / (2.0 * h)

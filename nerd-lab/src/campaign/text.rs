@@ -84,12 +84,16 @@ impl Mutate<String> for Word<'_> {
         if !word.starts_with(|c: char| c.is_alphanumeric() || "-.".contains(c)) || word.starts_with("--") {
             return Ok(());
         }
-        c.mutation_group(OFTEN, |ctx, _| Ok(*word = self.generate(ctx)?))?;
+        c.mutation_group(OFTEN, |ctx, _| {
+            *word = self.generate(ctx)?;
+            Ok(())
+        })?;
         let Some(mut x) = word.parse::<f64>().ok().filter(|_| !self.0.spaced) else { return Ok(()) };
         c.mutation_group(2 * OFTEN, |ctx, k| {
             let u = ctx.rng().gen_f64();
             let new = [0.5 + u, -1.0, 10f64.powf(12.0 * u - 6.0)][k as usize % 3] * x;
-            Ok(*word = format!("{new:?}"))
+            *word = format!("{new:?}");
+            Ok(())
         })?;
         let changed = m::f64().mutate(c, &mut x);
         if changed.is_err() {

@@ -39,7 +39,7 @@ impl Artifact {
     pub fn read(folder: &Path, name: &str) -> Result<Self> {
         let path = file(folder, name);
         let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
-        Ok(serde_json::from_str(&text).map_err(error::format(&path))?)
+        serde_json::from_str(&text).map_err(error::format(&path))
     }
 
     /// Its data as one experiment has them.

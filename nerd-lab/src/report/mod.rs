@@ -19,5 +19,5 @@ pub use table::Table;
 
 /// Writes a file, whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    Ok(nerd_sim::files::write(path, bytes).map_err(error::file(path))?)
+    nerd_sim::files::write(path, bytes).map_err(error::file(path))
 }

@@ -84,7 +84,7 @@ impl Team {
             length: f64::from_bits(length),
         };
         let failed = all.iter().filter_map(|words| words.last()).sum::<u64>() as usize;
-        Ok(Taken { ended: lines.into_iter().map(episode).collect(), failed, ..taken })
+        Ok(Taken { ended: lines.into_iter().map(episode).collect(), failed })
     }
 
     /// What all ranks have, in their order, on every rank.

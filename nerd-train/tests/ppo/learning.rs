@@ -141,7 +141,7 @@ fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
     let config = PpoConfig { environments: 24, minibatch: 100, stack: 2, ..config("") };
     let cartpole = |n: usize| episodes("cartpole-swingup", n, 11);
     let begin = || Trainer::new(cartpole(24), config.clone(), 9).expect("fits");
-    let steps = |run: &mut Trainer, n: usize| (0..n).for_each(|_| drop(run.iterate().expect("goes on")));
+    let steps = |run: &mut Trainer, n: usize| (0..n).for_each(|_| _ = run.iterate().expect("goes on"));
     let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     // Solvers stay on one thread, so a run begins and ends inside its pool.
     let whole = pool(1).install(|| {

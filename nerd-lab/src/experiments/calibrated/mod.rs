@@ -201,8 +201,8 @@ impl Experiment for Calibration {
 impl Calibrated {
     /// The objective along each parameter, and where the fit is.
     fn figure(&self) -> Figure {
-        let panel = |((k, profile), (name, _, unit)): ((usize, &Vec<[f64; 2]>), &(String, [f64; 3], String))| {
-            let at = self.splits[0].fit.values[k];
+        let panel = |k: usize| {
+            let (profile, (name, _, unit), at) = (&self.profiles[k], &self.parameters[k], self.splits[0].fit.values[k]);
             let points: Vec<(f64, f64)> = profile.iter().map(|p| (p[0], p[1].min(1.5))).collect();
             let ends = points.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.1), b.max(p.1)));
             let series =
@@ -211,6 +211,6 @@ impl Calibrated {
             Panel { x: Axis::linear(label), y: Axis::linear(""), series, ..Panel::default() }
         };
         let title = format!("{}: objective along each parameter, all others as fitted", self.solver);
-        Figure { title, columns: 4, panels: self.profiles.iter().enumerate().zip(&self.parameters).map(panel).collect() }
+        Figure { title, columns: 4, panels: (0..self.profiles.len()).map(panel).collect() }
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct Against {
 /// MuJoCo at the starts of an evaluation.
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
     let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
-    Ok(Referee::new(python, system, scene, &starts, config.steps)?)
+    Referee::new(python, system, scene, &starts, config.steps)
 }
 
 /// Its settings: integrator, name, substeps.
