@@ -1,7 +1,7 @@
 //! A system in a scene as MJCF, MuJoCo's own text: the same bodies, joints and shapes, to the last digit.
 //!
 //! A link's frame is its joint's frame, so bodies nest with the joints' origins and every joint sits at its body's origin.
-//! Limits are our spring and damper (see [`limit`]); contacts are MuJoCo's own, soft constraints with its default
+//! Limits are our spring and damper (see `limit`); contacts are MuJoCo's own, soft constraints with its default
 //! settings, with the friction of the pair. What it would need a mesh for is refused.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};

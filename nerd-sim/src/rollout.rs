@@ -1,7 +1,7 @@
 //! Rollouts as CSV: starts and torques are read from a table, rolled out under any solver, and the states written to another.
 //!
 //! A table has a header and one row for each trajectory and step: `traj, step`, the state's columns
-//! ([`crate::spec::Spec::state_columns`]; rad, m, rad/s, m/s; read at step 0 alone) and, if anything drives the robot, all of the
+//! (`state_columns`; rad, m, rad/s, m/s; read at step 0 alone) and, if anything drives the robot, all of the
 //! torques' (N m or N), held from their row's step to the next. Columns are found by name; others are ignored.
 //!
 //! ```no_run

@@ -7,7 +7,7 @@ use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
 /// Accelerations into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
-/// [`super::kinematics`]; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+/// `kinematics`; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
 ///
 /// Articulated-body algorithm: `qdd` from torques in O(n). With `U = I^A S`, `D = S . U + armature`, `u = tau - S . p`:
 /// `I^A_p += I^A - U U^T / D`, `p_p += p + I^a c + U u / D`, then outward `qdd = (u - U . A') / D`. Where joints follow others, which

@@ -4,7 +4,7 @@ use super::{Data, inertias};
 use crate::robot::Robot;
 use crate::spatial::Motion;
 
-/// Mass matrix into `data.mass`, both triangles. Needs [`super::kinematics`]; fills `data.inertia`.
+/// Mass matrix into `data.mass`, both triangles. Needs `kinematics`; fills `data.inertia`.
 ///
 /// Composite rigid bodies: `M_ij = S_i . (I^c_j S_j)` for i an ancestor of j, with `I^c` the inertia of a subtree,
 /// plus each joint's armature on the diagonal. Joints that follow one share its row and column, in which all their entries add up:

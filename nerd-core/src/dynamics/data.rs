@@ -38,7 +38,7 @@ pub struct Data {
     /// floating root.
     #[doc(hidden)]
     pub axis: Vec<Motion>,
-    /// Inertia of each link about the common origin; filled by [`super::crba`], [`super::aba`] or [`super::inertias`].
+    /// Inertia of each link about the common origin; filled by `crba`, `aba` or `inertias`.
     #[doc(hidden)]
     pub inertia: Vec<SpatialInertia>,
     /// For each link, the link whose inertia moves in its place in the mass matrix (not in the bias). Empty, as physics has it, but for
@@ -51,7 +51,7 @@ pub struct Data {
     /// External wrench on each link about the common origin; the caller's to set and to clear.
     #[doc(hidden)]
     pub external: Vec<Wrench>,
-    /// Mass matrix, `nv` by `nv`, filled on both sides by [`super::crba`].
+    /// Mass matrix, `nv` by `nv`, filled on both sides by `crba`.
     #[doc(hidden)]
     pub mass: DMatrix<f64>,
     /// Bias or inverse-dynamics torques, `nv`.

@@ -37,7 +37,7 @@ impl Derivatives {
         Self { q: DMatrix::zeros(nv, nv), qd: DMatrix::zeros(nv, nv) }
     }
 
-    /// Of inverse dynamics: `tau` by q and qd, at fixed `qdd`. Needs [`super::kinematics`]; fills `data.tau` and `data.mass`. External
+    /// Of inverse dynamics: `tau` by q and qd, at fixed `qdd`. Needs `kinematics`; fills `data.tau` and `data.mass`. External
     /// wrenches are held as they are.
     ///
     /// With the twists `v`, accelerations `a` (gravity included), forces f and composite inertias `I`, `B` of subtrees,
@@ -161,7 +161,7 @@ impl Derivatives {
     }
 
     /// Of forward dynamics: `qdd` by q and qd, at fixed `tau`: `-M^-1` times those of inverse dynamics at that acceleration. Needs
-    /// [`super::kinematics`] and the accelerations `qdd` for which they are wanted, for example [`super::aba`]'s; `qdd` by `tau` is
+    /// `kinematics` and the accelerations `qdd` for which they are wanted, for example `aba`'s; `qdd` by `tau` is
     /// `M^-1`. `false` if the mass matrix is not positive definite; then nothing is written.
     #[must_use = "without a mass matrix there are none"]
     pub fn forward(

@@ -8,7 +8,7 @@ use crate::spatial::Motion;
 
 /// Jacobian of a frame that is fixed on link `link` at `local` (m, in the link's frame) into `out`, 6 by `nv`: the frame's angular
 /// velocity (rows 0 to 2, rad/s) and the velocity of its origin (rows 3 to 5, m/s), both in world axes, are `J qd`, with `qd` local (see
-/// [`crate::velocity`]). Needs [`super::kinematics`].
+/// [`crate::velocity`]). Needs `kinematics`.
 ///
 /// Column of DoF k: the axis of its joint as a motion, at the frame's place `x`: `(w, v + w x x)`; zero for joints that do not carry
 /// the link.
@@ -63,7 +63,7 @@ pub fn jacobian_rate(robot: &Robot, data: &Data, link: usize, local: &Vector3<f6
 }
 
 /// Jacobian of the centre of mass into `out`, 3 by `nv`: its velocity (m/s, world axes) is `J qd`, with `qd` local. Needs
-/// [`super::kinematics`]. Returns the centre of mass in the world (m); of a robot without mass both are not a number.
+/// `kinematics`. Returns the centre of mass in the world (m); of a robot without mass both are not a number.
 ///
 /// Column of DoF k: `m_k / m` times the velocity that its axis gives to the centre of mass of what it carries, of mass `m_k`.
 pub fn com_jacobian(robot: &Robot, data: &Data, out: &mut DMatrix<f64>) -> Vector3<f64> {

@@ -6,7 +6,7 @@ use super::Data;
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
-/// Torques at zero acceleration, into `data.tau`. Needs [`super::kinematics`]; fills `data.velocity`.
+/// Torques at zero acceleration, into `data.tau`. Needs `kinematics`; fills `data.velocity`.
 /// `qd` is local (see [`super::to_local`]), length `nv`; `gravity` in m/s^2, world axes.
 #[inline]
 pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
@@ -26,7 +26,7 @@ pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data
     sweep::<true>(robot, qd, qdd, gravity, data);
 }
 
-/// Twists of all links into `data.velocity`. Needs [`super::kinematics`]; `qd` local.
+/// Twists of all links into `data.velocity`. Needs `kinematics`; `qd` local.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
     for (i, link) in robot.links.iter().enumerate() {

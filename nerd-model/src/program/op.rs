@@ -57,7 +57,7 @@ pub enum Op {
     /// `y = f(x)`.
     Activate(Activation),
     /// States of a recurrent cell, the oldest token first: x is `u`, the tokens' inputs to its gates, and `v = h W + b` what the state says
-    /// ([`recurrent`]).
+    /// (`recurrent`).
     Cell {
         /// W, `[E, gates E]`.
         weight: Weight,
