@@ -1,5 +1,4 @@
 //! `cargo xtask campaign --cases 1000000 --kills 500 --out results`: hostile input by the million, tried by [`nerd_lab::campaign`].
-//! About 40 minutes for a million on two cores.
 
 use std::path::PathBuf;
 
