@@ -118,11 +118,6 @@ impl Flight {
     pub fn states(&self) -> &[f64] {
         &self.batch.states
     }
-
-    /// That of one environment.
-    pub fn state(&self, env: usize) -> &[f64] {
-        self.batch.state(env)
-    }
 }
 
 /// Whether contact points may touch something in the frame: if they do where the robot stands (`events`) or where flight takes

@@ -88,7 +88,7 @@ impl Features {
         let d = state.len();
         let (out, drafted) = out.split_at_mut(out.len() - if matches!(self.form.base, Base::Draft(_)) { d } else { 0 });
         if !drafted.is_empty() {
-            self.change(state, state, base, drafted);
+            self.target(state, state, base, drafted);
         }
         if !Self::situated(&self.system) {
             cast(state, &mut out[..d]);
@@ -102,34 +102,26 @@ impl Features {
         }
         frame.state_in(&system.robot, state, &mut self.near);
         wrap_state(&system.robot, &mut self.near);
-        cast(&self.near, &mut out[..d]);
+        let mut rest = out;
+        let mut put = |x: &[f64]| {
+            let (now, later) = std::mem::take(&mut rest).split_at_mut(x.len());
+            cast(x, now);
+            rest = later;
+        };
+        put(&self.near);
         if self.form.view == View::Blind {
-            cast(torques, &mut out[d..]);
-            return;
+            return put(torques);
         }
-        let c = contacts.len();
-        let (normals, rest) = out[d..].split_at_mut(3 * c);
-        let (points, rest) = rest.split_at_mut(3 * c);
-        let (depths, rest) = rest.split_at_mut(c);
-        for (k, (event, point)) in contacts.iter().zip(&system.robot.contact_points).enumerate() {
-            // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
-            let seen = event.distance < point.threshold();
-            let keep = |v: Vector3<f64>| if seen { v } else { Vector3::zeros() };
-            cast(keep(frame.direction(&event.normal)).as_slice(), &mut normals[3 * k..3 * k + 3]);
-            cast(keep(frame.point(&event.p1)).as_slice(), &mut points[3 * k..3 * k + 3]);
-            depths[k] = if seen { event.distance as f32 } else { 0.0 };
-        }
-        let (ways, rest) = rest.split_at_mut(3 * self.ways.len());
-        for (way, (out, (event, point))) in
-            self.ways.iter().zip(ways.chunks_exact_mut(3).zip(contacts.iter().zip(&system.robot.contact_points)))
-        {
-            let seen = event.distance < point.threshold();
-            cast(if seen { frame.direction(way) } else { Vector3::zeros() }.as_slice(), out);
-        }
-        let (tau, down) = rest.split_at_mut(torques.len());
-        cast(torques, tau);
+        // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
+        let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
+        let masked = |k: usize, v: Vector3<f64>| if seen(k) { v } else { Vector3::zeros() };
+        contacts.iter().enumerate().for_each(|(k, event)| put(masked(k, frame.direction(&event.normal)).as_slice()));
+        contacts.iter().enumerate().for_each(|(k, event)| put(masked(k, frame.point(&event.p1)).as_slice()));
+        contacts.iter().enumerate().for_each(|(k, event)| put(&[if seen(k) { event.distance } else { 0.0 }]));
+        self.ways.iter().enumerate().for_each(|(k, way)| put(masked(k, frame.direction(way)).as_slice()));
+        put(torques);
         let norm = gravity.norm();
-        cast((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice(), down);
+        put((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice());
     }
 
     /// How far each contact point travels from `state` to `base`, world axes, into `ways`.
@@ -160,13 +152,8 @@ impl Features {
         }
     }
 
-    /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`.
+    /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`, seen from `state`.
     pub fn target(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
-        self.change(state, base, next, out);
-    }
-
-    /// The change from one state to another in the frame of the first.
-    fn change(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
         let system = self.system.clone();
         let robot = &system.robot;
         let frame = self.place(state);

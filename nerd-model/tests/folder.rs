@@ -7,8 +7,8 @@ use std::path::Path;
 
 use common::model;
 use nerd_model::base::Base;
-use nerd_model::folder::{Model, ModelConfig, ModelError};
-use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig, Weights};
+use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
 use rand::RngExt;
@@ -76,37 +76,36 @@ fn whatever_is_changed_loads_as_it_was_or_is_refused() {
 }
 
 #[test]
-fn a_shape_that_cannot_be_is_refused_before_any_memory_is_taken() {
+fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
     let most = u64::MAX.to_string();
-    for (key, value) in [
-        ("heads", "0"),
-        ("heads", "7"),
-        ("heads", "33"),
-        ("heads", "24"),
-        ("heads", "1000000000"),
-        ("layers", "0"),
-        ("layers", "1000000000"),
-        ("embedding", "0"),
-        ("embedding", "1000000000"),
-        ("history", "0"),
-        ("history", &most),
-        ("block", "0"),
-        ("block", &most),
-        ("head", "0"),
-        ("head", &most),
-        ("inputs", &most),
-        ("outputs", "0"),
-    ] {
+    let shapes = [
+        ("heads", vec!["0", "7", "33", "24", "1000000000"]),
+        ("layers", vec!["0", "1000000000"]),
+        ("embedding", vec!["0", "1000000000"]),
+        ("history", vec!["0", &most]),
+        ("block", vec!["0", &most]),
+        ("head", vec!["0", &most]),
+        ("inputs", vec![&most]),
+        ("outputs", vec!["0"]),
+    ];
+    let shapes = shapes.iter().flat_map(|(key, values)| values.iter().map(move |value| (*key, value.to_string(), format!("`{key}`"))));
+    let drafts = ["0", "65", "18446744073709551615", "-1", "1.5"].map(|n| ("base", format!("{{\"draft\": {n}}}"), "config.json".into()));
+    // What could be, and is not what the other files hold.
+    let others = [
+        ("base", "\"flight\"", "maps"),
+        ("heads", "3", "changed"),
+        ("history", "9", "changed"),
+        ("layers", "1", "blocks.1"),
+        ("robot_sha256", "null", "config.json"),
+        ("robot_sha256", "\"\"", "masses"),
+        ("model_sha256", "\"\"", "changed"),
+    ];
+    let others = others.map(|(key, value, word)| (key, value.to_string(), word.to_string()));
+    for (key, value, word) in shapes.chain(drafts).chain(others) {
         let folder = tempfile::tempdir().expect("temporary folder");
         saved(folder.path());
-        let said = edit(folder.path(), key, value);
-        assert!(said.contains("config.json") && said.contains(&format!("`{key}`")), "{key} {value}: {said}");
-    }
-    for value in [r#"{"draft": 0}"#, r#"{"draft": 65}"#, r#"{"draft": 18446744073709551615}"#, r#"{"draft": -1}"#, r#"{"draft": 1.5}"#] {
-        let folder = tempfile::tempdir().expect("temporary folder");
-        saved(folder.path());
-        let said = edit(folder.path(), "base", value);
-        assert!(said.contains("config.json") && !said.contains('\n'), "base {value}: {said}");
+        let (said, place) = (edit(folder.path(), key, &value), folder.path().display().to_string());
+        assert!(said.contains(&place) && said.contains(&word) && !said.contains('\n'), "{key} {value}: {said}");
     }
     // Each by itself can be; together they would be 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);
@@ -117,18 +116,6 @@ fn a_shape_that_cannot_be_is_refused_before_any_memory_is_taken() {
     // Heads and positions mean nothing to a rival.
     let rival = TransformerConfig { architecture: Architecture::Gru, heads: 1, embedding: 97, ..rotary };
     rival.check().expect("a rival of any width");
-}
-
-#[test]
-fn another_shape_of_the_same_tensors_and_other_layers_are_refused() {
-    for (key, value, word) in
-        [("heads", "3", "changed"), ("history", "9", "changed"), ("base", "\"flight\"", "inputs"), ("layers", "1", "blocks.1")]
-    {
-        let folder = tempfile::tempdir().expect("temporary folder");
-        saved(folder.path());
-        let said = edit(folder.path(), key, value);
-        assert!(said.contains(word) || said.contains("maps"), "{key} {value}: {said}");
-    }
 }
 
 #[test]
@@ -151,10 +138,6 @@ fn what_is_no_number_is_refused_with_its_place() {
     model.weights.flat[0] = 1e6;
     let said = model.save(folder.path(), "# card\n", Storage::F16).expect_err("infinite as f16").to_string();
     assert!(said.contains("entry 0 is inf"), "{said}");
-    let two = Weights::init(TransformerConfig { layers: 2, ..model.config.network }, 0);
-    let bytes = two.to_bytes(Default::default(), Storage::F32).expect("written");
-    let said = Weights::from_bytes(TransformerConfig { layers: 1, ..two.config }, &bytes).expect_err("a layer more").to_string();
-    assert!(said.contains("blocks.1."), "{said}");
 }
 
 #[test]
@@ -174,20 +157,10 @@ fn a_robot_of_the_same_name_is_not_the_same_robot() {
     let said = Model::load(folder.path(), &lighter, None).expect_err("another mass").to_string();
     let hashes = [same.robot_sha256(), lighter.robot_sha256()];
     assert!(hashes.iter().all(|h| said.contains(&h[..12])) && said.contains("masses"), "{said}");
-}
-
-#[test]
-fn a_folder_without_hashes_is_told_how_to_get_them() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    for key in ["robot_sha256", "model_sha256"] {
-        saved(folder.path());
-        let said = edit(folder.path(), key, "\"\"");
-        assert!(said.contains(key) && said.contains("cargo xtask stamp"), "{said}");
-    }
-    let mut model = Model::read(folder.path(), &pendulum(), None).expect("read without a look at hashes");
-    model.stamp(&pendulum());
+    let mut model = Model::read(folder.path(), &lighter, None).expect("read without a look at hashes");
+    model.stamp(&lighter);
     model.save(folder.path(), "# card\n", Storage::F16).expect("saved");
-    Model::load(folder.path(), &pendulum(), None).expect("stamped");
+    Model::load(folder.path(), &lighter, None).expect("stamped");
 }
 
 #[test]
@@ -217,8 +190,8 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     for name in ["normalizer.json", "README.md", "model.safetensors"] {
         std::fs::copy(new.path().join(name), old.path().join(name)).expect("copied");
     }
-    let error = Model::load(old.path(), &pendulum(), None).expect_err("half of each");
-    assert!(matches!(error, ModelError::Changed { .. }), "{error}");
+    let error = Model::load(old.path(), &pendulum(), None).expect_err("half of each").to_string();
+    assert!(error.contains("changed"), "{error}");
     std::fs::remove_file(old.path().join("config.json")).expect("removed");
     let error = Model::load(old.path(), &pendulum(), None).expect_err("no configuration").to_string();
     assert!(error.contains("config.json"), "{error}");

@@ -76,7 +76,7 @@ fn erf(x: f64) -> f64 {
 fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
     let c = w.config;
     let p: HashMap<String, (Vec<usize>, Vec<f64>)> =
-        w.iter().map(|(n, s, v)| (n, (s, v.iter().map(|&v| f64::from(v)).collect()))).collect();
+        w.iter().map(|(t, v)| (t.name, (t.shape, v.iter().map(|&v| f64::from(v)).collect()))).collect();
     let linear = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
         let (shape, m) = &p[&format!("{name}.weight")];
         let bias = p.get(&format!("{name}.bias"));
@@ -136,51 +136,6 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
     linear(&hidden, "head.out").concat()
 }
 
-/// `x W + b` with `W` of `[in, out]`.
-fn linear(x: &[f64], w: &[f32], b: &[f32]) -> Vec<f64> {
-    let n = b.len();
-    (0..n).map(|j| f64::from(b[j]) + x.iter().enumerate().map(|(i, x)| x * f64::from(w[i * n + j])).sum::<f64>()).collect()
-}
-
-fn sigmoid(x: f64) -> f64 {
-    1.0 / (1.0 + (-x).exp())
-}
-
-/// One window of a rival.
-fn rival(weights: &Weights, window: &[f32]) -> Vec<f64> {
-    let t: Vec<&[f32]> = weights.iter().map(|(_, _, x)| x).collect();
-    let head = |x: &[f64], t: &[&[f32]]| {
-        let hidden: Vec<f64> = linear(x, t[0], t[1]).into_iter().map(|x| x.max(0.0)).collect();
-        linear(&hidden, t[2], t[3])
-    };
-    let rows = window.chunks(SMALL.inputs).map(|r| r.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>());
-    if weights.config.architecture == Architecture::Mlp {
-        let layers = |x: Vec<f64>| (0..3).fold(x, |x, i| linear(&x, t[2 * i], t[2 * i + 1]).into_iter().map(|x| x.max(0.0)).collect());
-        return rows.flat_map(|x| head(&layers(x), &t[6..])).collect();
-    }
-    let e = weights.config.embedding;
-    let mut states = vec![(vec![0.0; e], vec![0.0; e]); 2];
-    let mut out = Vec::new();
-    for mut x in rows {
-        for (i, (h, c)) in states.iter_mut().enumerate() {
-            let (u, v) = (linear(&x, t[4 * i], t[4 * i + 1]), linear(h, t[4 * i + 2], t[4 * i + 3]));
-            for k in 0..e {
-                let gate = |g: usize| u[g * e + k] + v[g * e + k];
-                if weights.config.architecture == Architecture::Lstm {
-                    c[k] = sigmoid(gate(1)) * c[k] + sigmoid(gate(0)) * gate(2).tanh();
-                    h[k] = sigmoid(gate(3)) * c[k].tanh();
-                } else {
-                    let n = (u[2 * e + k] + sigmoid(gate(0)) * v[2 * e + k]).tanh();
-                    h[k] = (1.0 - sigmoid(gate(1))) * n + sigmoid(gate(1)) * h[k];
-                }
-            }
-            x = h.clone();
-        }
-        out.extend(head(&x, &t[8..]));
-    }
-    out
-}
-
 #[test]
 fn parameter_counts_are_the_papers() {
     let counts = [(6, 4, 2_713_668, 10_809_156), (37, 4, 2_719_620, 10_821_060), (72, 13, 2_726_925, 10_835_085)];
@@ -203,24 +158,18 @@ fn inputs_and_outputs_are_as_wide_as_the_papers() {
 
 #[test]
 fn predictions_are_the_equations() {
-    for config in all() {
-        let tokens = if config.positions == Positions::Rotary { 9 } else { 6 };
+    for (config, tokens) in [(SMALL, 6), (ROTARY, 9)] {
         let (w, x) = (lively(config, 1), inputs(2, tokens));
-        let y = run(&w, &x, tokens);
-        let windows = x.chunks(tokens * config.inputs);
-        let expected: Vec<f64> = match config.architecture {
-            Architecture::Transformer => windows.flat_map(|x| reference(&w, x, tokens)).collect(),
-            _ => windows.flat_map(|x| rival(&w, x)).collect(),
-        };
-        let size = expected.iter().fold(0.0f64, |m, e| m.max(e.abs()));
-        let worst = apart(&y, &expected.iter().map(|e| *e as f32).collect::<Vec<_>>());
+        let expected = x.chunks(tokens * config.inputs).flat_map(|x| reference(&w, x, tokens));
+        let expected: Vec<f32> = expected.map(|e| e as f32).collect();
+        let (size, worst) = (expected.iter().fold(0.0f32, |m, e| m.max(e.abs())), apart(&run(&w, &x, tokens), &expected));
         assert!(size > 0.05 && worst < 1e-5, "{config:?}: {worst:.1e} from the equations, outputs up to {size:.2}");
     }
 }
 
 /// One token a frame with kept keys and values, against the whole banded pass since the environment was cleared, however seldom
 /// it was asked: never, for longer than its predictions reach back (10 frames), and through a clearing. Windows of the frames
-/// that it reaches say the same.
+/// that it reaches say the same, on the CPU and by burn.
 #[test]
 fn the_stream_equals_the_banded_pass() {
     let (w, frames, envs) = (lively(ROTARY, 11), 36usize, 5usize);
@@ -234,9 +183,11 @@ fn the_stream_equals_the_banded_pass() {
         3 => frame + 1 == frames,
         _ => !(9..=14).contains(&frame),
     };
-    let mut streams: [Box<dyn Stream>; 2] = [Box::new(PackedStream::new(&w)), Box::new(Windowed::new(PackedForward::new(&w), ROTARY))];
-    let mut burn = BurnForward::new(&w, &BurnDevice::flex());
-    let (mut out, mut whole, mut worst, mut yardstick, mut compared) = (Vec::new(), Vec::new(), [0.0f32; 2], 0.0f32, 0);
+    let burn = || BurnForward::new(&w, &BurnDevice::flex());
+    let mut streams: [Box<dyn Stream>; 3] =
+        [Box::new(PackedStream::new(&w)), Box::new(Windowed::new(PackedForward::new(&w), ROTARY)), Box::new(Windowed::new(burn(), ROTARY))];
+    let mut burn = burn();
+    let (mut out, mut whole, mut worst, mut yardstick, mut compared) = (Vec::new(), Vec::new(), [0.0f32; 3], 0.0f32, 0);
     for frame in 0..frames {
         let tokens: Vec<f32> = (0..envs).flat_map(|env| x[(env * frames + frame) * width..][..width].to_vec()).collect();
         let asked: Vec<usize> = (0..envs).filter(|env| asks(*env, frame)).collect();
@@ -257,7 +208,10 @@ fn the_stream_equals_the_banded_pass() {
     }
     // These weights magnify rounding; the yardstick is burn's own distance from the pass in f64.
     println!("{compared} predictions: stream and windows are {worst:?} from the f64 pass, the banded pass {yardstick:.1e}");
-    assert!(compared > 180 && worst.iter().all(|w| *w < 1e-5 + yardstick), "{compared} predictions: {worst:?}, {yardstick:.1e}");
+    assert!(
+        compared > 270 && worst.iter().zip([1.0, 1.0, 2.0]).all(|(w, share)| *w < 1e-5 + share * yardstick),
+        "{compared} predictions: {worst:?}, {yardstick:.1e}"
+    );
 }
 
 /// Frames in which nothing was asked are tokens, too; and no token sees a newer one.
@@ -320,15 +274,12 @@ fn weights_survive_a_file_and_are_no_other_networks() {
         assert_eq!(serde_json::from_str::<TransformerConfig>(&text).expect("read back"), config);
     }
     let w = lively(SMALL, 3);
-    let [exact, half, mixed] = [Storage::F32, Storage::F16, Storage::Mixed].map(|storage| w.to_bytes(HashMap::new(), storage).unwrap());
+    let [exact, half] = [Storage::F32, Storage::F16].map(|storage| w.to_bytes(HashMap::new(), storage).unwrap());
     assert!(half.len() * 10 < exact.len() * 7, "{} bytes in place of {}", half.len(), exact.len());
-    let [half, mixed] = [half, mixed].map(|bytes| Weights::from_bytes(SMALL, &bytes).unwrap());
+    let half = Weights::from_bytes(SMALL, &half).unwrap();
     let worst = w.flat.iter().zip(&half.flat).map(|(a, b)| (a - b).abs() / a.abs().max(1e-3)).fold(0.0, f32::max);
+    println!("f16 changes a weight by {worst:.1e} of itself");
     assert!(worst > 0.0 && worst <= 2f32.powi(-11), "f16 changes a weight by {worst:.1e} of itself");
-    for ((name, shape, exact), ((_, _, half), (_, _, mixed))) in w.iter().zip(half.iter().zip(mixed.iter())) {
-        let hidden = name.starts_with("blocks.") && shape.len() == 2;
-        assert!(mixed == if hidden { half } else { exact }, "{name} of a mixed file is neither its f16 nor its f32");
-    }
     let error = Weights::from_bytes(TransformerConfig { embedding: 28, ..SMALL }, &exact).unwrap_err().to_string();
     assert!(error.contains("embed.weight") && error.contains("[5, 28]"), "{error}");
 }

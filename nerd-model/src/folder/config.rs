@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nerd_sim::articulated::Draft;
+use nerd_sim::files::read_text;
+use nerd_sim::range::within;
 use nerd_sim::system::System;
 use nerd_sim::truth::Truth;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::error::{ModelError, read_json, wrong};
+use super::error::{ModelError, wrong};
 use crate::base::Base;
 use crate::chain::{self, Chain};
 use crate::features::Features;
@@ -19,10 +22,9 @@ use crate::transformer::{Architecture, TransformerConfig};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
-    /// Robot.
+    /// Name of the robot.
     pub robot: String,
     /// Hash of what of the robot decides its motion ([`System::robot_sha256`]).
-    #[serde(default)]
     pub robot_sha256: String,
     /// The solver and preset that is the truth, for example `articulated accurate`.
     pub truth: String,
@@ -35,7 +37,6 @@ pub struct ModelConfig {
     /// Shape of the network.
     pub network: TransformerConfig,
     /// Hash of all that decides its predictions ([`super::Model::sha256`]); [`super::Model::save`] writes it.
-    #[serde(default)]
     pub model_sha256: String,
     /// SHA-256 of the training data.
     pub data_sha256: String,
@@ -59,10 +60,9 @@ impl ModelConfig {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
         config.network.check().map_err(|reason| wrong(&path, format!("network: {reason}")))?;
-        if let Base::Draft(n) = config.base
-            && !(1..=Draft::MOST).contains(&n)
-        {
-            return Err(wrong(&path, format!("base: a draft of {n} substeps, 1 to {} are possible", Draft::MOST)));
+        if let Base::Draft(n) = config.base {
+            within("`base`: a draft's number of substeps", n as f64, 1.0..=Draft::MOST as f64, "")
+                .map_err(|reason| wrong(&path, reason))?;
         }
         Ok(config)
     }
@@ -72,8 +72,7 @@ impl ModelConfig {
     /// # Errors
     /// As [`Self::read`], and if this program knows no truth of that name.
     pub fn truth_of(folder: &Path) -> Result<Truth, ModelError> {
-        let name = Self::read(folder)?.truth;
-        Truth::named(&name).map_err(|e| wrong(&folder.join("config.json"), e.to_string()))
+        Truth::named(&Self::read(folder)?.truth).map_err(|e| wrong(&folder.join("config.json"), e))
     }
 
     /// In which form it sees and predicts motion.
@@ -83,43 +82,38 @@ impl ModelConfig {
 
     /// Refuses another robot's model, and one of another truth if one is named; by name, as far as names go.
     pub(super) fn check(&self, folder: &Path, system: &System, truth: Option<&str>) -> Result<(), ModelError> {
-        let other =
-            |what, found: &str, wanted: &str| ModelError::Other { path: folder.into(), what, found: found.into(), wanted: wanted.into() };
-        if self.robot != system.name {
-            return Err(other("robot", &self.robot, &system.name));
+        for (what, found, wanted) in [("robot", &self.robot, &*system.name), ("truth", &self.truth, truth.unwrap_or(&self.truth))] {
+            if found != wanted {
+                return Err(wrong(folder, format!("this model learned {what} `{found}`, not `{wanted}`")));
+            }
         }
-        if let Some(wanted) = truth.filter(|t| *t != self.truth) {
-            return Err(other("truth", &self.truth, wanted));
-        }
+        let path = folder.join("config.json");
         let wanted = match self.network.architecture {
-            Architecture::Chain => self.chain(folder, system)?,
-            _ => widths(system, self.form()),
+            Architecture::Chain => {
+                let rods = Chain::of(system).map_err(|e| wrong(&path, e))?.rods;
+                if self.network.block != rods {
+                    let block = self.network.block;
+                    return Err(wrong(&path, format!("`block` is {block}, robot `{}` has {rods} rods", system.name)));
+                }
+                (chain::INPUTS, chain::OUTPUTS)
+            }
+            _ => (Features::inputs(system, self.form()), Features::outputs(system)),
         };
         let found = (self.network.inputs, self.network.outputs);
         if found != wanted {
             let (of, needs) = (format!("{} to {}", found.0, found.1), format!("{} to {}", wanted.0, wanted.1));
-            return Err(wrong(&folder.join("config.json"), format!("maps {of} numbers; robot `{}` needs {needs}", system.name)));
+            return Err(wrong(&path, format!("maps {of} numbers; robot `{}` needs {needs}", system.name)));
         }
         Ok(())
     }
-
-    /// Numbers that the network of a chain takes and gives; refuses a robot that is none, or another one.
-    fn chain(&self, folder: &Path, system: &System) -> Result<(usize, usize), ModelError> {
-        let path = folder.join("config.json");
-        let chain = Chain::of(system).map_err(|e| wrong(&path, e.to_string()))?;
-        if self.network.block != chain.rods {
-            return Err(wrong(&path, format!("`block` is {}, robot `{}` has {} rods", self.network.block, system.name, chain.rods)));
-        }
-        Ok((chain::INPUTS, chain::OUTPUTS))
-    }
-}
-
-/// Numbers that a network of this form takes and gives.
-fn widths(system: &System, form: Form) -> (usize, usize) {
-    (Features::inputs(system, form), Features::outputs(system))
 }
 
 /// The usual view is left out of files.
 fn own(view: &View) -> bool {
     *view == View::Own
+}
+
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ModelError> {
+    let text = read_text(path).map_err(|e| wrong(path, e))?;
+    serde_json::from_str(&text).map_err(|e| wrong(path, e))
 }

@@ -6,21 +6,22 @@
 
 mod config;
 mod error;
-mod stamp;
 
 use std::collections::HashMap;
 use std::path::Path;
 
+use nerd_sim::files::write;
+use nerd_sim::range::within;
 use nerd_sim::system::System;
 use sha2::{Digest, Sha256};
 
 pub use config::ModelConfig;
 pub use error::ModelError;
-pub use stamp::{models_in, stamp};
 
 use crate::normalizer::{Moments, Normalizer};
 use crate::transformer::{Storage, Weights};
-use error::{file, read_json, wrong};
+use config::read_json;
+use error::wrong;
 
 /// A trained network with its normaliser and its provenance.
 #[derive(Clone, Debug)]
@@ -42,17 +43,16 @@ impl Model {
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let model = Self::read(folder, system, truth)?;
         let ModelConfig { robot, robot_sha256, model_sha256, .. } = &model.config;
-        for (key, hash) in [("robot_sha256", robot_sha256), ("model_sha256", model_sha256)] {
-            if hash.is_empty() {
-                return Err(ModelError::NoStamp { path: folder.into(), key });
-            }
-        }
-        let (path, at_hand, read) = (folder.into(), system.robot_sha256(), model.sha256());
+        let (at_hand, read) = (system.robot_sha256(), model.sha256());
         if *robot_sha256 != at_hand {
-            return Err(ModelError::Robot { path, robot: robot.clone(), found: robot_sha256.clone(), wanted: at_hand });
+            let (learned, this) = (short(robot_sha256), short(&at_hand));
+            let differ = "its masses, joints, limits or contact points differ";
+            return Err(wrong(folder, format!("learned robot `{robot}` with hash `{learned}`, this one has `{this}`: {differ}")));
         }
         if *model_sha256 != read {
-            return Err(ModelError::Changed { path, found: read, wanted: model_sha256.clone() });
+            let (read, written) = (short(&read), short(model_sha256));
+            let hashes = format!("hash `{read}`, `config.json` was written with `{written}`");
+            return Err(wrong(folder, format!("its network, normaliser and weights have {hashes}: one of its files has been changed")));
         }
         Ok(model)
     }
@@ -71,11 +71,11 @@ impl Model {
             check(moments, width).map_err(|reason| wrong(&path, format!("{name}: {reason}")))?;
         }
         let path = folder.join("model.safetensors");
-        let unfit = |e: crate::transformer::WeightsError| wrong(&path, e.to_string());
         // A file that cannot be the network's is not even read.
-        Weights::check_size(&config.network, std::fs::metadata(&path).map_err(file(&path))?.len()).map_err(unfit)?;
-        let bytes = std::fs::read(&path).map_err(file(&path))?;
-        let weights = Weights::from_bytes(config.network, &bytes).map_err(unfit)?;
+        let size = std::fs::metadata(&path).map_err(|e| wrong(&path, e))?.len();
+        Weights::check_size(&config.network, size).map_err(|e| wrong(&path, e))?;
+        let bytes = std::fs::read(&path).map_err(|e| wrong(&path, e))?;
+        let weights = Weights::from_bytes(config.network, &bytes).map_err(|e| wrong(&path, e))?;
         Ok(Self { config, normalizer, weights })
     }
 
@@ -110,34 +110,35 @@ impl Model {
     /// # Errors
     /// If it cannot be written, or a weight is not a number as it would be stored.
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
-        let unfit = |e: crate::transformer::WeightsError| wrong(&folder.join("model.safetensors"), e.to_string());
-        let bytes = self.weights.to_bytes(HashMap::from([("robot".into(), self.config.robot.clone())]), storage).map_err(unfit)?;
-        let json = |text: serde_json::Result<String>| text.map(|s| (s + "\n").into_bytes()).map_err(|e| wrong(folder, e.to_string()));
-        let moments = json(serde_json::to_string_pretty(&self.normalizer))?;
+        let (moments_path, weights_path) = (folder.join("normalizer.json"), folder.join("model.safetensors"));
+        let metadata = HashMap::from([("robot".into(), self.config.robot.clone())]);
+        let bytes = self.weights.to_bytes(metadata, storage).map_err(|e| wrong(&weights_path, e))?;
+        let moments = json(&self.normalizer, &moments_path)?;
         // As they will be read: storage may round, and serde_json reads some numbers a last bit beside what was written.
-        let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(folder, e.to_string()))?;
-        let weights = Weights::from_bytes(self.config.network, &bytes).map_err(unfit)?;
+        let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(&moments_path, e))?;
+        let weights = Weights::from_bytes(self.config.network, &bytes).map_err(|e| wrong(&weights_path, e))?;
         let stored = Self { config: self.config.clone(), normalizer, weights };
         let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
-        let files = [
-            ("normalizer.json", moments),
-            ("README.md", card.into()),
-            ("model.safetensors", bytes),
-            ("config.json", json(serde_json::to_string_pretty(&config))?),
-        ];
-        files.iter().try_for_each(|(name, bytes)| {
-            let path = folder.join(name);
-            nerd_sim::files::write(&path, bytes).map_err(file(&path))
-        })
+        let config_path = folder.join("config.json");
+        let config = json(&config, &config_path)?;
+        let files = [(moments_path, moments), (folder.join("README.md"), card.into()), (weights_path, bytes), (config_path, config)];
+        files.iter().try_for_each(|(path, bytes)| write(path, bytes).map_err(|e| wrong(path, e)))
     }
+}
+
+fn json(value: &impl serde::Serialize, path: &Path) -> Result<Vec<u8>, ModelError> {
+    Ok((serde_json::to_string_pretty(value).map_err(|e| wrong(path, e))? + "\n").into_bytes())
+}
+
+/// The start of a hash, enough to tell two apart.
+fn short(hash: &str) -> &str {
+    hash.get(..12).unwrap_or(hash)
 }
 
 /// Says what of moments cannot be.
 fn check(moments: &Moments, width: usize) -> Result<(), String> {
     let Moments { mean, variance, epsilon } = moments;
-    if !(1e-30..=1.0).contains(epsilon) {
-        return Err(format!("`epsilon` is {epsilon}, it must be 1e-30 to 1"));
-    }
+    within("`epsilon`", *epsilon, 1e-30..=1.0, "")?;
     for (name, column, least) in [("mean", mean, f64::NEG_INFINITY), ("variance", variance, 0.0)] {
         if column.len() != width {
             return Err(format!("{} numbers of `{name}`, the network has {width}", column.len()));

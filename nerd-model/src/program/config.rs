@@ -1,5 +1,6 @@
 //! Shape of a network; what it computes is written in [`super::networks`].
 
+use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
 
 /// What maps windows to predictions: the causal Transformer, or what it is compared with (paper A.3.3.1).
@@ -69,8 +70,8 @@ pub enum Positions {
 /// the 10 000 of language models, whose contexts are thousands of tokens long.
 const ROTARY_BASE: f64 = 100.0;
 
-/// Most parameters of a network (4 GiB of weights).
-pub const MOST_PARAMETERS: usize = 1 << 30;
+/// Most parameters of a network: 4 GiB of weights.
+const MOST_PARAMETERS: usize = 1 << 30;
 
 impl TransformerConfig {
     /// The paper's network for a robot with `inputs` features and `outputs` state coordinates.
@@ -103,7 +104,7 @@ impl TransformerConfig {
         (0..half).map(move |m| ROTARY_BASE.powf(-(m as f64) / half as f64))
     }
 
-    /// Says what of the shape cannot be, if anything. What passes has at most [`MOST_PARAMETERS`], so that no count of it
+    /// Says what of the shape cannot be, if anything. What passes has at most 2^30 parameters, so that no count of it
     /// overflows and its memory is known before any is taken.
     ///
     /// # Errors
@@ -111,44 +112,32 @@ impl TransformerConfig {
     pub fn check(&self) -> Result<(), String> {
         let Self { inputs, outputs, embedding, layers, heads, block, history, head, .. } = *self;
         let counts = [
-            ("inputs", inputs, 1 << 16),
-            ("outputs", outputs, 1 << 16),
-            ("embedding", embedding, 4096),
-            ("layers", layers, 64),
-            ("head", head, 1 << 14),
-            ("history", history, 1024),
-            ("block", block, 8192),
+            ("`inputs`", inputs, 1 << 16),
+            ("`outputs`", outputs, 1 << 16),
+            ("`embedding`", embedding, 4096),
+            ("`layers`", layers, 64),
+            ("`head`", head, 1 << 14),
+            ("`block`", block, 8192),
+            ("`history`", history, block.min(1024)),
         ];
-        if let Some((name, found, most)) = counts.into_iter().find(|(_, found, most)| !(1..=*most).contains(found)) {
-            return Err(format!("`{name}` is {found}, it must be 1 to {most}"));
-        }
-        if history > block {
-            return Err(format!("`history` is {history}, it must be 1 to {block}, the `block`"));
-        }
+        counts.iter().try_for_each(|(key, found, most)| within(key, *found as f64, 1.0..=*most as f64, ""))?;
+        // They mean something to the Transformer alone.
         if self.architecture == Architecture::Transformer {
-            self.check_heads(embedding, heads)?;
+            within("`embedding`", embedding as f64, 2.0..=4096.0, "")?;
+            let (even, most) = match self.positions {
+                Positions::Table => (1, embedding / 2),
+                Positions::Rotary => (2, 64.min(embedding / 2)),
+            };
+            within("`heads`", heads as f64, 1.0..=most as f64, "")?;
+            if !embedding.is_multiple_of(heads * even) {
+                let pairs = if even == 2 { "; rotary positions turn the columns of a head in pairs" } else { "" };
+                return Err(format!("`heads` is {heads}, it must divide the width of {embedding}{pairs}"));
+            }
         }
         // Below the bounds no product of these overflows.
         match self.parameters() {
             n if n > MOST_PARAMETERS => Err(format!("{n} parameters: at most {MOST_PARAMETERS} can be held")),
             _ => Ok(()),
         }
-    }
-
-    /// Heads mean something to the Transformer alone.
-    fn check_heads(&self, embedding: usize, heads: usize) -> Result<(), String> {
-        if heads == 0 || !embedding.is_multiple_of(heads) {
-            return Err(format!("`heads` is {heads}, it must divide the width of {embedding}"));
-        }
-        if embedding / heads < 2 {
-            return Err(format!("`heads` is {heads}, a head of a width of {embedding} has at least two columns"));
-        }
-        if self.positions == Positions::Rotary && !(embedding / heads).is_multiple_of(2) {
-            return Err(format!("`heads` is {heads}: rotary positions turn the {} columns of a head in pairs", embedding / heads));
-        }
-        if self.positions == Positions::Rotary && heads > 64 {
-            return Err(format!("`heads` is {heads}, with rotary positions at most 64"));
-        }
-        Ok(())
     }
 }

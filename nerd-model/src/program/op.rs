@@ -186,11 +186,6 @@ impl TensorSpec {
         Self { name: name.into(), shape: shape.to_vec(), init }
     }
 
-    /// Whether it is a matrix of a hidden block: all but a few of a network's parameters.
-    pub fn hidden(&self) -> bool {
-        self.name.starts_with("blocks.") && self.shape.len() == 2
-    }
-
     /// Number of entries.
     #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {

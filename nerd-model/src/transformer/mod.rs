@@ -10,7 +10,7 @@ mod windows;
 
 #[cfg(feature = "burn")]
 pub use self::burn::BurnForward;
-pub use crate::program::config::{Architecture, MOST_PARAMETERS, Positions, TransformerConfig};
+pub use crate::program::config::{Architecture, Positions, TransformerConfig};
 pub use crate::program::{Init, TensorSpec};
 pub use forward::{Forward, ForwardError};
 pub use rotary::PackedStream;

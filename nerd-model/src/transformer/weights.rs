@@ -15,56 +15,15 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use crate::program::config::TransformerConfig;
 use crate::program::{Init, TensorSpec};
 
-/// A file whose tensors do not fit the configuration.
+/// Why a file's tensors are not those of a network, in one line.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum WeightsError {
-    /// Not a safetensors file.
-    #[error("not a readable safetensors file: {0}")]
-    Format(#[from] safetensors::SafeTensorError),
-    /// A tensor is absent, or has another shape or type than it should.
-    #[error("tensor `{name}`: expected f32 or f16 {expected:?}, found {found}")]
-    Tensor {
-        /// Dotted name.
-        name: String,
-        /// Shape the configuration asks for.
-        expected: Vec<usize>,
-        /// What the file holds.
-        found: String,
-    },
-    /// The configuration is of no network that can be.
-    #[error("{0}")]
-    Shape(String),
-    /// The file is shorter or longer than the configuration's tensors can be.
-    #[error("{found} bytes for {parameters} parameters: at least {} are needed, and no more than {}", least(*parameters), most(*parameters))]
-    Size {
-        /// Of the configuration.
-        parameters: usize,
-        /// Of the file.
-        found: u64,
-    },
-    /// A tensor that the configuration does not have.
-    #[error("tensor `{0}` is not one of the configuration's: the file is another network's")]
-    Unknown(String),
-    /// An entry that is not a number.
-    #[error("tensor `{name}`: entry {entry} is {value}")]
-    NotFinite {
-        /// Dotted name.
-        name: String,
-        /// Row-major, from 0.
-        entry: usize,
-        /// What it is.
-        value: f32,
-    },
-}
+#[error("{0}")]
+pub struct WeightsError(String);
 
-/// Bytes that so many parameters take at least, as f16, and at most, as f32 with all that stands in the header.
-fn least(parameters: usize) -> u64 {
-    2 * parameters as u64
-}
-
-fn most(parameters: usize) -> u64 {
-    4 * parameters as u64 + (1 << 24)
+impl From<safetensors::SafeTensorError> for WeightsError {
+    fn from(error: safetensors::SafeTensorError) -> Self {
+        Self(format!("not a readable safetensors file: {error}"))
+    }
 }
 
 /// Layout of parameters in a file.
@@ -74,21 +33,6 @@ pub enum Storage {
     F32,
     /// Rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them.
     F16,
-    /// [Hidden matrices](TensorSpec::hidden) as f16, the few other tensors as they are: these act on all outputs, and
-    /// a model that predicts whole frames shows their rounding (`results/f16.md`).
-    Mixed,
-}
-
-impl Storage {
-    /// Of one tensor.
-    fn of(self, tensor: &TensorSpec) -> Dtype {
-        match self {
-            Self::F32 => Dtype::F32,
-            Self::F16 => Dtype::F16,
-            Self::Mixed if tensor.hidden() => Dtype::F16,
-            Self::Mixed => Dtype::F32,
-        }
-    }
 }
 
 /// All parameters of one network, flat.
@@ -118,27 +62,24 @@ impl Weights {
         Self { config, flat }
     }
 
-    /// `(name, shape, entries)` of every tensor.
-    pub fn iter(&self) -> impl Iterator<Item = (String, Vec<usize>, &[f32])> {
+    /// Every tensor with its entries.
+    pub fn iter(&self) -> impl Iterator<Item = (TensorSpec, &[f32])> {
         let mut start = 0;
         self.config.tensors().into_iter().map(move |t| {
             let entries = &self.flat[start..start + t.len()];
             start += t.len();
-            (t.name, t.shape, entries)
+            (t, entries)
         })
     }
 
     /// The bytes of a safetensors file with `metadata` in its header.
     pub fn to_bytes(&self, metadata: HashMap<String, String>, storage: Storage) -> Result<Vec<u8>, WeightsError> {
-        let encode = |x: &[f32], dtype: Dtype| -> Vec<u8> {
-            match dtype {
-                Dtype::F16 => x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect(),
-                _ => x.iter().flat_map(|v| v.to_le_bytes()).collect(),
-            }
+        let encode = |(tensor, x): (TensorSpec, &[f32])| match storage {
+            Storage::F32 => (tensor, Dtype::F32, x.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Storage::F16 => (tensor, Dtype::F16, x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()),
         };
-        let dtypes = self.config.tensors().into_iter().map(|tensor| storage.of(&tensor));
-        let raw: Vec<_> = self.iter().zip(dtypes).map(|((name, shape, x), dtype)| (name, shape, dtype, encode(x, dtype))).collect();
-        let views = raw.iter().map(|(name, shape, dtype, bytes)| Ok((name.as_str(), TensorView::new(*dtype, shape.clone(), bytes)?)));
+        let raw: Vec<(TensorSpec, Dtype, Vec<u8>)> = self.iter().map(encode).collect();
+        let views = raw.iter().map(|(tensor, dtype, bytes)| Ok((&*tensor.name, TensorView::new(*dtype, tensor.shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, WeightsError>>()?;
         Ok(safetensors::serialize(views, Some(metadata))?)
     }
@@ -147,13 +88,15 @@ impl Weights {
     /// memory than the file.
     ///
     /// # Errors
-    /// [`WeightsError::Shape`], [`WeightsError::Size`].
+    /// What is wrong with the configuration, or the size.
     pub fn check_size(config: &TransformerConfig, found: u64) -> Result<(), WeightsError> {
-        config.check().map_err(WeightsError::Shape)?;
-        let parameters = config.parameters();
-        match (least(parameters)..=most(parameters)).contains(&found) {
+        config.check().map_err(WeightsError)?;
+        let n = config.parameters() as u64;
+        // As f16, and as f32 with all that may be in the header.
+        let (least, most) = (2 * n, 4 * n + (1 << 24));
+        match (least..=most).contains(&found) {
             true => Ok(()),
-            false => Err(WeightsError::Size { parameters, found }),
+            false => Err(WeightsError(format!("{found} bytes for {n} parameters: {least} to {most} are needed"))),
         }
     }
 
@@ -165,21 +108,21 @@ impl Weights {
         Self::check_size(&config, bytes.len() as u64)?;
         let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());
         if let Some(name) = file.names().into_iter().find(|name| tensors.iter().all(|t| t.name != **name)) {
-            return Err(WeightsError::Unknown(name.to_string()));
+            return Err(WeightsError(format!("tensor `{name}` is not one of the configuration's: the file is another network's")));
         }
         let mut flat = Vec::with_capacity(config.parameters());
-        for t in tensors {
-            let wrong = |found: String| WeightsError::Tensor { name: t.name.clone(), expected: t.shape.clone(), found };
-            let view = file.tensor(&t.name).map_err(|_| wrong("nothing".into()))?;
+        for TensorSpec { name, shape, .. } in tensors {
+            let wrong = |found: String| WeightsError(format!("tensor `{name}`: expected f32 or f16 {shape:?}, found {found}"));
+            let view = file.tensor(&name).map_err(|_| wrong("nothing".into()))?;
+            let first = flat.len();
             match view.dtype() {
-                _ if view.shape() != t.shape => return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape()))),
+                _ if view.shape() != shape => return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape()))),
                 Dtype::F32 => flat.extend(view.data().as_chunks().0.iter().map(|b| f32::from_le_bytes(*b))),
                 Dtype::F16 => flat.extend(view.data().as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32())),
                 other => return Err(wrong(format!("{other:?} {:?}", view.shape()))),
             }
-            let entries = &flat[flat.len() - t.len()..];
-            if let Some(entry) = entries.iter().position(|w| !w.is_finite()) {
-                return Err(WeightsError::NotFinite { value: entries[entry], name: t.name, entry });
+            if let Some(entry) = flat[first..].iter().position(|w: &f32| !w.is_finite()) {
+                return Err(WeightsError(format!("tensor `{name}`: entry {entry} is {}", flat[first + entry])));
             }
         }
         Ok(Self { config, flat })

@@ -59,12 +59,12 @@ impl Loaded {
                 let (inner, outer) = (self.program.width(from), self.program.width(to));
                 let (n, w) = (dy.len() / outer, self.tensor(weight));
                 cut.cut(n, &dy);
-                cut.across(x, &mut gradient[range(weight)]);
+                cut.across(x, false, &mut gradient[range(weight)]);
                 if let Some(bias) = bias {
                     sum_rows(&dy, &mut gradient[range(bias)]);
                 }
                 match asked.then(|| self.turned(i)).flatten() {
-                    Some(back) if first => back.product(&dy, &mut dx),
+                    Some(back) if first => back.product(&dy, None, &mut dx),
                     Some(back) => back.add_product(&dy, &mut dx),
                     None => {}
                 }

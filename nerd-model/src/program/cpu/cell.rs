@@ -100,7 +100,7 @@ impl Backward<'_> {
                 }
             }
             cut.cut(windows, &dv);
-            cut.add_across(&before, d_weight);
+            cut.across(&before, true, d_weight);
             super::elementwise::sum_rows(&dv, d_bias);
             weight.add_product(&dv, &mut dh);
         }

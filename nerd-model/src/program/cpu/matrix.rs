@@ -57,38 +57,26 @@ impl Matrix {
         Self::new(inner, &turned)
     }
 
-    /// `out = x W` for the rows of `x`.
-    pub fn product(&self, x: &[f32], out: &mut Vec<f32>) {
+    /// `out = x W`, plus a bias if there is one, for the rows of `x`.
+    pub fn product(&self, x: &[f32], bias: Option<&[f32]>, out: &mut Vec<f32>) {
         out.resize(x.len() / self.inner * self.outer, 0.0);
-        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: None, across: false });
-    }
-
-    /// `out = x W + bias` for the rows of `x`.
-    pub fn biased_product(&self, x: &[f32], bias: &[f32], out: &mut Vec<f32>) {
-        out.resize(x.len() / self.inner * self.outer, 0.0);
-        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: Some(bias), across: false });
-    }
-
-    /// `out = x^T W` for `x`, `[inner, rows]`.
-    #[cfg(feature = "autodiff")]
-    pub fn across(&self, x: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: None, across: true });
-    }
-
-    /// `out += x^T W` for `x`, `[inner, rows]`.
-    #[cfg(feature = "autodiff")]
-    pub fn add_across(&self, x: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product { matrix: self, x, out, add: true, bias: None, across: true });
+        Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias, across: false });
     }
 
     /// `out += x W` for the rows of `x`.
     pub fn add_product(&self, x: &[f32], out: &mut [f32]) {
         Arch::new().dispatch(Product { matrix: self, x, out, add: true, bias: None, across: false });
     }
+
+    /// `out = x^T W`, or `out +=`, for `x`, `[inner, rows]`.
+    #[cfg(feature = "autodiff")]
+    pub fn across(&self, x: &[f32], add: bool, out: &mut [f32]) {
+        Arch::new().dispatch(Product { matrix: self, x, out, add, bias: None, across: true });
+    }
 }
 
 /// Floats in a vector.
-pub struct Lanes;
+struct Lanes;
 
 impl WithSimd for Lanes {
     type Output = usize;
@@ -247,8 +235,8 @@ mod tests {
                 (0..inner).map(|k| f64::from(x[r * inner + k]) * f64::from(w[k * outer + c])).sum::<f64>()
             };
             let (mut set, mut added, mut biased) = (Vec::new(), vec![1.0; rows * outer], Vec::new());
-            matrix.product(&x, &mut set);
-            matrix.biased_product(&x, &vec![1.0; outer], &mut biased);
+            matrix.product(&x, None, &mut set);
+            matrix.product(&x, Some(&vec![1.0; outer]), &mut biased);
             matrix.add_product(&x, &mut added);
             assert_eq!(set.len(), rows * outer);
             assert_eq!(biased, added, "[{rows}, {inner}] [{inner}, {outer}]: to a bias of one");
@@ -256,13 +244,13 @@ mod tests {
             {
                 let turned: Vec<f32> = (0..inner * rows).map(|i| x[i % rows * inner + i / rows]).collect();
                 let mut across = vec![1.0; rows * outer];
-                matrix.across(&turned, &mut across);
+                matrix.across(&turned, false, &mut across);
                 let mut twice = across.clone();
-                matrix.add_across(&turned, &mut twice);
+                matrix.across(&turned, true, &mut twice);
                 assert!(twice.iter().zip(&across).all(|(a, b)| (a - 2.0 * b).abs() < 1e-5), "[{rows}, {inner}] [{inner}, {outer}]: added");
                 let turned: Vec<f32> = (0..outer * inner).map(|i| w[i % inner * outer + i / inner]).collect();
                 let mut other = Vec::new();
-                Matrix::of_transpose(inner, &turned).product(&x, &mut other);
+                Matrix::of_transpose(inner, &turned).product(&x, None, &mut other);
                 let apart = across.iter().chain(&other).zip(set.iter().cycle()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                 assert!(apart < 1e-5, "[{rows}, {inner}] [{inner}, {outer}]: transposes, off by {apart:.1e}");
             }

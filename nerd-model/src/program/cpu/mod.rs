@@ -8,7 +8,7 @@ mod attend;
 #[cfg(feature = "autodiff")]
 mod backward;
 mod cell;
-pub mod elementwise;
+mod elementwise;
 mod matrix;
 mod neighbours;
 
@@ -163,20 +163,19 @@ impl Loaded {
         match op {
             Op::Linear { bias, add, .. } => {
                 let panels = self.panels[i].as_ref().expect("panels of every product");
-                match bias.map(|bias| self.tensor(bias)) {
-                    Some(bias) if add => {
-                        y.chunks_exact_mut(bias.len()).for_each(|y| y.iter_mut().zip(bias).for_each(|(y, b)| *y += b));
+                let bias = bias.map(|bias| self.tensor(bias));
+                match (add, bias) {
+                    (false, _) => panels.product(&x, bias, &mut y),
+                    (true, None) => panels.add_product(&x, &mut y),
+                    (true, Some(bias)) => {
+                        add_to_rows(&mut y, bias);
                         panels.add_product(&x, &mut y);
                     }
-                    Some(bias) => panels.biased_product(&x, bias, &mut y),
-                    None if add => panels.add_product(&x, &mut y),
-                    None => panels.product(&x, &mut y),
                 }
             }
             Op::Place(table) => {
                 let tokens = pass.tokens().unwrap_or(1);
-                let rows = &self.tensor(table)[..tokens * width];
-                x.chunks_exact_mut(rows.len()).for_each(|x| x.iter_mut().zip(rows).for_each(|(x, p)| *x += p));
+                add_to_rows(&mut x, &self.tensor(table)[..tokens * width]);
             }
             Op::Norm => normalize(&x, width, &mut y, aside),
             Op::Attend { heads, band } => match pass {
@@ -214,15 +213,6 @@ impl Loaded {
             }
         }
     }
-
-    /// What a linear step read in the last pass that kept it, times its scale.
-    pub fn read(&self, memory: &Memory, from: Slot, scale: Option<Weight>) -> Vec<f32> {
-        let mut x = memory.values[from.0].clone();
-        if let Some(w) = scale.map(|w| self.tensor(w)) {
-            x.chunks_exact_mut(w.len()).for_each(|row| row.iter_mut().zip(w).for_each(|(x, w)| *x *= w));
-        }
-        x
-    }
 }
 
 impl Pass<'_> {
@@ -233,6 +223,11 @@ impl Pass<'_> {
             Self::Stream(..) => None,
         }
     }
+}
+
+/// Adds a row to each.
+fn add_to_rows(x: &mut [f32], row: &[f32]) {
+    x.chunks_exact_mut(row.len()).for_each(|x| x.iter_mut().zip(row).for_each(|(x, r)| *x += r));
 }
 
 /// A spare buffer, of this length if there is one: another would have to be filled up first.
