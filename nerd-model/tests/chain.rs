@@ -215,10 +215,7 @@ const LEADS: usize = 8;
 
 #[test]
 fn kernels_tell_and_apply_as_the_solver_of_chains_does() {
-    let Some(compiler) = cpp::compiler() else {
-        println!("skipped: no compiler of C++ on this machine");
-        return;
-    };
+    let Some(compiler) = cpp::Compiler::find() else { return };
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let system = System::named("lead-pegs").expect("built in");
     let model = Model::load(&folder.join("models/lead-pegs"), &system, None).expect("the shipped model");
@@ -244,14 +241,12 @@ fn kernels_tell_and_apply_as_the_solver_of_chains_does() {
 
     let (reach, settings) = (Reach::of(&batch), ArticulatedConfig::implicit(1, Friction::Coulomb));
     let scale: [f64; OUTPUTS] = ChainSolver::scale(&model.normalizer).expect("a chain's normaliser");
-    let place = tempfile::tempdir().expect("a folder");
-    let made = cpp::compile(compiler, &chain_program(&chain, &scale, &system, reach.colliders), place.path(), "chain");
     let mut input: Vec<u8> = [LEADS as i32; 2].iter().flat_map(|x| x.to_le_bytes()).collect();
     let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, &system, &settings, reach).expect("a scene with kernels")).collect();
     input.extend(batch.states.iter().chain(&torques).chain(&scenes).flat_map(|x| x.to_le_bytes()));
     input.extend((0..LEADS as i32).flat_map(i32::to_le_bytes));
     input.extend(said.iter().flat_map(|x| x.to_le_bytes()));
-    let output = cpp::talk(&made, input);
+    let output = compiler.run(&chain_program(&chain, &scale, &system, reach.colliders), input);
     let (faults, rest) = output.split_at(4 * LEADS);
     assert!(faults.iter().all(|b| *b == 0), "{faults:?}");
     let (told, states) = rest.split_at(4 * LEADS * chain.rods * padded(INPUTS));

@@ -71,18 +71,16 @@ fn expected(model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32]) 
 }
 
 /// By the kernels.
-fn kernels(compiler: &str, name: &str, model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32], real: Real) -> Told {
+fn kernels(compiler: &cpp::Compiler, name: &str, model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32], real: Real) -> Told {
     let (system, n, reach) = (&batch.system, batch.len(), Reach::of(batch));
-    let folder = tempfile::tempdir().expect("a folder");
     let text = program(model, system, real, reach.colliders).expect("it has kernels");
-    let made = cpp::compile(compiler, &text, folder.path(), name);
     let config = settings(model, system).expect("it has kernels").0;
     let mut input: Vec<u8> = [n, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
     let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, system, &config, reach).expect("a scene with kernels")).collect();
     input.extend(batch.states.iter().chain(torques).chain(&scenes).flat_map(|x| x.to_le_bytes()));
     input.extend((0..n as i32).flat_map(i32::to_le_bytes));
     input.extend(predictions.iter().flat_map(|x| x.to_le_bytes()));
-    let output = cpp::talk(&made, input);
+    let output = compiler.run(&text, input);
     let (faults, rest) = output.split_at(4 * n);
     assert!(faults.iter().all(|b| *b == 0), "{name}: {faults:?}");
     let (tokens, rest) = rest.split_at(4 * n * padded(model.config.network.inputs));
@@ -98,10 +96,7 @@ fn apart(a: impl IntoIterator<Item = f64>, b: impl IntoIterator<Item = f64>) -> 
 
 #[test]
 fn kernels_tell_and_apply_as_the_solver_does() {
-    let Some(compiler) = cpp::compiler() else {
-        println!("skipped: no compiler of C++ on this machine");
-        return;
-    };
+    let Some(compiler) = cpp::Compiler::find() else { return };
     let table = [
         ("cartpole", "free", Base::State),
         ("cartpole", "free", Base::Draft(1)),
@@ -131,7 +126,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         let single = if system.robot.sprung() { [0.1, 0.1] } else { [1e-4, 2e-4] };
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, single)] {
             let name = format!("{robot}-{scene}-{real:?}");
-            let told = kernels(compiler, &name, &model, &batch, &torques, &predictions, real);
+            let told = kernels(&compiler, &name, &model, &batch, &torques, &predictions, real);
             let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
             let tokens = apart(wide(&told.tokens), wide(&own.tokens));
             let (bases, states) = (apart(told.bases.clone(), own.bases.clone()), apart(told.states.clone(), own.states.clone()));
@@ -170,11 +165,7 @@ fn network(architecture: Architecture, [inputs, outputs, embedding, layers]: [us
 
 #[test]
 fn a_pass_in_one_kernel_is_that_of_the_engine() {
-    let Some(compiler) = cpp::compiler() else {
-        println!("skipped: no compiler of C++ on this machine");
-        return;
-    };
-    let place = tempfile::tempdir().expect("a folder");
+    let Some(compiler) = cpp::Compiler::find() else { return };
     let cases = [
         ("chain", network(Architecture::Chain, [30, 18, 48, 8], 40), 40),
         ("short", network(Architecture::Chain, [30, 18, 12, 3], 7), 7),
@@ -185,7 +176,6 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
         let (tokens, most) = (*tokens, if products == Products::F32 { 1e-5 } else { 5e-3 });
         let (program, c) = (weights.config.program(), weights.config);
         let whole = whole_program(&program, tokens, products).expect("it fits");
-        let made = cpp::compile(compiler, &whole.text, place.path(), &format!("{name}-{products:?}"));
         let inputs: Vec<f32> = (0..WINDOWS * tokens * c.inputs).map(|k| (k as f32 * 0.71).sin()).collect();
         let mut input: Vec<u8> = [WINDOWS as i32, weights.flat.len() as i32].iter().flat_map(|x| x.to_le_bytes()).collect();
         input.extend(weights.flat.iter().flat_map(|x| x.to_le_bytes()));
@@ -193,7 +183,7 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
             let full = row.iter().copied().chain(std::iter::repeat(0.0)).take(padded(c.inputs));
             input.extend(full.flat_map(f32::to_le_bytes));
         }
-        let said = cpp::talk(&made, input);
+        let said = compiler.run(&whole.text, input);
         let said: Vec<f32> = said.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
         let (network, rows) = (Loaded::new(program, &weights.flat), Vec::from_iter(0..WINDOWS * tokens));
         let wanted = network.forward(&inputs, &mut Memory::default(), Pass::Windows(tokens, &rows)).clone();

@@ -1,5 +1,7 @@
 //! The articulated solver and the scenes that it meets, against closed forms and textbook values.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod convergence;
 mod drives;
 #[cfg(feature = "rapier")]

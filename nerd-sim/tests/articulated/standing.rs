@@ -6,54 +6,66 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::state::{vector, write_quaternion};
-use nerd_sim::control::Controller;
 use nerd_sim::prelude::*;
+use nerd_sim::suite::bodies::Body;
+
+use super::common::*;
 
 /// ANYmal in its pose, of the default material, z up, with gains that carry it.
 fn quadruped() -> Arc<System> {
-    let mut system = (*System::named("anymal").expect("built in")).clone();
+    let mut system = (*built_in("anymal")).clone();
     system.spec.material = Material::default();
     system.spec.gravity = [0.0, 0.0, -9.81];
     system.spec.joints.iter_mut().for_each(|j| (j.kp, j.kd) = (1500.0, 40.0));
     Arc::new(system)
 }
 
-/// Places of the base and of a foot after every frame under its position law, pushed by gravity's part `aside` (m/s^2) after 1 s.
-fn stand(config: ArticulatedConfig, aside: f64, seconds: usize) -> Vec<[Vector3<f64>; 2]> {
+/// The same scene where gravity pulls aside, too (m/s^2).
+fn leaning(scene: &Scene, aside: f64) -> Arc<Scene> {
+    let mut scene = scene.clone();
+    scene.gravity.x = aside;
+    Arc::new(scene)
+}
+
+/// Places of the base and of a foot after every frame of 6 s under its position law, pulled aside after 1 s.
+fn stand(config: ArticulatedConfig, aside: f64) -> Vec<[Vector3<f64>; 2]> {
     let system = quadruped();
-    let mut batch = Batch::new(&system, &system.scene("plane").expect("a plane"), 1);
     let mut state = system.default_state();
-    (state[0], state[1], state[2]) = (0.0, 0.0, 0.6);
+    state[..3].copy_from_slice(&[0.0, 0.0, 0.6]);
     write_quaternion(&mut state[3..7], &nalgebra::UnitQuaternion::identity());
-    batch.reset(0, &state);
+    let mut batch = at(&system, "plane", &state);
     let (mut controller, mut solver) = (Controller::new(&system), Articulated::new(config));
     let foot = system.robot.contact_points.iter().rfind(|p| p.link == 12).expect("a foot on the last shank");
-    let mut data = Data::new(&system.robot);
-    let (mut tau, still) = (vec![0.0; 12], vec![0.0; 12]);
-    let mut path = Vec::new();
-    for frame in 0..60 * seconds {
+    let (mut data, mut tau, still) = (Data::new(&system.robot), vec![0.0; 12], vec![0.0; 12]);
+    let frame = |frame| {
         if frame == 60 && aside != 0.0 {
-            let mut pushed = (*batch.scenes[0]).clone();
-            pushed.gravity.x = aside;
-            batch.scenes[0] = Arc::new(pushed);
+            batch.scenes[0] = leaning(&batch.scenes[0], aside);
         }
         controller.torques(batch.state(0), &still, &mut tau);
         solver.step(&mut batch, &tau).expect("finite");
         kinematics(&system.robot, batch.state(0), &mut data);
-        path.push([vector(batch.state(0)), point_position(&data, foot.link, &foot.local)]);
-    }
-    path
+        [vector(batch.state(0)), point_position(&data, foot.link, &foot.local)]
+    };
+    (0..360).map(frame).collect()
 }
 
+/// By few implicit substeps and by many. Explicit ones are too long for so stiff a friction: they only tremble about rest, and let
+/// the robot sink; its frames are stepped implicitly.
 #[test]
 fn a_standing_quadruped_holds_its_height() {
-    for substeps in [4, 32] {
-        let path = stand(ArticulatedConfig::implicit(substeps, Friction::Coulomb), 0.0, 6);
+    for (name, config) in [
+        ("implicit x4", ArticulatedConfig::implicit(4, Friction::Coulomb)),
+        ("implicit x32", ArticulatedConfig::implicit(32, Friction::Coulomb)),
+        ("paper", ArticulatedConfig::paper(&quadruped(), Friction::Coulomb)),
+        ("explicit x16", ArticulatedConfig::explicit(16, Friction::Coulomb)),
+        ("explicit x64", ArticulatedConfig::explicit(64, Friction::Huber)),
+    ] {
+        let path = stand(config, 0.0);
         // The first second is the landing.
-        let heights: Vec<f64> = path[60..].iter().map(|[p, _]| p.z).collect();
-        let (low, high) = heights.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
-        println!("x{substeps}: from {high:.4} to {low:.4} m in 5 s");
-        assert!(low > 0.6 && high - low < 5e-3, "implicit x{substeps}: its base sinks from {high} to {low} m in 5 s, allowed 5 mm");
+        let (low, high) = path[60..].iter().fold((f64::MAX, f64::MIN), |(a, b), [p, _]| (a.min(p.z), b.max(p.z)));
+        let aside = path.iter().map(|[p, _]| p.xy().norm()).fold(0.0, f64::max);
+        println!("{name}: from {high:.4} to {low:.4} m in 5 s, {aside:.4} m aside");
+        assert!(low > 0.6 && high - low < 5e-3 && aside < 0.05, "{name}: its base sinks from {high} to {low} m, {aside} m aside");
     }
 }
 
@@ -61,7 +73,7 @@ fn a_standing_quadruped_holds_its_height() {
 #[test]
 fn a_push_below_the_friction_does_not_move_it() {
     for substeps in [4, 32] {
-        let path = stand(ArticulatedConfig::implicit(substeps, Friction::Coulomb), 0.3, 6);
+        let path = stand(ArticulatedConfig::implicit(substeps, Friction::Coulomb), 0.3);
         let slid = (path[359][1] - path[119][1]).norm();
         println!("x{substeps}: {slid:.4} m in 4 s");
         assert!(path[359][0].z > 0.6 && slid < 5e-3, "implicit x{substeps}: pushed aside a foot slides by {slid} m in 4 s, allowed 5 mm");
@@ -72,50 +84,23 @@ fn a_push_below_the_friction_does_not_move_it() {
 /// is left over, under every preset.
 #[test]
 fn a_table_slides_from_coulombs_force_on() {
-    let foot =
-        |x: f64, y: f64| format!(r#"<collision><origin xyz="{x} {y} -0.1"/><geometry><sphere radius="0.03"/></geometry></collision>"#);
-    let feet = foot(0.4, 0.3) + &foot(-0.4, 0.3) + &foot(0.4, -0.3) + &foot(-0.4, -0.3);
-    let urdf = format!(
-        r#"<robot name="table"><link name="table"><inertial><mass value="50"/>
-        <inertia ixx="2" ixy="0" ixz="0" iyy="3" iyz="0" izz="4"/></inertial>{feet}</link></robot>"#
-    );
-    let system = Arc::new(System::bare("table", &urdf, true).expect("a table"));
+    let feet = [[0.4, 0.3], [-0.4, 0.3], [0.4, -0.3], [-0.4, -0.3]];
+    let feet = feet.map(|[x, y]| collision([x, y, -0.1], r#"<sphere radius="0.03"/>"#)).concat();
+    let table = urdf(&[link("table", 50.0, [0.0; 3], [2.0, 3.0, 4.0], &feet)]);
+    let system = Arc::new(System::bare("table", &table, true).expect("a table"));
     for (name, config) in [
         ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),
         ("implicit x4", ArticulatedConfig::implicit(4, Friction::Coulomb)),
         ("implicit x32", ArticulatedConfig::implicit(32, Friction::Coulomb)),
     ] {
         for share in [0.5, 0.9, 1.2, 2.0] {
-            let aside = share * 0.5 * 9.81;
-            let mut room = (*system.scene("plane").expect("a plane")).clone();
-            room.gravity.x = aside;
-            let mut batch = Batch::new(&system, &Arc::new(room), 1);
-            let mut state = system.default_state();
+            let room = leaning(&system.scene("plane").expect("a plane"), share * 0.5 * 9.81);
             // Where its feet carry it.
-            state[2] = 0.13 - 50.0 * 9.81 / 4e5;
-            batch.reset(0, &state);
-            let mut solver = Articulated::new(config);
-            (0..60).for_each(|_| solver.step(&mut batch, &[]).expect("finite"));
-            let (x, slide) = (batch.state(0)[0], 0.5 * (share - 1.0).max(0.0) * 0.5 * 9.81);
+            let begun = within(&system, &room, &Body::at([0.0, 0.0, 0.13 - 50.0 * 9.81 / 4e5]));
+            let x = end(&mut Articulated::new(config), begun, 0.0, 60)[0];
+            let slide = 0.5 * (share - 1.0f64).max(0.0) * 0.5 * 9.81;
             println!("{name}, {share} of mu N: {x:.5} m in 1 s, textbook {slide:.5}");
             assert!((x - slide).abs() < 2e-3 + 0.02 * slide, "{name}: at {share} of mu N it slides {x} m in 1 s, textbook {slide}");
         }
-    }
-}
-
-/// Explicit substeps are too long for so stiff a friction: they only tremble about rest, and let the robot sink. Its frames are
-/// stepped implicitly.
-#[test]
-fn explicit_substeps_bear_the_default_material() {
-    for (name, config) in [
-        ("paper", ArticulatedConfig::paper(&quadruped(), Friction::Coulomb)),
-        ("explicit x16", ArticulatedConfig::explicit(16, Friction::Coulomb)),
-        ("explicit x64", ArticulatedConfig::explicit(64, Friction::Huber)),
-    ] {
-        let path = stand(config, 0.0, 6);
-        let (low, high) = path[60..].iter().fold((f64::MAX, f64::MIN), |(a, b), [p, _]| (a.min(p.z), b.max(p.z)));
-        let aside = path.iter().map(|[p, _]| p.xy().norm()).fold(0.0, f64::max);
-        println!("{name}: from {high:.4} to {low:.4} m, {aside:.4} m aside");
-        assert!(low > 0.6 && high - low < 5e-3 && aside < 0.05, "{name}: its base sinks from {high} to {low} m, {aside} m aside");
     }
 }

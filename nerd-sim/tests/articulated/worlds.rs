@@ -1,13 +1,14 @@
 //! Worlds: nearest of many colliders, inside and outside, against closed forms.
 
 use nalgebra::Vector3;
+use nerd_core::dynamics::Data;
 use nerd_sim::prelude::*;
-use nerd_sim::scene::{WORLDS, hill};
+use nerd_sim::scene::{WORLDS, contacts, hill};
 
-fn cube(scene: &str) -> (std::sync::Arc<System>, std::sync::Arc<nerd_sim::scene::Scene>) {
-    let system = System::named("cube").expect("built in");
-    let scene = system.scene(scene).expect("a world");
-    (system, scene)
+use super::common::*;
+
+fn world(name: &str) -> std::sync::Arc<Scene> {
+    built_in("cube").scene(name).expect("a world")
 }
 
 #[test]
@@ -23,7 +24,7 @@ fn distances_are_those_of_geometry() {
         ("steps", [0.79, 0.0, 0.12], 0.01, [-1.0, 0.0, 0.0]), // before the second step, above the first
     ];
     for (world, point, distance, normal) in cases {
-        let event = cube(world).1.contact(&Vector3::from(point));
+        let event = self::world(world).contact(&Vector3::from(point));
         assert!((event.distance - distance).abs() < 1e-9, "{world} at {point:?}: {} m, geometry says {distance}", event.distance);
         let gap = (event.normal - Vector3::from(normal)).norm();
         assert!(gap < 1e-8, "{world} at {point:?}: normal {:?}, geometry says {normal:?}", event.normal);
@@ -33,7 +34,7 @@ fn distances_are_those_of_geometry() {
 /// A mesh with an inside: a point under the hills is as far under them as it is, not lost.
 #[test]
 fn under_the_hills_is_inside() {
-    let (_, scene) = cube("hills");
+    let scene = world("hills");
     for k in 0..200 {
         let (x, y) = (10.0 * (0.7 * k as f64).sin(), 10.0 * (1.3 * k as f64).cos());
         for depth in [-0.1, -0.01, 0.01, 0.1] {
@@ -49,42 +50,40 @@ fn under_the_hills_is_inside() {
 /// Dropped into every world, the cube comes to rest on its surface.
 #[test]
 fn a_cube_comes_to_rest_in_every_world() {
+    let system = built_in("cube");
     for world in WORLDS.into_iter().filter(|w| *w != "slope") {
-        let (system, scene) = cube(world);
-        let mut batch = Batch::new(&system, &scene, 2);
+        let mut batch = batch(&system, world, 2);
         for (env, x) in [0.75, 1.0].into_iter().enumerate() {
             let state = batch.state_mut(env);
             (state[0], state[2]) = (x, 0.8);
         }
-        let mut solver = Articulated::new(ArticulatedConfig::implicit(8, Friction::Coulomb));
-        (0..240).for_each(|_| solver.step(&mut batch, &[]).expect("finite"));
-        let (mut data, mut events) = (nerd_core::dynamics::Data::new(&system.robot), Vec::new());
+        run(&mut implicit(8), &mut batch, 0.0, 240);
+        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
         for env in 0..2 {
-            let state = batch.state(env).to_vec();
-            nerd_sim::scene::contacts(&system.robot, &scene, &state, &mut data, &mut events);
+            let state = batch.state(env);
+            contacts(&system.robot, &batch.scenes[env], state, &mut data, &mut events);
             let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
             let speed = state[7..].iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            println!("{world} {env}: {nearest:.1e} m from the surface at {speed:.1e} m/s or rad/s");
             assert!(nearest.abs() < 2e-3 && speed < 0.1, "{world} {env}: {nearest} m from the surface at {speed} m/s or rad/s");
         }
     }
 }
 
-/// Boxes and pegs of a TOML stand where it says, whichever axis is up.
+/// Boxes and pegs of a TOML are where it says, whichever axis is up.
 #[test]
 fn boxes_and_pegs_stand_on_the_plane() {
-    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link></robot>"#;
-    for (gravity, turn) in [([0.0, 0.0, -9.81], None), ([0.0, -9.81, 0.0], Some([2, 0, 1]))] {
+    let ball = urdf(&[link("ball", 1.0, [0.0; 3], [1e-3; 3], &collision([0.0; 3], r#"<sphere radius="0.05"/>"#))]);
+    for (gravity, order) in [("[0.0, 0.0, -9.81]", [0, 1, 2]), ("[0.0, -9.81, 0.0]", [1, 2, 0])] {
         // World axes by those of a world whose up is z.
-        let turned =
-            |x: [f64; 3]| turn.map_or(x, |order: [usize; 3]| std::array::from_fn(|k| x[(0..3).find(|i| order[*i] == k).unwrap_or(k)]));
+        let turned = |x: [f64; 3]| order.map(|k: usize| x[k]);
         let text = format!(
-            "floating = true\nframe_time = \"1/60\"\ngravity = {gravity:?}\nsubsteps = 8\n[[scene]]\nname = \"table\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n\
-             box = [{{ size = [0.4, 0.4, 0.2], at = {:?} }}]\npeg = [{{ radius = 0.1, height = 0.5, at = {:?} }}]\n",
+            "{}{GROUND}box = [{{ size = [0.4, 0.4, 0.2], at = {:?} }}]\npeg = [{{ radius = 0.1, height = 0.5, at = {:?} }}]\n",
+            changed(&keys(true, 9.81), "[0.0, 0.0, -9.81]", gravity),
             turned([1.0, 0.0, 0.1]),
             turned([0.0, 1.0, 0.0])
         );
-        let system = System::from_text("ball", urdf, Some(&text)).expect("a table");
-        let scene = system.scene("table").expect("it is there");
+        let scene = System::from_text("ball", &ball, Some(&text)).expect("a table").scene("ground").expect("it is there");
         for (place, gap) in [
             ([1.0, 0.0, 0.5], 0.3),
             ([1.0, 0.5, 0.1], 0.1),
@@ -93,14 +92,13 @@ fn boxes_and_pegs_stand_on_the_plane() {
             ([0.0, 1.3, 0.4], 0.2),
             ([-3.0, 0.0, 0.5], 0.5),
         ] {
-            let event = scene.contact(&Vector3::from(turned(place)));
-            assert!((event.distance - gap).abs() < 1e-9, "up against {gravity:?}, {place:?}: {} m, not {gap}", event.distance);
+            let distance = scene.contact(&Vector3::from(turned(place))).distance;
+            assert!((distance - gap).abs() < 1e-9, "up against {gravity}, {place:?}: {distance} m, not {gap}");
         }
         for (old, new) in
             [("radius = 0.1", "radius = 0.0"), ("height = 0.5", "height = nan"), ("size = [0.4,", "size = [-0.4,"), ("peg =", "post =")]
         {
-            let error = System::from_text("ball", urdf, Some(&text.replace(old, new))).expect_err(new).to_string();
-            assert!(!error.contains('\n'), "{error}");
+            line(System::from_text("ball", &ball, Some(&changed(&text, old, new))));
         }
     }
 }

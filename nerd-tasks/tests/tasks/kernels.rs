@@ -9,7 +9,7 @@ use nerd_sim::solver::Fault;
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
 use nerd_tasks::{About, Episodes, StepResult, named, names};
 
-use crate::cpp;
+use crate::cpp::Compiler;
 
 const N: usize = 64;
 const SEED: u64 = 9;
@@ -59,7 +59,7 @@ struct Said {
     failed: u32,
 }
 
-fn run(made: &std::path::Path, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Said {
+fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Said {
     let (batch, task, kept) = (&episodes.simulation.batch, &episodes.task, episodes.snapshot());
     let (config, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach::of(batch));
     let mut input: Vec<u8> = [N as i32, 2].iter().flat_map(|x| x.to_le_bytes()).collect();
@@ -73,7 +73,7 @@ fn run(made: &std::path::Path, episodes: &Episodes, actions: &[f64], rows: &[f64
     input.extend(actions.iter().flat_map(|x| (*x as f32).to_le_bytes()));
     input.extend(numbers(rows));
     input.extend(numbers(&record(&batch.scenes[0], &batch.system, &config, reach).expect("a scene with kernels")));
-    let output = cpp::talk(made, input);
+    let output = compiler.run(text, input);
     let (d, joints) = (batch.system.robot.state_dim(), batch.system.robot.joint_count());
     let mut rest = &output[..];
     let mut bytes = |n: usize| {
@@ -99,11 +99,8 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn every_task_of_formulas_is_the_same_in_kernels() {
-    let Some(compiler) = cpp::compiler() else {
-        println!("skipped: no compiler of C++ on this machine");
-        return;
-    };
-    let (folder, mut count) = (tempfile::tempdir().expect("a folder"), 0);
+    let Some(compiler) = Compiler::find() else { return };
+    let mut count = 0;
     for name in names() {
         let task = named(name).expect("a task");
         let system = System::named(task.robot()).expect("a robot");
@@ -115,10 +112,9 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
                 continue;
             }
         };
-        let made = cpp::compile(compiler, &(text + include_str!("alone.cuh")), folder.path(), name);
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
-        let said = run(&made, &episodes, &actions, &before);
+        let said = run(&compiler, &(text + include_str!("alone.cuh")), &episodes, &actions, &before);
         let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
         let after = episodes.snapshot();
         let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();

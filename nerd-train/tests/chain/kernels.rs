@@ -39,10 +39,7 @@ fn apart(found: &[f64], expected: &[f64]) -> f64 {
 
 #[test]
 fn kernels_roll_out_and_back_as_the_cpu_does() {
-    let Some(compiler) = cpp::compiler() else {
-        println!("skipped: no compiler of C++ on this machine");
-        return;
-    };
+    let Some(compiler) = cpp::Compiler::find() else { return };
     let system = System::named("lead-pegs").expect("built in");
     let chain = Chain::of(&system).expect("a chain");
     let config = GenerateConfig { transitions: 6 * 60, frames: 60, seed: 3, ..GenerateConfig::default() };
@@ -52,8 +49,6 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
     let loss = Loss::new(&scale, velocity, 16);
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-    let place = tempfile::tempdir().expect("a folder");
-    let made = cpp::compile(compiler, &unroll_program(&chain, &scale, &loss, &system, colliders), place.path(), "unroll");
 
     let starts: Vec<(usize, usize, View)> = (0..ROLLOUTS).map(|k| (k % 6, 2 * k, View::new(0.4 * k as f64, k % 2 == 0))).collect();
     let said: Vec<f32> = some(ROLLOUTS * chain.rods * OUTPUTS, 0.3).into_iter().map(|x| x as f32).collect();
@@ -70,7 +65,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     input.extend(rows.chain(states).chain(torques).chain(scenes).flat_map(f64::to_le_bytes));
     input.extend(said.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
     input.extend(behinds.iter().flat_map(|x| x.to_le_bytes()));
-    let output = cpp::talk(&made, input);
+    let output = compiler.run(&unroll_program(&chain, &scale, &loss, &system, colliders), input);
     let mut at = 0;
     let mut next = |count: usize, bytes: usize| {
         at += count * bytes;

@@ -123,10 +123,8 @@ fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
 
 #[test]
 fn kernels_answer_and_judge_as_the_cpu_does() {
-    let Some(compiler) = cpp::compiler() else { return };
-    let folder = tempfile::tempdir().expect("a folder");
+    let Some(compiler) = cpp::Compiler::find() else { return };
     let text = MAIN.replace("#include KERNELS", &(RANDOM.to_string() + include_str!("../../src/ppo/cuda/acting.cu")));
-    let made = cpp::compile(compiler, &text, folder.path(), "acting");
     let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
     let (r, steps) = (&engine.rollout, N * HORIZON);
     let returns: Vec<f64> = r.advantages.iter().zip(&r.values).map(|(a, v)| a + v).collect();
@@ -150,7 +148,7 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     input.extend(numbers.into_iter().flatten().flat_map(|x| x.to_le_bytes()));
     input.extend(rows.chain(policy.spread()).flat_map(|x| x.to_le_bytes()));
     input.extend(&ends);
-    let output = cpp::talk(&made, input);
+    let output = compiler.run(&text, input);
 
     let (singles, doubles) = output.split_at(4 * (steps * PADDED + 4 * N * A + N + 3 * steps));
     let mut singles = singles.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b)));

@@ -1,0 +1,111 @@
+//! Systems, batches and motions shared by the tests.
+#![allow(dead_code)]
+
+use std::sync::Arc;
+
+use nerd_sim::prelude::*;
+
+/// A robot that is built in.
+pub fn built_in(name: &str) -> Arc<System> {
+    System::named(name).expect("built in")
+}
+
+/// The articulated solver with so many implicit substeps.
+pub fn implicit(substeps: usize) -> Articulated {
+    Articulated::new(ArticulatedConfig::implicit(substeps, Friction::Coulomb))
+}
+
+/// Environments at zero coordinates in a scene of their system.
+pub fn batch(system: &Arc<System>, scene: &str, n: usize) -> Batch {
+    Batch::new(system, &system.scene(scene).expect("a scene"), n)
+}
+
+/// One environment at a state.
+pub fn at(system: &Arc<System>, scene: &str, state: &[f64]) -> Batch {
+    within(system, &system.scene(scene).expect("a scene"), state)
+}
+
+/// The same in a scene of a test's own.
+pub fn within(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64]) -> Batch {
+    let mut batch = Batch::new(system, scene, 1);
+    batch.reset(0, state);
+    batch
+}
+
+/// Steps a batch with the same torque (N m or N) at every joint.
+pub fn run(solver: &mut (impl Solver + ?Sized), batch: &mut Batch, torque: f64, frames: usize) {
+    let torques = vec![torque; batch.len() * batch.system.robot.joint_count()];
+    (0..frames).for_each(|frame| solver.step(batch, &torques).unwrap_or_else(|e| panic!("frame {frame}: {e}")));
+}
+
+/// States of a batch after each frame of that.
+pub fn motion(solver: &mut (impl Solver + ?Sized), mut batch: Batch, torque: f64, frames: usize) -> Vec<Vec<f64>> {
+    let step = |_| {
+        run(solver, &mut batch, torque, 1);
+        batch.states.clone()
+    };
+    (0..frames).map(step).collect()
+}
+
+/// The state after the last frame of that.
+pub fn end(solver: &mut (impl Solver + ?Sized), mut batch: Batch, torque: f64, frames: usize) -> Vec<f64> {
+    run(solver, &mut batch, torque, frames);
+    batch.states
+}
+
+/// What a refusal says, in one line.
+pub fn line<T>(refused: Result<T, impl std::fmt::Display>) -> String {
+    let Err(error) = refused.map(|_| ()) else { panic!("it is not refused") };
+    let said = error.to_string();
+    assert!(!said.contains('\n'), "more than one line: {said}");
+    said
+}
+
+/// The text with one change.
+pub fn changed(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "`{from}` is not in the text");
+    text.replacen(from, to, 1)
+}
+
+/// `<link>` of a mass (kg) at a place (m), its principal inertia (kg m^2) about that, and what else is in it.
+pub fn link(name: &str, mass: f64, [x, y, z]: [f64; 3], [xx, yy, zz]: [f64; 3], more: &str) -> String {
+    format!(
+        r#"<link name="{name}"><inertial><origin xyz="{x} {y} {z}"/><mass value="{mass}"/>
+        <inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>{more}</link>"#
+    )
+}
+
+/// `<collision>` of a shape at a place (m).
+pub fn collision([x, y, z]: [f64; 3], shape: &str) -> String {
+    format!(r#"<collision><origin xyz="{x} {y} {z}"/><geometry>{shape}</geometry></collision>"#)
+}
+
+/// `<joint>` with whatever else is in it.
+pub fn joint(name: &str, kind: &str, [parent, child]: [&str; 2], inner: &str) -> String {
+    format!(r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inner}</joint>"#)
+}
+
+/// A robot of such parts.
+pub fn urdf(parts: &[String]) -> String {
+    format!(r#"<robot name="r">{}</robot>"#, parts.concat())
+}
+
+/// A fixed base without mass, `base`.
+pub fn base() -> String {
+    r#"<link name="base"/>"#.into()
+}
+
+/// Keys that every specification needs, in a gravity (m/s^2) along -z.
+pub fn keys(floating: bool, gravity: f64) -> String {
+    format!("floating = {floating}\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n", -gravity)
+}
+
+/// `[[joint]]` of a name with more keys; it starts at zero.
+pub fn joint_table(name: &str, more: &str) -> String {
+    format!(
+        "[[joint]]\nname = \"{name}\"\n{more}\nsample = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\nreset = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\n"
+    )
+}
+
+/// `[[scene]]` with level ground.
+pub const GROUND: &str = "[[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
