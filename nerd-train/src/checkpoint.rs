@@ -120,7 +120,8 @@ impl Best {
     }
 }
 
-fn hash(weights: &Weights) -> String {
+/// SHA-256 of weights, as lower-case hex.
+pub(crate) fn hash(weights: &Weights) -> String {
     Sha256::digest(bytes(&weights.flat)).iter().map(|b| format!("{b:02x}")).collect()
 }
 

@@ -71,3 +71,5 @@ macro_rules! part {
 pub(crate) use part;
 
 part!(SystemError, StepError, ModelError, UnknownTruth, PickError, TaskError, DatasetError);
+#[cfg(feature = "cuda")]
+part!(nerd_cuda::DeviceError);

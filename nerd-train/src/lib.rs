@@ -17,7 +17,6 @@ pub mod ppo;
 pub mod prepare;
 pub mod progress;
 pub mod provenance;
-pub mod ranges;
 pub mod ranks;
 pub mod records;
 pub mod replay;

@@ -2,8 +2,8 @@
 
 use std::process::Command;
 use std::sync::LazyLock;
-use std::time::{SystemTime, UNIX_EPOCH};
 
+use chrono::Utc;
 use serde::{Deserialize, Serialize};
 
 /// Commit, command, seed, machine, date.
@@ -25,7 +25,7 @@ impl Provenance {
     /// This very run.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
-        Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: machine(), date: date() }
+        Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: machine(), date: Utc::now().date_naive().to_string() }
     }
 
     /// Looks at the checkout now, so that what is edited while a long command runs is not taken for what it ran.
@@ -87,16 +87,4 @@ fn commit() -> String {
 fn read(program: &str, args: &[&str]) -> Option<String> {
     let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;
     Some(String::from_utf8_lossy(&output.stdout).trim().to_string())
-}
-
-/// Today as year-month-day (civil-from-days, Howard Hinnant).
-fn date() -> String {
-    let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs() / 86_400) as i64 + 719_468;
-    let era = days.div_euclid(146_097);
-    let doe = days.rem_euclid(146_097);
-    let yoe = (doe - doe / 1460 + doe / 36_524 - doe / 146_096) / 365;
-    let doy = doe - (365 * yoe + yoe / 4 - yoe / 100);
-    let mp = (5 * doy + 2) / 153;
-    let (day, month) = (doy - (153 * mp + 2) / 5 + 1, if mp < 10 { mp + 3 } else { mp - 9 });
-    format!("{:04}-{month:02}-{day:02}", yoe + era * 400 + i64::from(month <= 2))
 }

@@ -5,6 +5,7 @@
 //! the lines it is going to write again (those with a larger `step`), so a file never has two versions of one step, however often the run
 //! was stopped.
 
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use nerd_sim::files::{Claim, claim, share};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::provenance::machine;
+use crate::provenance::{Provenance, machine};
 
 /// A folder that this process alone writes.
 pub fn claimed(folder: &Path) -> Result<Claim> {
@@ -117,4 +118,15 @@ impl Session {
         let seconds: f64 = all.iter().map(|s| s.seconds).sum();
         (format!("{:.1}", seconds / 60.0), all.last().map(|s| s.machine.clone()).unwrap_or_default())
     }
+}
+
+/// What a card has of a run in `out` whose record is there: the rows by name, and as a table. `own` are those of its kind.
+pub(crate) fn rows(out: &Path, seed: u64, own: Vec<(&str, String)>) -> Result<(BTreeMap<String, String>, String)> {
+    let (minutes, machine) = Session::sum(&Session::all(out)?);
+    let Provenance { commit, command, date, .. } = Provenance::now(seed);
+    let seed = seed.to_string();
+    let mut rows = vec![("commit", commit), ("command", command), ("seed", seed), ("machine", machine), ("minutes", minutes), ("date", date)];
+    rows.extend(own);
+    let table: String = rows.iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
+    Ok((rows.into_iter().map(|(name, value)| (name.into(), value)).collect(), format!("| | |\n|---|---|\n{table}")))
 }

@@ -4,9 +4,8 @@
 //! `lr(s) = end (N - s) / k` behind it; during the w updates of the warm-up it is multiplied by `(s + 1) / w`.
 //! The paper steps `1e-3 (1 - e/1000) + 1e-4 e/1000` once per epoch of 5000 updates; here every update steps.
 
+use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
-
-use crate::ranges::{OutOfRange, positive, within};
 
 /// Linear decay with optional warm-up and tail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,9 +31,9 @@ impl Default for Schedule {
 
 impl Schedule {
     /// Refuses rates that teach nothing or blow up.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        within("rate", self.start, positive(10.0))?;
-        within("last_rate", self.end, 0.0..=10.0)
+    pub fn check(&self) -> Result<(), String> {
+        within("rate", self.start, f64::MIN_POSITIVE..=10.0, "")?;
+        within("last_rate", self.end, 0.0..=10.0, "")
     }
 
     /// Learning rate of update `step`, counted from 0, in a run of `updates`.

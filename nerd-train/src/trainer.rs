@@ -10,15 +10,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nerd_model::transformer::Weights;
+use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::checkpoint::{self, Best};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::learner::{Learner, LearnerState};
 use crate::progress::bar_from;
-use crate::ranges::{OutOfRange, within};
-use crate::ranks::{RankError, Ranks, bytes};
+use crate::ranks::{RankError, Ranks};
 use crate::records::Record;
 use crate::schedule::Schedule;
 use crate::supply::Supply;
@@ -43,9 +42,9 @@ pub struct TrainerConfig {
 
 impl TrainerConfig {
     /// Refuses what no run can be made of.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        within("updates", self.updates, 1..=1_000_000_000_000)?;
-        within("validation_windows", self.validation_windows, 1..=1 << 30)?;
+    pub fn check(&self) -> Result<(), String> {
+        within("updates", self.updates as f64, 1.0..=1e12, "")?;
+        within("validation_windows", self.validation_windows as f64, 1.0..=1e9, "")?;
         self.schedule.check()
     }
 }
@@ -123,7 +122,7 @@ impl Trainer {
     /// If an update, a validation or a file fails; the files of the last checkpoint stay as they are.
     pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome> {
         let (c, started) = (&self.config, Instant::now());
-        c.check()?;
+        c.check().map_err(Error::Refused)?;
         if !self.ranks.leads() {
             return self.follow(learner, fresh);
         }
@@ -216,8 +215,8 @@ impl Trainer {
             return Ok(());
         }
         let state = learner.state()?;
-        let how = |_: &[u8], _: &[u8]| format!("at update {}; ranks need machines, cards and programs of one kind", state.step);
-        Ok(self.ranks.agree("weights", &Sha256::digest(bytes(&state.weights.flat)), how)?)
+        let mine = format!("{} at update {}", checkpoint::hash(&state.weights), state.step);
+        Ok(self.ranks.agree("weights", &mine, "ranks need machines, cards and programs of one kind")?)
     }
 
     /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.

@@ -80,7 +80,7 @@ impl Windows {
         let shape: Vec<usize> = shape.iter().map(|n| u64::from_le_bytes(*n) as usize).collect();
         let numbers = floats(numbers);
         let [inputs, outputs, frames, history, split] = shape[..] else {
-            return Err(RankError::Meet("another rank sent no windows: give all ranks the same command and the same program".into()));
+            return Err(RankError("another rank sent no windows: give all ranks the same command and the same program".into()));
         };
         let (x, y) = numbers.split_at(split.min(numbers.len()));
         Ok(Self { inputs, outputs, frames, history, x: x.to_vec(), y: y.to_vec() })

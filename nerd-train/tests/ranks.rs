@@ -24,7 +24,7 @@ fn sums_are_the_same_bits_everywhere_and_bytes_come_whole() {
         let parts = (0..3).map(|from| ranks.share(from, || vec![from as u8; 1 << (10 * from)]).expect("shared")).collect::<Vec<_>>();
         ranks.wait().expect("all came");
         let decided = [true, false].map(|yes| ranks.decide(yes == ranks.leads()).expect("decided"));
-        ranks.agree("words", b"the same", |_, _| String::new()).expect("agreed");
+        ranks.agree("words", "the same", "").expect("agreed");
         (sum, parts.iter().map(|p| (p[0], p.len())).collect::<Vec<_>>(), decided, ranks.part(10))
     });
     let expected: Vec<f32> = (0..300_000).map(|i| number(0, i) + number(1, i) + number(2, i)).collect();
@@ -151,7 +151,7 @@ fn every_wrong_variable_ends_in_a_line_with_its_name() {
             _ => true,
         });
         for value in wrong {
-            let Err(RankError::Place(said)) = with(name, *value) else { panic!("{name} may be {value:?}") };
+            let Err(RankError(said)) = with(name, *value) else { panic!("{name} may be {value:?}") };
             assert!(said.starts_with(name) && said.contains("needed") && !said.contains('\n'), "{name}={value:?}: {said}");
         }
     }

@@ -96,9 +96,9 @@ impl Plan {
         Run::new(&onward)?;
         let arena = Arena::Model { folder: out.clone(), device: config.device };
         let ppo = |task: &String| -> Result<PpoConfig> {
-            let mut ppo = PpoConfig::choose(task, &arena, None, config.config.as_deref())?;
+            let mut ppo = arena.settings(task, None, config.config.as_deref())?;
             ppo.iterations = config.iterations.unwrap_or(ppo.iterations);
-            ppo.check()?;
+            ppo.check().map_err(anyhow::Error::msg)?;
             Ok(ppo)
         };
         let ppo = tasks.iter().map(ppo).collect::<Result<_>>()?;

@@ -153,8 +153,8 @@ pub fn ranks(checks: &mut Checks) -> Outcome {
         Ok((losses, learner.state()?))
     };
     let (losses, reached) = run(&mut CudaLearner::among(&ranks, settings, Precision::F32, state.clone(), &data, &data)?)?;
-    let bytes: Vec<u8> = reached.weights.flat.iter().flat_map(|w| w.to_le_bytes()).collect();
-    ranks.agree("weights", &bytes, |_, _| "they should be the same bits".into())?;
+    let bits: Vec<u32> = reached.weights.flat.iter().map(|w| w.to_bits()).collect();
+    ranks.agree("weights", &format!("{bits:x?}"), "they should be the same bits")?;
     ranks.leave(None);
     if !ranks.leads() {
         return Ok(());

@@ -39,7 +39,7 @@ impl ChainLearner {
     /// # Errors
     /// If no motion is as long as a rollout.
     pub fn new(chain: Chain, config: LearnerConfig, state: LearnerState, course: Course) -> Result<Self, LearnError> {
-        config.check().map_err(|e| LearnError::Mismatch(e.to_string()))?;
+        config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let loss = Loss::new(&course.scale, course.velocity, course.frames);

@@ -10,13 +10,12 @@ use std::sync::Arc;
 use nerd_sim::batch::Batch;
 use nerd_sim::control::Controller;
 use nerd_sim::dataset::{Act, Drive, Smooth};
+use nerd_sim::range::within;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
-
-use crate::ranges::{OutOfRange, within};
 
 mod gaps;
 mod tally;
@@ -50,13 +49,10 @@ pub struct PassiveConfig {
 
 impl PassiveConfig {
     /// Refuses what no mean can be taken over.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        within("starts", self.starts, 1..=1 << 30)?;
-        within("steps", self.steps, 1..=1 << 30)?;
-        match self.action {
-            Action::Random(factor) => within("drive", factor, -1e6..=1e6),
-            Action::Zero | Action::Limp => Ok(()),
-        }
+    pub fn check(&self) -> Result<(), String> {
+        within("starts", self.starts as f64, 1.0..=1e9, "")?;
+        within("steps", self.steps as f64, 1.0..=1e9, "")?;
+        if let Action::Random(factor) = self.action { within("drive", factor, -1e6..=1e6, "") } else { Ok(()) }
     }
 }
 
@@ -82,18 +78,7 @@ pub fn passive(
     config: PassiveConfig,
     progress: &mut dyn FnMut(usize),
 ) -> Result<PassiveReport, StepError> {
-    watched(system, scene, [truth, solver], config, &mut |step, _, _| progress(step))
-}
-
-/// The same for `[truth, solver]`; `watch` sees both batches after each step.
-pub fn watched(
-    system: &Arc<System>,
-    scene: &Arc<Scene>,
-    [truth, solver]: [&mut dyn Solver; 2],
-    config: PassiveConfig,
-    watch: &mut dyn FnMut(usize, &Batch, &Batch),
-) -> Result<PassiveReport, StepError> {
-    config.check().map_err(|e| StepError::Solver(e.to_string()))?;
+    config.check().map_err(StepError::Solver)?;
     let robot = &system.robot;
     let (n, joints) = (config.starts, robot.joint_count());
     let mut real = Batch::new(system, scene, n);
@@ -153,7 +138,7 @@ pub fn watched(
             }
         }
         tally.close();
-        watch(step, &real, &learned);
+        progress(step);
     }
     Ok(tally.report(config.steps))
 }

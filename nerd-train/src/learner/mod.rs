@@ -19,9 +19,9 @@ pub use cpu::CpuLearner;
 pub mod cuda;
 
 use nerd_model::transformer::Weights;
+use nerd_sim::range::within;
 
 use crate::error::part;
-use crate::ranges::{OutOfRange, positive, within};
 use crate::ranks::RankError;
 use crate::windows::Windows;
 
@@ -47,11 +47,11 @@ pub struct LearnerConfig {
 
 impl LearnerConfig {
     /// Refuses what no update can be made with.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        within("batch", self.batch, 1..=1 << 20)?;
-        within("clip", self.clip, positive(1e9))?;
-        within("average", self.average, 0.0..1.0)?;
-        self.huber.map_or(Ok(()), |d| within("huber", d, positive(1e9)))
+    pub fn check(&self) -> Result<(), String> {
+        within("batch", self.batch as f64, 1.0..=1e6, "")?;
+        within("clip", self.clip.into(), 1e-9..=1e9, "")?;
+        within("average", self.average, 0.0..=1.0 - f64::EPSILON, "")?;
+        self.huber.map_or(Ok(()), |d| within("huber", d.into(), 1e-9..=1e9, ""))
     }
 }
 
@@ -164,7 +164,7 @@ impl From<LearnError> for nerd_cuda::DeviceError {
 /// Refuses settings, a state or windows that do not fit the network or each other.
 fn check(config: &LearnerConfig, state: &LearnerState, sets: [(&str, &Windows); 2]) -> Result<(), LearnError> {
     let (network, mismatch) = (state.weights.config, LearnError::Mismatch);
-    config.check().map_err(|e| mismatch(e.to_string()))?;
+    config.check().map_err(mismatch)?;
     network.check().map_err(mismatch)?;
     let n = network.parameters();
     if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) {

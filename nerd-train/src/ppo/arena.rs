@@ -1,7 +1,7 @@
 //! The simulator that a policy acts in: a truth, or a model of one.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nerd_model::folder::{Model, ModelConfig};
@@ -12,10 +12,13 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
+use super::config::PpoConfig;
+use super::trainer::Trainer;
 use crate::device::Device;
-use crate::error::{Result, refuse};
+use crate::error::{Error, Result, refuse};
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;
+use crate::ranks::Ranks;
 
 /// Makes a solver of the caller's own for a system in a scene.
 #[derive(Clone)]
@@ -65,9 +68,6 @@ impl Arena {
     }
 
     /// In words that tell it from any other, settings and all.
-    ///
-    /// # Errors
-    /// If the model cannot be read.
     pub fn title(&self) -> Result<String> {
         Ok(match self {
             Self::Truth(truth) => truth.name(),
@@ -80,9 +80,6 @@ impl Arena {
     }
 
     /// What it computes, by content: robot, truth or model, whatever their folder is called.
-    ///
-    /// # Errors
-    /// If the model cannot be read.
     pub fn identity(&self, system: &System) -> Result<String> {
         let solver = match self {
             Self::Truth(truth) => truth.name(),
@@ -111,17 +108,38 @@ impl Arena {
     }
 
     /// `n` episodes of a task.
-    ///
-    /// # Errors
-    /// If the task is unknown, or the model is not of its robot.
     pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
         self.part(named(task)?, 0..n, seed)
     }
 
+    /// Settings of a task: of a file, those called `small` or `paper`, or by what a step here costs.
+    pub fn settings(&self, task: &str, recipe: Option<&str>, file: Option<&Path>) -> Result<PpoConfig> {
+        if let Some(path) = file {
+            let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
+            return PpoConfig::from_text(&text).map_err(Error::format(path));
+        }
+        match recipe {
+            Some("small") => PpoConfig::small(task),
+            None if self.dear() => PpoConfig::small(task),
+            _ => PpoConfig::of(task),
+        }
+    }
+
+    /// A run of a task, built-in or not, from random weights, with its policy where the episodes are; of several ranks each has its share of
+    /// the environments.
+    pub fn trainer(&self, task: Box<dyn Task>, config: PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Trainer> {
+        let episodes = self.part(task, ranks.part(config.environments), seed)?;
+        #[allow(unused_mut)]
+        let mut trainer = Trainer::among(ranks, episodes, config, seed)?;
+        #[cfg(feature = "cuda")]
+        if self.on_gpu() {
+            let engine = super::CudaEngine::new(&trainer.state.policy.shape, &trainer.config, ranks);
+            trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
+        }
+        Ok(trainer)
+    }
+
     /// Some of the episodes, by their numbers among all, of a task that need not be built in.
-    ///
-    /// # Errors
-    /// As [`Arena::episodes`].
     pub fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64) -> Result<Episodes> {
         let n = envs.len();
         let system = match self {

@@ -10,12 +10,11 @@ use std::path::Path;
 use nerd_tasks::Snapshot;
 
 use super::config::PpoConfig;
-use super::error::PpoError;
 use super::folder::{get, put};
 use super::team::Team;
 use super::trainer::Trainer;
 use crate::difference::between;
-use crate::error::Result as Read;
+use crate::error::Result;
 use crate::ranks::RankError;
 use crate::tensors::Tensors;
 
@@ -24,7 +23,7 @@ impl Trainer {
     ///
     /// # Errors
     /// If the file cannot be written, or a rank is lost.
-    pub fn save(&self, path: &Path, run: &str) -> Result<(), PpoError> {
+    pub fn save(&self, path: &Path, run: &str) -> Result<()> {
         let (state, team) = (&self.state, Team::new(&self.ranks, self.config.environments));
         let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;
         let past = past_states.len().checked_div(states.len()).unwrap_or(0);
@@ -61,14 +60,14 @@ impl Trainer {
         let config = serde_json::to_string(&self.config).unwrap_or_default();
         file.put_word("config", config);
         file.put_word("run", run);
-        Ok(file.save(path)?)
+        file.save(path)
     }
 
     /// Goes on where the file's run was. What `run` was at [`Self::save`] must be the same now.
     ///
     /// # Errors
     /// If the file is no checkpoint, or that of another run; then nothing has changed but, at worst, the episodes.
-    pub fn resume(&mut self, path: &Path, run: &str) -> Result<(), PpoError> {
+    pub fn resume(&mut self, path: &Path, run: &str) -> Result<()> {
         let file = Tensors::open(path)?;
         let counts = file.u64("counts", Some(3))?;
         let config: PpoConfig = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e))?;
@@ -77,7 +76,7 @@ impl Trainer {
         let whole = |config, run: &str, seed| serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string();
         let (found, asked) = (whole(&config, file.word("run")?, counts[2]), whole(&self.config, run, self.seed));
         if found != asked {
-            return Err(file.wrong(format!("it is that of another run: {}", between(&found, &asked))).into());
+            return Err(file.wrong(format!("it is that of another run: {}", between(&found, &asked))));
         }
         let mut state = self.state.clone();
         state.policy = get(&file, "policy.", state.policy.shape)?;
@@ -93,7 +92,7 @@ impl Trainer {
         let (n, running) = (self.config.environments, &mut state.running);
         let part = self.ranks.part(n);
         let row = running.stack.rows.len() / part.len().max(1);
-        let real = |name: &str, blocks: usize, width: Option<usize>| -> Read<Vec<f64>> {
+        let real = |name: &str, blocks: usize, width: Option<usize>| -> Result<Vec<f64>> {
             Ok(rows(&file.f64(name, width.map(|width| n * width))?, blocks, n, &part))
         };
         running.stack.rows = real("running.stack", 1, Some(row))?;

@@ -1,11 +1,11 @@
 //! Hyper-parameters, as of rl_games' `a2c_continuous`, with the paper's values for every task.
 
 use nerd_model::program::Activation;
+use nerd_sim::range::within;
 use nerd_tasks::TaskError;
 use serde::{Deserialize, Serialize};
 
-use crate::error::part;
-use crate::ranges::{OutOfRange, positive, within};
+use crate::error::{Error, Result};
 
 /// Settings of a run; what a file leaves out is [`PpoConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,23 +80,6 @@ impl Default for PpoConfig {
     }
 }
 
-/// Settings that cannot be.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// No such task.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// Not what the file should hold.
-    #[error("PPO settings: {0}")]
-    Format(String),
-    /// A setting out of its range.
-    #[error("PPO settings: {0}")]
-    Range(#[from] OutOfRange),
-}
-
-part!(ConfigError);
-
 /// Shipped settings by the beginning of a task's name: the paper's, and those for where steps are dear.
 const FILES: [(&str, [&str; 2]); 5] = [
     ("cartpole-", [include_str!("../../assets/ppo/cartpole.toml"), include_str!("../../assets/ppo/cartpole-small.toml")]),
@@ -108,33 +91,25 @@ const FILES: [(&str, [&str; 2]); 5] = [
 
 impl PpoConfig {
     /// Fewer environments and more updates a step than the paper's: for a learned simulator on the CPU.
-    ///
-    /// # Errors
-    /// If there is no such task.
-    pub fn small(task: &str) -> Result<Self, ConfigError> {
+    pub fn small(task: &str) -> Result<Self> {
         Self::shipped(task, 1)
     }
 
     /// The paper's for a task.
-    ///
-    /// # Errors
-    /// If there is no such task.
-    pub fn of(task: &str) -> Result<Self, ConfigError> {
+    pub fn of(task: &str) -> Result<Self> {
         Self::shipped(task, 0)
     }
 
-    fn shipped(task: &str, which: usize) -> Result<Self, ConfigError> {
+    fn shipped(task: &str, which: usize) -> Result<Self> {
         let found = FILES.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task));
         Self::from_text(found.ok_or_else(|| TaskError(task.into()))?.1[which])
     }
 
     /// From TOML.
-    ///
-    /// # Errors
-    /// If a key is unknown or out of range.
-    pub fn from_text(text: &str) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text).map_err(|e| ConfigError::Format(e.to_string().trim().replace('\n', " ")))?;
-        config.check()?;
+    pub fn from_text(text: &str) -> Result<Self> {
+        let wrong = |reason: String| Error::Refused(format!("PPO settings: {reason}"));
+        let config: Self = toml::from_str(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))?;
+        config.check().map_err(wrong)?;
         Ok(config)
     }
 
@@ -144,37 +119,30 @@ impl PpoConfig {
     }
 
     /// Refuses what no run can be made of, or none that memory bears.
-    ///
-    /// # Errors
-    /// Names the first setting that is wrong.
-    pub fn check(&self) -> Result<(), ConfigError> {
-        for (name, value, most) in [
-            ("environments", self.environments, 1 << 20),
-            ("horizon", self.horizon, 1 << 16),
-            ("minibatch", self.minibatch, 1 << 31),
-            ("epochs", self.epochs, 1000),
-            ("stack", self.stack, 64),
-        ] {
-            within(name, value, 1..=most)?;
-        }
-        self.hidden.iter().try_for_each(|width| within("hidden", *width, 1..=4096))?;
-        within("layers of `hidden`", self.hidden.len(), 0..=16)?;
-        within("environments` x `horizon", self.steps(), 1..=1 << 31)?;
-        within("iterations", self.iterations, 1..=1_000_000_000)?;
-        within("gamma", self.gamma, 0.0..=1.0)?;
-        within("lambda", self.lambda, 0.0..=1.0)?;
-        within("rate", self.rate, positive(1.0))?;
-        within("kl", self.kl, 0.0..=1e3)?;
-        within("gradient_norm", self.gradient_norm, positive(1e9))?;
-        for (name, value) in [
-            ("clip", self.clip),
-            ("value_clip", self.value_clip),
-            ("critic", self.critic),
-            ("entropy", self.entropy),
-            ("bounds", self.bounds),
-        ] {
-            within(name, value, 0.0..=1e6)?;
-        }
-        Ok(())
+    pub fn check(&self) -> Result<(), String> {
+        let steps = self.environments.saturating_mul(self.horizon);
+        let whole = |n: usize, most: usize| (n as f64, 1.0..=most as f64);
+        let ranges = [
+            ("environments", whole(self.environments, 1 << 20)),
+            ("horizon", whole(self.horizon, 1 << 16)),
+            ("environments x horizon", whole(steps, 1 << 31)),
+            ("iterations", (self.iterations as f64, 1.0..=1e9)),
+            ("minibatch", whole(self.minibatch, 1 << 31)),
+            ("epochs", whole(self.epochs, 1000)),
+            ("stack", whole(self.stack, 64)),
+            ("layers of hidden", (self.hidden.len() as f64, 0.0..=16.0)),
+            ("gamma", (self.gamma, 0.0..=1.0)),
+            ("lambda", (self.lambda, 0.0..=1.0)),
+            ("rate", (self.rate, 1e-12..=1.0)),
+            ("kl", (self.kl, 0.0..=1e3)),
+            ("gradient_norm", (self.gradient_norm.into(), 1e-9..=1e9)),
+            ("clip", (self.clip.into(), 0.0..=1e6)),
+            ("value_clip", (self.value_clip.into(), 0.0..=1e6)),
+            ("critic", (self.critic.into(), 0.0..=1e6)),
+            ("entropy", (self.entropy.into(), 0.0..=1e6)),
+            ("bounds", (self.bounds.into(), 0.0..=1e6)),
+        ];
+        let widths = self.hidden.iter().map(|width| ("hidden", whole(*width, 4096)));
+        ranges.into_iter().chain(widths).try_for_each(|(key, (x, range))| within(key, x, range, ""))
     }
 }

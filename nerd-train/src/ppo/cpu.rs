@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 
-use nerd_tasks::{Episodes, StepResult};
+use nerd_tasks::StepResult;
 use rayon::prelude::*;
 
 use super::config::PpoConfig;
-use super::engine::{Engine, rollout};
-use super::error::PpoError;
+use super::engine::Engine;
 use super::gae::{Transitions, advantages};
 use super::loss::surprise;
 use super::noise::{StreamKey, drawn};
 use super::policy::{Actor, Policy};
-use super::rollout::{Rollout, Running, Taken};
+use super::rollout::Rollout;
 use super::team::Team;
 use super::update::{Adam, Updated, update};
+use crate::error::Result;
 use crate::ranks::Ranks;
 
 /// On the CPU, which does not fail.
@@ -39,19 +39,7 @@ impl OnCpu {
 }
 
 impl Engine for OnCpu {
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken, PpoError> {
-        let taken = rollout(self, episodes, running, policy, config, noise)?;
-        Ok(self.team.together(taken)?)
-    }
-
-    fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
+    fn begin(&mut self, policy: &Policy) -> Result<()> {
         self.actor = Some(Actor::new(policy.clone()));
         self.rollout.clear();
         [&mut self.rewards, &mut self.cut].into_iter().for_each(Vec::clear);
@@ -59,7 +47,7 @@ impl Engine for OnCpu {
         Ok(())
     }
 
-    fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<(), PpoError> {
+    fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         let (answer, r, width) = (actor.answer(rows), &mut self.rollout, actor.policy.shape.action);
         let drawn = drawn(&answer, noise, self.team.part.start * width);
@@ -75,7 +63,7 @@ impl Engine for OnCpu {
         Ok(())
     }
 
-    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), PpoError> {
+    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         self.cut.extend(actor.policy.values(&actor.answer(reached)));
         self.rewards.extend_from_slice(&result.rewards);
@@ -84,7 +72,7 @@ impl Engine for OnCpu {
         Ok(())
     }
 
-    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<(), PpoError> {
+    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         let last = actor.policy.values(&actor.answer(rows));
         let (n, values) = (last.len(), &self.rollout.values);
@@ -98,7 +86,7 @@ impl Engine for OnCpu {
         Ok(())
     }
 
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated, PpoError> {
+    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
         Ok(update(policy, adam, &self.rollout, config, orders, &self.team)?)
     }
 }

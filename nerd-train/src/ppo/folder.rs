@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::config::PpoConfig;
 use super::normalizer::RunningMoments;
 use super::policy::{Policy, Shape};
-use crate::error::{Error, Result as Read};
+use crate::error::{Error, Result};
 use crate::tensors::Tensors;
 
 /// What was learned, where, how; `config.json`.
@@ -39,10 +39,7 @@ pub struct PolicyConfig {
 }
 
 /// Writes the folder, each file whole or not at all.
-///
-/// # Errors
-/// If it cannot be written.
-pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Read<()> {
+pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<()> {
     let mut file = Tensors::default();
     put(&mut file, "", policy);
     let write = |name: &str, text: String| {
@@ -58,25 +55,19 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 }
 
 /// Reads the folder of a policy of a built-in task.
-///
-/// # Errors
-/// If a file is absent or not what it should be.
-pub fn load(folder: &Path) -> Read<(PolicyConfig, Policy)> {
+pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     read(folder, |config| check(config, &*nerd_tasks::named(&config.task).map_err(|e| e.to_string())?))
 }
 
 /// Reads the folder of a policy of this task, built-in or not.
-///
-/// # Errors
-/// If a file is absent or not what it should be, or the policy is of another task.
-pub fn load_for(folder: &Path, task: &dyn Task) -> Read<(PolicyConfig, Policy)> {
+pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
     read(folder, |config| match config.task == task.name() {
         true => check(config, task),
         false => Err(format!("a policy of task `{}`, not of `{}`", config.task, task.name())),
     })
 }
 
-fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> Read<(PolicyConfig, Policy)> {
+fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> Result<(PolicyConfig, Policy)> {
     let path = folder.join("config.json");
     let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
     let config: PolicyConfig = serde_json::from_str(&text).map_err(Error::format(&path))?;
@@ -97,9 +88,9 @@ pub(super) fn put(file: &mut Tensors, prefix: &str, policy: &Policy) {
 }
 
 /// The same, read.
-pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Read<Policy> {
+pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Result<Policy> {
     let flat = file.network(&tensors(prefix, &shape))?;
-    let moments = |name: &str, columns: usize| -> Read<RunningMoments> {
+    let moments = |name: &str, columns: usize| -> Result<RunningMoments> {
         let column = |what: &str, n: usize| file.f64(&format!("{prefix}{name}.{what}"), Some(n));
         Ok(RunningMoments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
     };
@@ -121,7 +112,7 @@ fn tensors(prefix: &str, shape: &Shape) -> Vec<TensorSpec> {
 fn check(config: &PolicyConfig, task: &dyn Task) -> Result<(), String> {
     let Shape { observation, action, .. } = config.shape;
     config.shape.check().map_err(|e| format!("shape: {e}"))?;
-    config.ppo.check().map_err(|e| e.to_string())?;
+    config.ppo.check().map_err(|e| format!("ppo: {e}"))?;
     let wanted = (task.observation_dim(), task.action_dim());
     if (observation, action) != wanted {
         return Err(format!("maps {observation} to {action} numbers; task `{}` needs {} to {}", config.task, wanted.0, wanted.1));

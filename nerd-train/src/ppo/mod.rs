@@ -22,7 +22,6 @@ mod cpu;
 mod cuda;
 pub mod curve;
 mod engine;
-mod error;
 pub mod folder;
 mod gae;
 mod loss;
@@ -41,12 +40,11 @@ mod update;
 pub use nerd_model::program::Activation;
 
 pub use arena::{Arena, Guest};
-pub use config::{ConfigError, PpoConfig};
+pub use config::PpoConfig;
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
-pub use cuda::{CudaEngine, on_card};
+pub use cuda::CudaEngine;
 pub use engine::Engine;
-pub use error::PpoError;
 pub use loss::Terms;
 pub use noise::StreamKey;
 pub use normalizer::RunningMoments;

@@ -6,6 +6,7 @@
 use nerd_model::program::cpu::{Loaded, Pass};
 use nerd_model::program::{Activation, Program, policy};
 use nerd_model::transformer::Init;
+use nerd_sim::range::within;
 use nerd_tasks::Task;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -15,7 +16,6 @@ use sha2::{Digest, Sha256};
 
 use super::config::PpoConfig;
 use super::normalizer::RunningMoments;
-use crate::ranges::{OutOfRange, within};
 
 /// Rows that one thread takes at a time; a gradient is summed over these in order, so that threads change no bit.
 pub(super) const ROWS: usize = 512;
@@ -52,15 +52,11 @@ impl Shape {
     }
 
     /// Refuses what no policy can have, before any memory is taken for it.
-    ///
-    /// # Errors
-    /// Names the first number that is out of its range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        within("observation", self.observation, 1..=1 << 16)?;
-        within("stack", self.stack, 1..=64)?;
-        within("action", self.action, 1..=4096)?;
-        within("layers of `hidden`", self.hidden.len(), 0..=16)?;
-        self.hidden.iter().try_for_each(|width| within("hidden", *width, 1..=4096))
+    pub fn check(&self) -> Result<(), String> {
+        let most = [("observation", self.observation, 65_536.0), ("stack", self.stack, 64.0), ("action", self.action, 4096.0)];
+        let widths = self.hidden.iter().map(|width| ("hidden", *width, 4096.0));
+        most.into_iter().chain(widths).try_for_each(|(key, n, most)| within(key, n as f64, 1.0..=most, ""))?;
+        within("layers of hidden", self.hidden.len() as f64, 0.0..=16.0, "")
     }
 
     /// Numbers that go into the network.

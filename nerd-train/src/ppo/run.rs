@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 
 use nerd_sim::prelude::*;
 use nerd_tasks::{Task, named};
+use serde_json::json;
 
 use super::arena::Arena;
 use super::card;
 use super::config::PpoConfig;
 use super::trainer::{Iteration, Trainer};
 use crate::bounds;
-use crate::difference::between;
 use crate::error::{Error, Result, refuse};
-use crate::progress::{Bar, bar};
+use crate::progress::bar;
 use crate::ranks::Ranks;
 use crate::records::{Record, Session, claimed};
 
@@ -62,28 +62,13 @@ pub struct Learned {
     pub spent: String,
 }
 
-/// A run that goes on.
-struct Going {
-    trainer: Trainer,
-    metrics: Option<Record>,
-    spent: Spent,
-    failed: usize,
-}
-
 impl PolicyRun {
     /// Trains, or goes on training.
-    ///
-    /// # Errors
-    /// If task, model or settings cannot be, the folder is another run's or in use, the solver cannot step, or a file cannot be
-    /// written.
     pub fn train(&self) -> Result<Learned> {
         self.learn(&Arc::default())
     }
 
     /// The same as one of several ranks: each learns from its share of the environments, and rank 0 writes. None on the others.
-    ///
-    /// # Errors
-    /// As [`PolicyRun::train`]; or if another rank is lost.
     pub fn train_among(&self, ranks: &Arc<Ranks>) -> Result<Option<Learned>> {
         let (environments, world) = (self.config.environments, ranks.world());
         if world > environments {
@@ -97,35 +82,18 @@ impl PolicyRun {
         Ok(ranks.leads().then_some(done))
     }
 
-    /// What a checkpoint is known by: a model is its weights, wherever they are.
-    fn identity(&self, system: &System) -> Result<String> {
-        Ok(format!("{} on {}", self.task, self.arena.identity(system)?))
-    }
-
-    /// Refuses ranks that do something else.
-    fn agree(&self, ranks: &Ranks, system: &System) -> Result<()> {
-        let identity = serde_json::json!({ "run": self.identity(system)?, "seed": self.seed, "settings": self.config }).to_string();
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        let how = |theirs: &[u8], ours: &[u8]| between(&text(theirs), &text(ours)) + "; give all ranks the same command";
-        Ok(ranks.agree("settings", identity.as_bytes(), how)?)
-    }
-
     fn learn(&self, ranks: &Arc<Ranks>) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
-        self.config.check()?;
+        self.config.check().map_err(Error::Refused)?;
         memory(&*task, &self.config)?;
         let (system, solver) = (System::named(task.robot())?, self.arena.title()?);
         let title = format!("{} on {solver}", self.task);
-        let identity = self.identity(&system)?;
-        self.agree(ranks, &system)?;
-        let episodes = self.arena.part(task, ranks.part(self.config.environments), self.seed)?;
-        let mut trainer = Trainer::among(ranks, episodes, self.config.clone(), self.seed)?;
-        #[cfg(feature = "cuda")]
-        if self.arena.on_gpu() {
-            let engine = super::CudaEngine::among(&trainer.state.policy.shape, &self.config, ranks);
-            trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
-        }
+        // What a checkpoint is known by: a model is its weights, wherever they are.
+        let identity = format!("{} on {}", self.task, self.arena.identity(&system)?);
+        let settings = json!({ "run": identity, "seed": self.seed, "settings": self.config });
+        ranks.agree("settings", &settings.to_string(), "give all ranks the same command")?;
+        let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed, ranks)?;
         let leads = ranks.leads();
         let _claim = leads.then(|| claimed(out)).transpose()?;
         if out.join(LAST).exists() {
@@ -135,41 +103,36 @@ impl PolicyRun {
                 eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
             }
         }
-        let at = [trainer.state.iteration.to_le_bytes().to_vec(), crate::ranks::bytes(&trainer.state.policy.flat)].concat();
-        ranks.agree("checkpoint", &at, |_, _| "give all ranks the same --out, in a folder that all of them see".into())?;
+        let first = trainer.state.iteration;
+        let at = format!("iteration {first}, policy {}", trainer.state.policy.sha256());
+        ranks.agree("checkpoint", &at, "give all ranks the same --out, in a folder that all of them see")?;
         // Nobody reads any more what the first will write.
         ranks.wait()?;
-        let first = trainer.state.iteration;
-        let metrics = leads.then(|| Record::metrics(out, first)).transpose()?;
-        let bar = bar(&format!("steps of {title}"), trainer.config.iterations * trainer.config.steps() as u64);
-        let mut going = Going { trainer, metrics, spent: Spent::default(), failed: 0 };
-        self.iterate(&mut going, &identity, started, &bar)?;
-        bar.finish();
-        let Going { trainer, spent, failed, .. } = going;
-        let spent = spent.words();
+        let spent = self.iterate(&mut trainer, &title, &identity, started)?;
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
-        let done = Learned { title, policy, reward, iterations, failed, elapsed, spent };
+        let done = Learned { title, policy, reward, iterations, failed: spent.failed, elapsed, spent: spent.words() };
         if !leads {
             return Ok(done);
         }
         // Asked again, a finished run keeps its times.
-        if trainer.state.iteration > first || !Session::any(out) {
-            Session::log(out, first, trainer.state.iteration, done.elapsed.as_secs_f64(), &done.spent)?;
+        if iterations > first || !Session::any(out) {
+            Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
         }
         card::export(out, &self.task, (&solver, &identity), &trainer)?;
         Ok(done)
     }
 
     /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
-    fn iterate(&self, going: &mut Going, identity: &str, started: Instant, bar: &Bar) -> Result<()> {
-        let Going { trainer, metrics, spent, failed } = going;
+    fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str, started: Instant) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
+        let mut metrics = trainer.ranks.leads().then(|| Record::metrics(&self.out, trainer.state.iteration)).transpose()?;
+        let (mut spent, steps) = (Spent::default(), trainer.config.steps());
+        let bar = bar(&format!("steps of {title}"), trainer.config.iterations * steps as u64);
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
             metrics.as_mut().map_or(Ok(()), |metrics| metrics.write(&line))?;
-            spent.add(&line, trainer.config.steps());
-            *failed += line.failed;
+            spent.add(&line, steps);
             if let (Some(reward), Some(length)) = (line.reward, line.length) {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
             }
@@ -184,16 +147,20 @@ impl PolicyRun {
                 saved = Instant::now();
             }
         }
-        Ok(trainer.save(&checkpoint, identity)?)
+        trainer.save(&checkpoint, identity)?;
+        bar.finish();
+        Ok(spent)
     }
 }
 
-/// Seconds of some iterations, and their steps.
+/// What iterations took.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spent {
     rollout: f64,
     update: f64,
     steps: f64,
+    /// Episodes that the solver could not go on with.
+    failed: usize,
 }
 
 impl Spent {
@@ -201,6 +168,7 @@ impl Spent {
         self.rollout += line.rollout_seconds;
         self.update += line.update_seconds;
         self.steps += steps as f64;
+        self.failed += line.failed;
     }
 
     /// In words: steps a second, and shares.
@@ -213,24 +181,6 @@ impl Spent {
 
 /// The state to go on from.
 const LAST: &str = "last.safetensors";
-
-impl PpoConfig {
-    /// Settings of a task: of a file, those called `small` or `paper`, or by what a step in the arena costs.
-    ///
-    /// # Errors
-    /// If the file cannot be read or has an unknown key, or there is no such task.
-    pub fn choose(task: &str, arena: &Arena, recipe: Option<&str>, file: Option<&std::path::Path>) -> Result<Self> {
-        if let Some(path) = file {
-            let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
-            return Self::from_text(&text).map_err(Error::format(path));
-        }
-        Ok(match recipe {
-            Some("small") => Self::small(task)?,
-            None if arena.dear() => Self::small(task)?,
-            _ => Self::of(task)?,
-        })
-    }
-}
 
 /// Refuses a run whose steps of one iteration do not fit in memory.
 fn memory(task: &dyn Task, config: &PpoConfig) -> Result<()> {

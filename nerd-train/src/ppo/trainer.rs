@@ -10,11 +10,12 @@ use serde::{Deserialize, Serialize};
 use super::config::PpoConfig;
 use super::cpu::OnCpu;
 use super::engine::Engine;
-use super::error::PpoError;
 use super::noise::StreamKey;
 use super::policy::{Policy, Shape};
 use super::rollout::Running;
+use super::team::Team;
 use super::update::{Adam, Updated};
+use crate::error::{Error, Result, refuse};
 use crate::ranks::Ranks;
 
 /// One iteration; a line of `metrics.jsonl`.
@@ -78,23 +79,17 @@ pub struct Trainer {
 
 impl Trainer {
     /// A run from random weights.
-    ///
-    /// # Errors
-    /// If settings and environments do not fit.
-    pub fn new(episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
+    pub fn new(episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         Self::among(&Arc::default(), episodes, config, seed)
     }
 
     /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] has to be one of theirs,
     /// too.
-    ///
-    /// # Errors
-    /// As [`Trainer::new`].
-    pub fn among(ranks: &Arc<Ranks>, episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self, PpoError> {
-        config.check()?;
-        let wanted = ranks.part(config.environments).len();
-        if episodes.len() != wanted {
-            return Err(PpoError::Environments { found: episodes.len(), wanted });
+    pub fn among(ranks: &Arc<Ranks>, episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
+        config.check().map_err(Error::Refused)?;
+        let (found, wanted) = (episodes.len(), ranks.part(config.environments).len());
+        if found != wanted {
+            refuse!("{found} environments, the settings ask for {wanted}");
         }
         let shape = Shape::of(&*episodes.task, &config);
         let policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
@@ -106,10 +101,7 @@ impl Trainer {
     }
 
     /// One rollout and its update.
-    ///
-    /// # Errors
-    /// If the solver fails or the policy stops being finite.
-    pub fn iterate(&mut self) -> Result<Iteration, PpoError> {
+    pub fn iterate(&mut self) -> Result<Iteration> {
         let Self { episodes, config, state, engine, .. } = self;
         let started = Instant::now();
         // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
@@ -117,6 +109,7 @@ impl Trainer {
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
         let taken = engine.roll(episodes, &mut state.running, &state.policy, config, noise)?;
+        let taken = Team::new(&self.ranks, config.environments).together(taken)?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);
@@ -133,7 +126,7 @@ impl Trainer {
         let updated = engine.update(&mut state.policy, &mut state.adam, config, orders)?;
         state.iteration += 1;
         if state.policy.flat.iter().any(|w| !w.is_finite()) {
-            return Err(PpoError::NotFinite(state.iteration));
+            refuse!("iteration {}: a weight of the policy is not finite", state.iteration);
         }
         Ok(Iteration {
             step: state.iteration,

@@ -20,6 +20,8 @@ use std::ops::Range;
 pub use place::{Place, RankError, bytes, floats};
 use star::Star;
 
+use crate::difference::between;
+
 /// This process among those of its run.
 #[derive(Debug, Default)]
 pub struct Ranks {
@@ -29,9 +31,6 @@ pub struct Ranks {
 
 impl Ranks {
     /// Meets the others; waits for them up to a minute.
-    ///
-    /// # Errors
-    /// [`RankError::Meet`].
     pub fn join(place: Place) -> Result<Self, RankError> {
         let star = if place.world > 1 { Some(Star::join(&place)?) } else { None };
         Ok(Self { place, star })
@@ -108,19 +107,17 @@ impl Ranks {
         Ok(self.share(0, || vec![mine.into()])? == [1])
     }
 
-    /// Refuses to go on where `mine` is not what rank 0 has; `how` says in which way theirs and ours differ, and what to do.
-    ///
-    /// # Errors
-    /// [`RankError::Apart`]; or if a rank is lost.
-    pub fn agree(&self, what: &str, mine: &[u8], how: impl FnOnce(&[u8], &[u8]) -> String) -> Result<(), RankError> {
+    /// Refuses to go on where `mine` is not what rank 0 has: in what, and what to do, is said.
+    pub fn agree(&self, what: &str, mine: &str, advice: &str) -> Result<(), RankError> {
         if self.star.is_none() {
             return Ok(());
         }
-        let theirs = self.share(0, || mine.to_vec())?;
+        let theirs = String::from_utf8_lossy(&self.share(0, || mine.into())?).into_owned();
         if theirs == mine {
             return self.wait();
         }
-        Err(RankError::Apart { rank: self.place.rank, what: what.into(), how: how(&theirs, mine) })
+        let (rank, apart) = (self.place.rank, between(&theirs, mine));
+        Err(RankError(format!("rank {rank}: {what} differ from those of rank 0: {apart}; {advice}")))
     }
 
     /// Parts from the others: done, or for a reason that they will tell. Once is enough.

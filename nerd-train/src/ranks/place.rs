@@ -8,37 +8,10 @@ const WORLD: usize = 4096;
 /// Set by `torchrun` where it holds the port itself.
 const TAKEN: &str = "TORCHELASTIC_USE_AGENT_STORE";
 
-/// Why ranks cannot work together any more. One line.
+/// Why ranks cannot work together any more: a variable that is wrong, one that did not come, is lost, or does something else. One line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RankError {
-    /// A variable of the environment that is missing or wrong.
-    #[error("{0}")]
-    Place(String),
-    /// They did not find each other.
-    #[error("{0}")]
-    Meet(String),
-    /// One of them is gone.
-    #[error("rank {rank} of {world} ended: {reason}")]
-    Lost {
-        /// Which.
-        rank: usize,
-        /// Of how many.
-        world: usize,
-        /// Its reason, or how it was lost.
-        reason: String,
-    },
-    /// They do not do the same.
-    #[error("rank {rank}: {what} differ from those of rank 0: {how}")]
-    Apart {
-        /// Which.
-        rank: usize,
-        /// Of what.
-        what: String,
-        /// In which way, and what to do.
-        how: String,
-    },
-}
+#[error("{0}")]
+pub struct RankError(pub String);
 
 part!(RankError);
 
@@ -66,31 +39,25 @@ impl Default for Place {
 
 impl Place {
     /// That of this process; alone, where neither `RANK` nor `WORLD_SIZE` is set.
-    ///
-    /// # Errors
-    /// The variable that is wrong or missing.
     pub fn here() -> Result<Self, RankError> {
         Self::of(|name| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned()))
     }
 
     /// That of these variables.
-    ///
-    /// # Errors
-    /// The variable that is wrong or missing.
     pub fn of(variable: impl Fn(&str) -> Option<String>) -> Result<Self, RankError> {
         if variable("RANK").is_none() && variable("WORLD_SIZE").is_none() {
             return Ok(Self::default());
         }
         let text = |name: &str, needed: &str| {
             let others = "RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR and MASTER_PORT are set for each process, as torchrun does, or none";
-            let missing = || RankError::Place(format!("{name} is not set: {needed} is needed; {others}"));
+            let missing = || RankError(format!("{name} is not set: {needed} is needed; {others}"));
             variable(name).filter(|value| !value.is_empty()).ok_or_else(missing)
         };
         let whole = |name: &str, least: usize, most: usize| {
             let needed = format!("a whole number from {least} to {most}");
             let value = text(name, &needed)?;
             let number = value.parse().ok().filter(|n| (least..=most).contains(n));
-            number.ok_or_else(|| RankError::Place(format!("{name} is `{value}`: {needed} is needed")))
+            number.ok_or_else(|| RankError(format!("{name} is `{value}`: {needed} is needed")))
         };
         let world = whole("WORLD_SIZE", 1, WORLD)?;
         let rank = whole("RANK", 0, world - 1)?;

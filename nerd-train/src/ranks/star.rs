@@ -42,7 +42,7 @@ impl Star {
     /// Meets the others.
     pub fn join(place: &Place) -> Result<Self, RankError> {
         let ties = if place.rank == 0 { listen(place)? } else { vec![(0, call(place)?)] };
-        let failed = |e: Error| RankError::Meet(format!("rank {}: its connections: {e}", place.rank));
+        let failed = |e: Error| RankError(format!("rank {}: its connections: {e}", place.rank));
         for (_, stream) in &ties {
             stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(None)).map_err(failed)?;
         }
@@ -127,11 +127,11 @@ impl Star {
             Err(e) => (rank, missed(&e)),
         };
         let (rank, reason) = self.lost.get_or_init(|| (rank, reason)).clone();
-        Err(RankError::Lost { rank, world: self.place.world, reason })
+        Err(RankError(format!("rank {rank} of {} ended: {reason}", self.place.world)))
     }
 
     fn tie(&self, rank: usize) -> Result<&TcpStream, RankError> {
-        let none = || RankError::Meet(format!("rank {} has no tie to rank {rank}", self.place.rank));
+        let none = || RankError(format!("rank {} has no tie to rank {rank}", self.place.rank));
         self.ties.iter().find(|(other, _)| *other == rank).map(|(_, stream)| stream).ok_or_else(none)
     }
 
@@ -145,8 +145,10 @@ impl Star {
         if theirs.len() == len {
             return Ok(theirs);
         }
-        let how = format!("rank {rank} has {}, this one {len}: give all ranks the same command and the same program", theirs.len());
-        Err(RankError::Apart { rank: self.place.rank, what: "vectors to add up".into(), how })
+        let (own, found) = (self.place.rank, theirs.len());
+        Err(RankError(format!(
+            "rank {own}: of vectors to add up rank {rank} has {found}, this one {len}: give all ranks the same command and the same program"
+        )))
     }
 }
 
@@ -188,7 +190,7 @@ fn read(mut from: &TcpStream) -> Io<(u8, Vec<u8>)> {
 /// Rank 0 waits for all others.
 fn listen(place: &Place) -> Result<Vec<(usize, TcpStream)>, RankError> {
     let (port, since) = (place.port, Instant::now());
-    let failed = |e: Error| RankError::Meet(format!("rank 0 cannot listen on port {port} (MASTER_PORT): {e}; name a free one"));
+    let failed = |e: Error| RankError(format!("rank 0 cannot listen on port {port} (MASTER_PORT): {e}; name a free one"));
     let listener = bind(place).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     let mut came: Vec<(usize, TcpStream)> = Vec::new();
@@ -196,17 +198,17 @@ fn listen(place: &Place) -> Result<Vec<(usize, TcpStream)>, RankError> {
         if since.elapsed() > LIMIT {
             let missing = (1..place.world).filter(|rank| came.iter().all(|(known, _)| known != rank)).map(|rank| rank.to_string());
             let (missing, world, seconds) = (missing.collect::<Vec<_>>().join(", "), place.world, LIMIT.as_secs());
-            return Err(RankError::Meet(format!("of {world} ranks these did not come within {seconds} s: {missing}; are they started?")));
+            return Err(RankError(format!("of {world} ranks these did not come within {seconds} s: {missing}; are they started?")));
         }
         match listener.accept() {
             Ok((stream, _)) => {
                 // Whoever says something else is none of ours.
                 let Ok((rank, world, stream)) = greeted(stream) else { continue };
                 if world != place.world {
-                    return Err(RankError::Meet(format!("rank {rank} has WORLD_SIZE {world}, rank 0 has {}", place.world)));
+                    return Err(RankError(format!("rank {rank} has WORLD_SIZE {world}, rank 0 has {}", place.world)));
                 }
                 if rank == 0 || rank >= world || came.iter().any(|(known, _)| *known == rank) {
-                    return Err(RankError::Meet(format!("two processes are rank {rank}: give each its own RANK")));
+                    return Err(RankError(format!("two processes are rank {rank}: give each its own RANK")));
                 }
                 came.push((rank, stream));
             }
@@ -214,7 +216,7 @@ fn listen(place: &Place) -> Result<Vec<(usize, TcpStream)>, RankError> {
         }
     }
     for (rank, stream) in &mut came {
-        stream.write_all(WORDS).map_err(|e| RankError::Meet(format!("rank {rank} came and went: {e}")))?;
+        stream.write_all(WORDS).map_err(|e| RankError(format!("rank {rank} came and went: {e}")))?;
     }
     came.sort_by_key(|(rank, _)| *rank);
     Ok(came)
@@ -251,7 +253,7 @@ fn call(place: &Place) -> Result<TcpStream, RankError> {
             Err(e) if since.elapsed() > LIMIT => {
                 let seconds = LIMIT.as_secs();
                 let text = format!("rank {rank} found no rank 0 at {address}:{port} (MASTER_ADDR, MASTER_PORT) within {seconds} s: {e}");
-                return Err(RankError::Meet(text));
+                return Err(RankError(text));
             }
             Err(_) => std::thread::sleep(AGAIN),
         }
@@ -261,7 +263,7 @@ fn call(place: &Place) -> Result<TcpStream, RankError> {
     let met =
         stream.set_read_timeout(Some(LIMIT + HELLO)).and_then(|()| stream.write_all(&hello)).and_then(|()| stream.read_exact(&mut heard));
     if met.is_err() || heard != *WORDS {
-        return Err(RankError::Meet(format!("rank {rank}: rank 0 at {address}:{port} did not accept it; its output says why")));
+        return Err(RankError(format!("rank {rank}: rank 0 at {address}:{port} did not accept it; its output says why")));
     }
     Ok(stream)
 }

@@ -5,16 +5,13 @@ use serde_json::json;
 
 use super::card::Identity;
 use super::settings::RunConfig;
-use crate::difference::between;
 use crate::learner::LearnerState;
 use crate::ranks::{RankError, Ranks, bytes, floats};
 
 /// Refuses to begin where ranks were given other settings: they would wait for each other in vain.
 pub(super) fn settings(ranks: &Ranks, config: &RunConfig, identity: &Identity) -> Result<(), RankError> {
     let mine = json!({ "run": identity, "minutes": config.minutes, "finish": config.finish, "data": config.data });
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let how = |theirs: &[u8], ours: &[u8]| between(&text(theirs), &text(ours)) + "; give all ranks the same command";
-    ranks.agree("settings", mine.to_string().as_bytes(), how)
+    ranks.agree("settings", &mine.to_string(), "give all ranks the same command")
 }
 
 /// Refuses to begin where a folder of data, or what a rank has recorded of a chain, is something else than that of rank 0; tokens that
@@ -23,7 +20,7 @@ pub(super) fn data(ranks: &Ranks, config: &RunConfig, sha256: &str) -> Result<()
     if config.data.is_none() && config.unrolled().is_none() {
         return Ok(());
     }
-    ranks.agree("data", sha256.as_bytes(), |_, _| "it has other data; give all ranks the same".into())
+    ranks.agree("data", sha256, "give all ranks the same")
 }
 
 /// The state to go on from, as rank 0 has it: sent are updates done (8 bytes, little endian), weights, average, both moments.
@@ -41,7 +38,7 @@ pub(super) fn state(ranks: &Ranks, mine: Option<LearnerState>, network: Transfor
     let mut vectors = floats(vectors).chunks(n).map(<[f32]>::to_vec).collect::<Vec<_>>().into_iter();
     let mut next = || {
         let whole = vectors.next().filter(|vector| vector.len() == n);
-        whole.ok_or_else(|| RankError::Meet(format!("rank 0 sent no state of {n} parameters: give all ranks the same program")))
+        whole.ok_or_else(|| RankError(format!("rank 0 sent no state of {n} parameters: give all ranks the same program")))
     };
     let weights = Weights { config: network, flat: next()? };
     Ok(LearnerState { step: u64::from_le_bytes(*step), weights, average: next()?, m: next()?, v: next()? })

@@ -17,8 +17,7 @@ use crate::checkpoint;
 use crate::difference::between;
 use crate::error::{Error, Result, refuse};
 use crate::learner::{LearnerConfig, LearnerState};
-use crate::provenance::Provenance;
-use crate::records::Session;
+use crate::records::rows;
 use crate::trainer::TrainerConfig;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
@@ -157,16 +156,8 @@ fn history(config: &ModelConfig) -> String {
 
 /// Writes the model folder `OUT/model` with a card made of what the run recorded.
 pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<PathBuf> {
-    let (out, seed) = (&plan.config.out, plan.learner.seed);
-    let (minutes, machine) = Session::sum(&Session::all(out)?);
-    let stamp = Provenance::now(seed);
-    let rows = [
-        ("commit", stamp.commit.clone()),
-        ("command", stamp.command.clone()),
-        ("seed", seed.to_string()),
-        ("machine", machine),
-        ("minutes", minutes),
-        ("date", stamp.date.clone()),
+    let out = &plan.config.out;
+    let mut own = vec![
         ("weights", chosen),
         ("arithmetic", run.arithmetic.clone()),
         ("optimizer", format!("{:?}", run.learner.optimizer)),
@@ -174,13 +165,13 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         ("torque_scale", format!("U({}, 1)", run.torque_scale)),
     ];
     let more = [("policies", plan.actors.clone()), ("started from", run.from.clone())];
-    let more = more.into_iter().filter_map(|(name, said)| Some((name, said?)));
-    let rows: Vec<_> = rows.into_iter().chain(more).collect();
-    let provenance = rows.iter().map(|(k, v)| (k.to_string(), v.clone())).collect();
+    own.extend(more.into_iter().filter_map(|(name, value)| Some((name, value?))));
+    let (provenance, table) = rows(out, plan.learner.seed, own)?;
     let config = model_config(run, &provenance);
-    let mut card = format!(
+    let card = format!(
         "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
-         {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n| | |\n|---|---|\n",
+         {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n{table}\n\
+         Its errors in rollouts are in `results/`. Written by `cargo xtask train`.\n",
         run.variant.name(),
         run.robot,
         if run.network.architecture == Architecture::Transformer { "A causal Transformer" } else { "A network" },
@@ -201,8 +192,6 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         if run.fresh > 0 { format!(" of the first {}", run.transitions) } else { String::new() },
         run.data_sha256,
     );
-    rows.iter().for_each(|(k, v)| card.push_str(&format!("| {k} | {v} |\n")));
-    card.push_str("\nIts errors in rollouts stand in `results/`. Written by `cargo xtask train`.\n");
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
     // becomes 0.017): for that `cargo xtask light` rounds with more care.
     let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };

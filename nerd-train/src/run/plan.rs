@@ -55,8 +55,7 @@ impl Plan {
         let form = config.variant.form(base);
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
-        learner.check()?;
-        trainer.check()?;
+        learner.check().and(trainer.check()).map_err(Error::Refused)?;
         // More than the run reads would be wasted.
         let (fresh, batch, sequence) = (config.fresh, learner.batch, network.sequence());
         let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;

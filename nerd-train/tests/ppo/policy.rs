@@ -164,7 +164,7 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
             std::fs::write(temporary.path().join("config.json"), json).expect("written");
             folder::load(temporary.path()).expect_err("cannot be").to_string()
         };
-        assert!(said.contains("`hidden` is 18446744073709551615"), "{name}: {said}");
+        assert!(said.contains("hidden is 1.8446744073709552e19"), "{name}: {said}");
         let mut none = policy.clone();
         none.flat[1] = f32::NAN;
         assert!(refusal(&config, &none).contains("not a finite number"), "{name}");

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_lab::experiments::policies::Policies;
-use nerd_train::ppo::{Learned, PolicyRun, PpoConfig, folder};
+use nerd_train::ppo::{Learned, PolicyRun, folder};
 use nerd_train::replay;
 
 mod arena;
@@ -117,7 +117,7 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 fn train(args: TrainArgs) -> Result<()> {
     let TrainArgs { task, seed, until, minutes, .. } = args;
     let arena = args.arena.of(&task)?;
-    let mut config = PpoConfig::choose(&task, &arena, args.recipe.as_deref(), args.config.as_deref())?;
+    let mut config = arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())?;
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
     config.iterations = args.iterations.unwrap_or(config.iterations);

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use nerd_model::pick::Setting;
 use nerd_train::device::Device;
-use nerd_train::ppo::{Arena, PpoConfig, on_card};
+use nerd_train::ppo::{Arena, PpoConfig};
 use nerd_train::shipped;
 use serde::Serialize;
 
@@ -42,7 +42,7 @@ pub(super) fn both(task: &str, environments: usize, seed: u64) -> Result<[Learni
 fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<Learning> {
     let config = PpoConfig { environments, ..PpoConfig::of(task)? };
     let had = nerd_cuda::Device::free()?;
-    let mut trainer = on_card(arena, nerd_tasks::named(task)?, &config, seed, &Arc::default())?;
+    let mut trainer = arena.trainer(nerd_tasks::named(task)?, config.clone(), seed, &Arc::default())?;
     // Kernels are compiled and memory taken once.
     (0..2).try_for_each(|_| trainer.iterate().map(drop))?;
     let (began, mut rollout, mut update) = (Instant::now(), 0.0, 0.0);

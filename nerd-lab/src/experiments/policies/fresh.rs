@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use nerd_sim::prelude::*;
-use nerd_train::ppo::{Arena, PolicyRun, PpoConfig, folder};
+use nerd_train::ppo::{Arena, PolicyRun, folder};
 
 use super::Policies;
 use crate::error::{Result, refuse};
@@ -25,7 +25,7 @@ impl Policies {
             let (model, truth) = self.host(&task)?;
             let learned = Arena::Model { folder: model, device: self.device };
             for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", Arena::Truth(truth), &self.truth_seeds)] {
-                let config = PpoConfig::choose(&task, &arena, Some(&self.recipe), None)?;
+                let config = arena.settings(&task, Some(&self.recipe), None)?;
                 for seed in seeds {
                     let out = self.runs.join(format!("{task}-{word}-{seed}"));
                     let (task, arena, config) = (task.clone(), arena.clone(), config.clone());

@@ -2,7 +2,6 @@
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Buffer, DeviceError};
-use nerd_tasks::StepResult;
 
 use super::super::config::PpoConfig;
 use super::super::noise::StreamKey;
@@ -10,7 +9,8 @@ use super::super::normalizer::RunningMoments;
 use super::super::policy::Policy;
 use super::super::rollout::Rollout;
 use super::memory::{Kept, PARTS, Steps};
-use super::{CudaEngine, lost};
+use super::CudaEngine;
+use crate::error::{Result, refuse};
 
 /// Values of the network in units of reward: mean and scale.
 fn units(policy: &Policy) -> [f64; 2] {
@@ -47,23 +47,11 @@ impl CudaEngine {
     }
 
     /// Refuses what there is no memory for.
-    pub(super) fn fits(&self, what: &str, right: bool) -> Result<(), DeviceError> {
+    pub(super) fn fits(&self, what: &str, right: bool) -> Result<()> {
         let Kept { environments, horizon, .. } = self.kept;
-        let wrong = || DeviceError(format!("{what} are not those of {environments} environments over {horizon} steps"));
-        right.then_some(()).ok_or_else(wrong)
-    }
-
-    /// Draws actions where `rows` are seen.
-    pub(super) fn answer(&mut self, rows: &[f64], noise: StreamKey, out: &mut Vec<f64>) -> Result<(), DeviceError> {
-        let Kept { environments: n, horizon, step, .. } = self.kept;
-        let (width, a) = (self.shape.inputs(), self.shape.action);
-        self.fits("rows", rows.len() == n * width && step < horizon)?;
-        self.net.device.write_at(&self.kept.observations, step * n * width, rows)?;
-        self.drawn(step, noise)?;
-        let mut kept = vec![0f32; n * a];
-        self.net.device.read(&self.kept.actions, &mut kept)?;
-        out.clear();
-        out.extend(kept.into_iter().map(f64::from));
+        if !right {
+            refuse!("{what} are not those of {environments} environments over {horizon} steps");
+        }
         Ok(())
     }
 
@@ -87,35 +75,6 @@ impl CudaEngine {
         self.over("act", n, &args)
     }
 
-    /// What came of the actions.
-    pub(super) fn keep(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), DeviceError> {
-        let Kept { environments: n, horizon, step, .. } = self.kept;
-        let cut: Vec<u32> = (0..).zip(&result.truncated).filter_map(|(env, over)| over.then_some(env)).collect();
-        let right = result.rewards.len() == n && reached.len() == cut.len() * self.shape.inputs() && step < horizon;
-        self.fits("results of a step", right)?;
-        if !cut.is_empty() {
-            self.net.device.write(&self.kept.rows, reached)?;
-            self.net.device.write(&self.kept.which, &cut)?;
-            self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
-            self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
-        }
-        let ends = result.terminated.iter().zip(&result.truncated);
-        self.kept.came.0.extend_from_slice(&result.rewards);
-        self.kept.came.1.extend(ends.map(|(terminated, truncated)| if *terminated { 1 } else { 2 * u8::from(*truncated) }));
-        self.kept.step += 1;
-        Ok(())
-    }
-
-    /// Ends the rollout where `rows` are seen: advantages and returns.
-    pub(super) fn judge(&mut self, rows: &[f64], config: &PpoConfig) -> Result<(), DeviceError> {
-        let Kept { environments: n, horizon, step, .. } = self.kept;
-        self.fits("rows", rows.len() == n * self.shape.inputs() && step == horizon)?;
-        self.net.device.write(&self.kept.rows, rows)?;
-        self.net.device.write(&self.kept.rewards, &self.kept.came.0)?;
-        self.net.device.write(&self.kept.ends, &self.kept.came.1)?;
-        self.finished(config)
-    }
-
     /// Advantages and returns of a rollout that is there, the rows where it ends too.
     pub(super) fn finished(&self, config: &PpoConfig) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, rewards, ends, values, cut, both, .. } = &self.kept;
@@ -127,7 +86,7 @@ impl CudaEngine {
     }
 
     /// Moments of columns over all steps.
-    fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments, DeviceError> {
+    fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments> {
         let (n, partial) = (self.kept.horizon * self.kept.environments, self.kept.partial.ptr);
         let mut moments = [vec![0.0; width], vec![0.0; width]];
         let mut about = 0;
@@ -138,11 +97,11 @@ impl CudaEngine {
             about = out.ptr;
         }
         let [mean, variance] = moments;
-        self.team.pool(RunningMoments { mean, variance, count: n as f64 }).map_err(lost)
+        Ok(self.team.pool(RunningMoments { mean, variance, count: n as f64 })?)
     }
 
     /// Takes the returns into their moments, and makes of the rollout what the loss asks for.
-    pub(super) fn goals(&self, policy: &mut Policy) -> Result<(), DeviceError> {
+    pub(super) fn goals(&self, policy: &mut Policy) -> Result<()> {
         let n = self.kept.horizon * self.kept.environments;
         // Of advantages and of returns.
         let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
@@ -154,27 +113,24 @@ impl CudaEngine {
         let mut args = vec![Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
         args.extend(laws);
         args.extend([advantages.ptr, goals.ptr, values.ptr].map(Ptr));
-        self.over("goals", n, &args)
+        Ok(self.over("goals", n, &args)?)
     }
 
     /// Takes the observations into their moments.
-    pub(super) fn seen(&self, policy: &mut Policy) -> Result<(), DeviceError> {
+    pub(super) fn seen(&self, policy: &mut Policy) -> Result<()> {
         policy.seen.absorb(&self.moments_of(self.kept.observations.ptr, self.shape.inputs())?);
         Ok(())
     }
 
     /// The rollout, to be looked at before an update.
-    ///
-    /// # Errors
-    /// If the device fails.
     pub fn rollout(&self) -> Result<Rollout, DeviceError> {
         let (n, Kept { observations, values, both, .. }) = (self.kept.horizon * self.kept.environments, &self.kept);
-        let numbers = |from: &Buffer<f64>, len: usize| {
-            let mut out = vec![0.0; len];
-            self.net.device.read(from, &mut out).map(|()| out)
-        };
         let of_steps = |from: &Buffer<f32>| {
             let mut out = vec![0.0; from.len];
+            self.net.device.read(from, &mut out).map(|()| out)
+        };
+        let numbers = |from: &Buffer<f64>, len: usize| {
+            let mut out = vec![0.0; len];
             self.net.device.read(from, &mut out).map(|()| out)
         };
         let Steps { surprise, actions, means, spreads, .. } = &self.steps;

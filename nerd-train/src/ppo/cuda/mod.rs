@@ -3,6 +3,7 @@
 //! steps of a minibatch that are its own, gradients are added up, and every card makes the same step.
 
 mod acting;
+mod engine;
 mod memory;
 mod pass;
 mod roll;
@@ -11,25 +12,16 @@ mod world;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Precision, Replay, Sums};
+use nerd_cuda::{Arg, Buffer, DeviceError, Precision, Replay, Sums};
 use nerd_sim::articulated::device::RANDOM;
-use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot, StepResult, Task};
 
-use super::arena::Arena;
 use super::config::PpoConfig;
-use super::engine::{Engine, rollout};
-use super::error::PpoError;
 use super::noise::StreamKey;
-use super::policy::{Policy, Shape};
-use super::rollout::{Running, Taken};
+use super::policy::Shape;
 use super::team::Team;
-use super::trainer::Trainer;
-use super::update::{self, Adam, Updated};
-use crate::error::{Error, Result};
-use crate::learner::cuda::{Network, Plan};
-use crate::progress::tell;
-use crate::ranks::{RankError, Ranks};
+use crate::error::Result;
+use crate::learner::cuda::{Network, Plan, joined};
+use crate::ranks::Ranks;
 use memory::{Kept, PassState, Steps};
 use world::World;
 
@@ -95,19 +87,11 @@ pub struct CudaEngine {
 }
 
 impl CudaEngine {
-    /// Memory for a policy's rollouts and updates under these settings.
+    /// Memory for a policy's rollouts and updates under these settings, of this rank's share of the environments.
     ///
     /// # Errors
-    /// If there is no GPU, a library is missing or memory runs out.
-    pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self, DeviceError> {
-        Self::among(shape, config, &Arc::default())
-    }
-
-    /// The same for this rank's share of the environments, beside the cards of the other ranks.
-    ///
-    /// # Errors
-    /// As [`CudaEngine::new`]; if NCCL is missing or fails, or another rank is gone.
-    pub fn among(shape: &Shape, config: &PpoConfig, ranks: &Arc<Ranks>) -> Result<Self, DeviceError> {
+    /// If there is no GPU, a library is missing, memory runs out, or another rank is gone.
+    pub fn new(shape: &Shape, config: &PpoConfig, ranks: &Arc<Ranks>) -> Result<Self> {
         let (team, sizes) = (Team::new(ranks, config.environments), sizes(config));
         let (own, rows) = (team.part.len(), room(&team, config));
         // An observation is a window of one token.
@@ -115,6 +99,7 @@ impl CudaEngine {
         let (padded, parameters) = (plan.padded, plan.parameters());
         let mut net = Network::new(nerd_cuda::ordinal(), plan, rows.max(own), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &KERNELS)?;
+        let sums = joined(ranks, &net.device)?;
         let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
         Ok(Self {
             steps_episodes: true,
@@ -132,31 +117,12 @@ impl CudaEngine {
             state: device.zeros(1)?,
             replay: Replay::default(),
             orders: None,
-            sums: joined(device, &team)?,
+            sums,
             team,
             world: None,
             shape: shape.clone(),
             net,
         })
-    }
-
-    /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
-    fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
-        if !self.steps_episodes {
-            return Ok(None);
-        }
-        if let Some(known) = self.world.take() {
-            return Ok(known);
-        }
-        match World::new(episodes) {
-            Err(StepError::Refused(why)) => {
-                tell(format_args!("{why}; what is seen goes to the card once a step, and actions come back"));
-                Ok(None)
-            }
-            // The solver's own kernels: it says more when it steps.
-            Err(StepError::Solver(_)) => Ok(None),
-            other => other,
-        }
     }
 
     /// Whether the episodes are on the card.
@@ -178,18 +144,6 @@ impl CudaEngine {
     fn said(&self) -> u64 {
         self.net.predictions().ptr
     }
-}
-
-/// A trainer of a task in an arena on the GPU, with its policy there, too; of several ranks each has its share of the environments.
-///
-/// # Errors
-/// If task, arena or settings cannot be, or the device fails.
-pub fn on_card(arena: &Arena, task: Box<dyn Task>, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Trainer> {
-    let episodes = arena.part(task, ranks.part(config.environments), seed)?;
-    let mut trainer = Trainer::among(ranks, episodes, config.clone(), seed)?;
-    let engine = CudaEngine::among(&trainer.state.policy.shape, config, ranks);
-    trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
-    Ok(trainer)
 }
 
 /// Steps of an iteration, and of a minibatch.
@@ -217,102 +171,4 @@ fn own(team: &Team, order: &[u32], config: &PpoConfig) -> Result<Vec<u32>, Strin
         mine.resize(before + room, NONE);
     }
     Ok(mine)
-}
-
-/// Joins the cards of the other ranks.
-fn joined(device: &Device, team: &Team) -> Result<Option<Sums>, DeviceError> {
-    if team.alone() {
-        return Ok(None);
-    }
-    let ranks = &team.ranks;
-    let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
-    let id = ranks.share(0, || id).map_err(lost)?;
-    Sums::join(device, &id, ranks.rank(), ranks.world()).map(Some)
-}
-
-fn lost(error: RankError) -> DeviceError {
-    DeviceError(error.to_string())
-}
-
-fn failed(error: DeviceError) -> PpoError {
-    PpoError::Device(error.to_string())
-}
-
-impl Engine for CudaEngine {
-    fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
-        // Orders are drawn while the device rolls, as they are needed.
-        let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
-        let (team, settings) = (self.team.clone(), config.clone());
-        std::thread::spawn(move || {
-            let own = |order: Vec<u32>| if team.alone() { Ok(order) } else { own(&team, &order, &settings) };
-            // Who no longer listens needs no more of them.
-            let _ = update::orders(&settings, key).try_for_each(|order| give.send(own(order)));
-        });
-        self.orders = Some((config.clone(), key, orders));
-    }
-
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken, PpoError> {
-        let mut world = self.world(episodes)?;
-        let others = self.team.exchange(vec![u64::from(world.is_some())])?;
-        if others.iter().any(|other| *other != others[0]) {
-            let wrong = "some ranks have their episodes on the card, others do not: give all of them cards with as much free memory";
-            return Err(PpoError::Device(wrong.into()));
-        }
-        let taken = match world.as_mut().zip(episodes.simulation.solver.resident()) {
-            Some(world) => self.stay(world, running, policy, config, noise)?,
-            None => rollout(self, episodes, running, policy, config, noise)?,
-        };
-        self.world = Some(world);
-        Ok(self.team.together(taken)?)
-    }
-
-    fn begin(&mut self, policy: &Policy) -> Result<(), PpoError> {
-        self.take(policy).map_err(failed)
-    }
-
-    fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<(), PpoError> {
-        self.answer(rows, noise, actions).map_err(failed)
-    }
-
-    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<(), PpoError> {
-        self.keep(result, reached).map_err(failed)
-    }
-
-    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<(), PpoError> {
-        self.judge(rows, config).map_err(failed)
-    }
-
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated, PpoError> {
-        let found = sizes(config);
-        if found != self.sizes {
-            let text = format!("made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
-            return Err(PpoError::Device(text));
-        }
-        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
-            self.ahead(config, key);
-        }
-        let mut learn = || {
-            self.goals(policy)?;
-            let Some((_, _, orders)) = self.orders.take() else { return Err(DeviceError("no orders were drawn".into())) };
-            let updated = self.passes(policy, adam, config, orders.into_iter())?;
-            self.seen(policy)?;
-            Ok(updated)
-        };
-        learn().map_err(failed)
-    }
-    fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
-        self.world.iter().flatten().next().map_or_else(|| Ok(episodes.snapshot()), World::snapshot)
-    }
-
-    fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
-        self.world = None;
-        episodes.restore(snapshot)
-    }
 }

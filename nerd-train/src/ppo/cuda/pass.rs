@@ -11,6 +11,7 @@ use super::super::policy::Policy;
 use super::super::update::{Adam, Updated};
 use super::memory::{PassState, Steps};
 use super::{CudaEngine, SQUARES, THREADS};
+use crate::error::{Error, Result, refuse};
 
 impl CudaEngine {
     /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.
@@ -71,18 +72,18 @@ impl CudaEngine {
         adam: &mut Adam,
         config: &PpoConfig,
         orders: impl Iterator<Item = Result<Vec<u32>, String>>,
-    ) -> Result<Updated, DeviceError> {
+    ) -> Result<Updated> {
         self.net.device.write(&self.moments[0], &adam.m)?;
         self.net.device.write(&self.moments[1], &adam.v)?;
         self.net.device.write(&self.state, &[PassState { rate: adam.rate, step: adam.step, ..Default::default() }])?;
         let mut passes = 0;
         for order in orders {
-            self.net.device.write(&self.order, &order.map_err(DeviceError)?)?;
+            self.net.device.write(&self.order, &order.map_err(Error::Refused)?)?;
             self.pass(config)?;
             passes += 1;
         }
         if passes < config.epochs {
-            return Err(DeviceError(format!("the orders of {passes} of {} passes were drawn", config.epochs)));
+            refuse!("the orders of {passes} of {} passes were drawn", config.epochs);
         }
         let (d, [m, v]) = (&self.net.device, &self.moments);
         let mut state = [PassState::default()];

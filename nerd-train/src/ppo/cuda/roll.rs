@@ -4,12 +4,12 @@ use nerd_cuda::{DeviceError, Lane};
 use nerd_sim::articulated::device::Resident;
 
 use super::super::config::PpoConfig;
-use super::super::error::PpoError;
 use super::super::noise::StreamKey;
 use super::super::policy::Policy;
 use super::super::rollout::{Ended, Running, Taken};
 use super::world::{Places, World};
-use super::{CudaEngine, failed};
+use super::CudaEngine;
+use crate::error::Result;
 
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is.
@@ -20,19 +20,18 @@ impl CudaEngine {
         policy: &Policy,
         config: &PpoConfig,
         noise: StreamKey,
-    ) -> Result<Taken, PpoError> {
+    ) -> Result<Taken> {
         let horizon = config.horizon;
         let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
-        self.fits("a rollout's rows and steps", right).map_err(failed)?;
-        self.take(policy).map_err(failed)?;
-        self.ready(running, world.cuts(horizon)).map_err(failed)?;
+        self.fits("a rollout's rows and steps", right)?;
+        self.take(policy)?;
+        self.ready(running, world.cuts(horizon))?;
         for t in 0..horizon {
             let noise = StreamKey { number: noise.number + t as u64, ..noise };
-            self.step((world, resident), running.stack.depth(), t, noise).map_err(failed)?;
+            self.step((world, resident), running.stack.depth(), t, noise)?;
         }
-        let failures = world.end(resident)?;
-        let taken = Taken { failed: failures, ended: self.ended(running).map_err(failed)? };
-        self.finished(config).map_err(failed)?;
+        let taken = Taken { failed: world.end(resident)?, ended: self.ended(running)? };
+        self.finished(config)?;
         Ok(taken)
     }
 

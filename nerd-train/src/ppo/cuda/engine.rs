@@ -1,0 +1,138 @@
+//! A rollout by turns with episodes elsewhere, or on the card as a whole, and the update after it.
+
+use nerd_sim::solver::StepError;
+use nerd_tasks::{Episodes, Snapshot, StepResult};
+
+use super::super::config::PpoConfig;
+use super::super::engine::Engine;
+use super::super::noise::StreamKey;
+use super::super::policy::Policy;
+use super::super::rollout::{Running, Taken};
+use super::super::update::{self, Adam, Updated};
+use super::memory::Kept;
+use super::world::World;
+use super::{CudaEngine, own, sizes};
+use crate::error::{Result, refuse};
+use crate::progress::tell;
+
+impl CudaEngine {
+    /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
+    fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
+        if !self.steps_episodes {
+            return Ok(None);
+        }
+        if let Some(known) = self.world.take() {
+            return Ok(known);
+        }
+        match World::new(episodes) {
+            Err(StepError::Refused(why)) => {
+                tell(format_args!("{why}; what is seen goes to the card once a step, and actions come back"));
+                Ok(None)
+            }
+            // The solver's own kernels: it says more when it steps.
+            Err(StepError::Solver(_)) => Ok(None),
+            other => other,
+        }
+    }
+}
+
+impl Engine for CudaEngine {
+    fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
+        // Orders are drawn while the device rolls, as they are needed.
+        let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
+        let (team, settings) = (self.team.clone(), config.clone());
+        std::thread::spawn(move || {
+            let own = |order: Vec<u32>| if team.alone() { Ok(order) } else { own(&team, &order, &settings) };
+            // Who no longer listens needs no more of them.
+            let _ = update::orders(&settings, key).try_for_each(|order| give.send(own(order)));
+        });
+        self.orders = Some((config.clone(), key, orders));
+    }
+
+    fn resident(
+        &mut self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<Option<Taken>> {
+        let mut world = self.world(episodes)?;
+        let others = self.team.exchange(vec![u64::from(world.is_some())])?;
+        if others.iter().any(|other| *other != others[0]) {
+            refuse!("some ranks have their episodes on the card, others do not: give all of them cards with as much free memory");
+        }
+        let both = world.as_mut().zip(episodes.simulation.solver.resident());
+        let taken = both.map(|both| self.stay(both, running, policy, config, noise)).transpose()?;
+        self.world = Some(world);
+        Ok(taken)
+    }
+
+    fn begin(&mut self, policy: &Policy) -> Result<()> {
+        Ok(self.take(policy)?)
+    }
+
+    fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()> {
+        let Kept { environments: n, horizon, step, .. } = self.kept;
+        let (width, a) = (self.shape.inputs(), self.shape.action);
+        self.fits("rows", rows.len() == n * width && step < horizon)?;
+        self.net.device.write_at(&self.kept.observations, step * n * width, rows)?;
+        self.drawn(step, noise)?;
+        let mut kept = vec![0f32; n * a];
+        self.net.device.read(&self.kept.actions, &mut kept)?;
+        actions.clear();
+        actions.extend(kept.into_iter().map(f64::from));
+        Ok(())
+    }
+
+    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<()> {
+        let Kept { environments: n, horizon, step, .. } = self.kept;
+        let cut: Vec<u32> = (0..).zip(&result.truncated).filter_map(|(env, over)| over.then_some(env)).collect();
+        let right = result.rewards.len() == n && reached.len() == cut.len() * self.shape.inputs() && step < horizon;
+        self.fits("results of a step", right)?;
+        if !cut.is_empty() {
+            self.net.device.write(&self.kept.rows, reached)?;
+            self.net.device.write(&self.kept.which, &cut)?;
+            self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
+            self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
+        }
+        let ends = result.terminated.iter().zip(&result.truncated);
+        self.kept.came.0.extend_from_slice(&result.rewards);
+        self.kept.came.1.extend(ends.map(|(terminated, truncated)| if *terminated { 1 } else { 2 * u8::from(*truncated) }));
+        self.kept.step += 1;
+        Ok(())
+    }
+
+    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<()> {
+        let Kept { environments: n, horizon, step, .. } = self.kept;
+        self.fits("rows", rows.len() == n * self.shape.inputs() && step == horizon)?;
+        self.net.device.write(&self.kept.rows, rows)?;
+        self.net.device.write(&self.kept.rewards, &self.kept.came.0)?;
+        self.net.device.write(&self.kept.ends, &self.kept.came.1)?;
+        Ok(self.finished(config)?)
+    }
+
+    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated> {
+        let found = sizes(config);
+        if found != self.sizes {
+            refuse!("memory was made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
+        }
+        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
+            self.ahead(config, key);
+        }
+        self.goals(policy)?;
+        let Some((_, _, orders)) = self.orders.take() else { refuse!("no orders were drawn") };
+        let updated = self.passes(policy, adam, config, orders.into_iter())?;
+        self.seen(policy)?;
+        Ok(updated)
+    }
+
+    fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
+        self.world.iter().flatten().next().map_or_else(|| Ok(episodes.snapshot()), World::snapshot)
+    }
+
+    fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
+        self.world = None;
+        episodes.restore(snapshot)
+    }
+}
