@@ -25,7 +25,13 @@ impl Provenance {
     /// This very run.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
-        Self { commit: COMMIT.clone(), command: format!("cargo xtask {args}"), seed, machine: machine(), date: Utc::now().date_naive().to_string() }
+        Self {
+            commit: COMMIT.clone(),
+            command: format!("cargo xtask {args}"),
+            seed,
+            machine: machine(),
+            date: Utc::now().date_naive().to_string(),
+        }
     }
 
     /// Looks at the checkout now, so that what is edited while a long command runs is not taken for what it ran.

@@ -125,7 +125,8 @@ pub(crate) fn rows(out: &Path, seed: u64, own: Vec<(&str, String)>) -> Result<(B
     let (minutes, machine) = Session::sum(&Session::all(out)?);
     let Provenance { commit, command, date, .. } = Provenance::now(seed);
     let seed = seed.to_string();
-    let mut rows = vec![("commit", commit), ("command", command), ("seed", seed), ("machine", machine), ("minutes", minutes), ("date", date)];
+    let mut rows =
+        vec![("commit", commit), ("command", command), ("seed", seed), ("machine", machine), ("minutes", minutes), ("date", date)];
     rows.extend(own);
     let table: String = rows.iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
     Ok((rows.into_iter().map(|(name, value)| (name.into(), value)).collect(), format!("| | |\n|---|---|\n{table}")))

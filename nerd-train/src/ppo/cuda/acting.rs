@@ -8,8 +8,8 @@ use super::super::noise::StreamKey;
 use super::super::normalizer::RunningMoments;
 use super::super::policy::Policy;
 use super::super::rollout::Rollout;
-use super::memory::{Kept, PARTS, Steps};
 use super::CudaEngine;
+use super::memory::{Kept, PARTS, Steps};
 use crate::error::{Result, refuse};
 
 /// Values of the network in units of reward: mean and scale.

@@ -7,8 +7,8 @@ use super::super::config::PpoConfig;
 use super::super::noise::StreamKey;
 use super::super::policy::Policy;
 use super::super::rollout::{Ended, Running, Taken};
-use super::world::{Places, World};
 use super::CudaEngine;
+use super::world::{Places, World};
 use crate::error::Result;
 
 impl CudaEngine {
