@@ -2,11 +2,14 @@
 //! one environment shows. Counted on the thread that steps: what a thread pool or the test harness, which goes on beside a
 //! test, keeps for itself is not the solver's. 64 environments are stepped by one thread.
 
+mod common;
+
 use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::cell::Cell;
 
+use common::*;
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{self, Start};
+use nerd_sim::sampling::{Start, start, stream};
 
 struct Counting;
 
@@ -37,23 +40,20 @@ fn a_step_does_not_allocate() {
     for (robot, scene) in
         [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1"), ("ant", "ground"), ("ant", "steps"), ("anymal", "box")]
     {
-        let system = System::named(robot).expect("built in");
+        let system = built_in(robot);
         for (name, config) in [
             ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),
             ("explicit", ArticulatedConfig::explicit(16, Friction::Huber)),
             ("implicit", ArticulatedConfig::implicit(2, Friction::Coulomb)),
         ] {
-            let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), 64);
-            for env in 0..64 {
-                batch.reset(env, &sampling::start(&system, Start::Reset, &mut sampling::stream(0, env as u64)));
-            }
+            let mut batch = batch(&system, scene, 64);
+            (0..64).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(0, env as u64))));
             let torques = vec![1.0; 64 * system.robot.joint_count()];
             let mut solver = Articulated::new(config);
             (0..3).for_each(|_| solver.step(&mut batch, &torques).expect("finite"));
             let before = COUNT.get();
             (0..200).for_each(|_| solver.step(&mut batch, &torques).expect("finite"));
-            let allocations = COUNT.get() - before;
-            assert_eq!(allocations, 0, "{robot}, {scene}, {name}: allocations in 200 steps");
+            assert_eq!(COUNT.get() - before, 0, "{robot}, {scene}, {name}: allocations in 200 steps");
         }
     }
 }

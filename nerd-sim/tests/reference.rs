@@ -85,6 +85,14 @@ fn drift_from(file: &Path, robot: &str, scene: &str, friction: Friction, steps: 
     (0..trajectories.len()).map(gap).collect()
 }
 
+fn median(sorted: &[f64]) -> f64 {
+    sorted[sorted.len() / 2]
+}
+
+fn largest(sorted: &[f64]) -> f64 {
+    sorted[sorted.len() - 1]
+}
+
 #[test]
 fn contact_free_trajectories_are_reproduced_to_1e_4_at_step_100() {
     let Some(folder) = folder() else { return };
@@ -96,9 +104,8 @@ fn contact_free_trajectories_are_reproduced_to_1e_4_at_step_100() {
     ] {
         for version in ["1.5.1", "1.8.1"] {
             let drifts = drift(&folder.join(format!("{name}_warp{version}.csv")), robot, "free", Friction::Coulomb, 100);
-            let (median, max) = (drifts[drifts.len() / 2], drifts[drifts.len() - 1]);
-            println!("{name} {version}: median {median:.2e}, largest {max:.2e}");
-            assert!(max < 1e-4, "{name} {version}: {max:.2e} rad or m at step 100, bound 1e-4");
+            println!("{name} {version}: median {:.2e}, largest {:.2e}", median(&drifts), largest(&drifts));
+            assert!(largest(&drifts) < 1e-4, "{name} {version}: {:.2e} rad or m at step 100, bound 1e-4", largest(&drifts));
         }
     }
 }
@@ -110,30 +117,22 @@ fn contact_trajectories_with_coulomb_friction_are_reproduced() {
     for ground in 1..=6 {
         let file = folder.join(format!("pendulum_passive_config{ground}_warp1.5.1.csv"));
         let drifts = drift(&file, "pendulum-paper", &format!("ground{ground}"), Friction::Coulomb, 100);
-        println!("ground{ground}: median {:.2e}, largest {:.2e}", drifts[drifts.len() / 2], drifts[drifts.len() - 1]);
+        println!("ground{ground}: median {:.2e}, largest {:.2e}", median(&drifts), largest(&drifts));
         all.extend(drifts);
     }
     all.sort_by(f64::total_cmp);
-    let (median, max) = (all[all.len() / 2], all[all.len() - 1]);
-    println!("all grounds: median {median:.2e}, largest {max:.2e}");
-    assert!(median < 1e-5, "median {median:.2e} rad at step 100, bound 1e-5");
-    assert!(max < 1e-3, "largest {max:.2e} rad at step 100, bound 1e-3");
+    assert!(median(&all) < 1e-5, "median {:.2e} rad at step 100, bound 1e-5", median(&all));
+    assert!(largest(&all) < 1e-3, "largest {:.2e} rad at step 100, bound 1e-3", largest(&all));
 }
 
 #[test]
 fn the_friction_laws_are_told_apart() {
     let Some(folder) = folder() else { return };
     let file = folder.join("pendulum_passive_config1_warp1.8.1.csv");
-    let [huber, coulomb] = [Friction::Huber, Friction::Coulomb].map(|law| drift(&file, "pendulum-paper", "ground1", law, 100));
-    let median = |d: &[f64]| d[d.len() / 2];
-    println!("1.8.1 file: Huber {:.2e}, Coulomb {:.2e}", median(&huber), median(&coulomb));
+    let [huber, coulomb] = [Friction::Huber, Friction::Coulomb].map(|law| median(&drift(&file, "pendulum-paper", "ground1", law, 100)));
+    println!("1.8.1 file: Huber {huber:.2e}, Coulomb {coulomb:.2e}");
     // Near rest the Huber law's force has a jump that f32 and f64 take at different substeps: 1e-3 is its level.
-    assert!(
-        median(&huber) < 1e-3 && median(&coulomb) > 10.0 * median(&huber),
-        "Huber {:.2e}, Coulomb {:.2e}",
-        median(&huber),
-        median(&coulomb)
-    );
+    assert!(huber < 1e-3 && coulomb > 10.0 * huber, "Huber {huber:.2e}, Coulomb {coulomb:.2e}");
 }
 
 /// Bounds on the largest drift at step 60 of the robots with three dimensions, each in the version that has its law.

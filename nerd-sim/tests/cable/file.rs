@@ -1,12 +1,13 @@
-//! What a cable's file may say: it moves, or it is refused by the key that its writer knows.
-
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
-use nerd_sim::nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
 
-/// A line of `keys` before `[cable]`, and one in it.
+use super::common::*;
+use super::{accurate, nodes};
+
+/// A cable of the usual keys but for a line before `[cable]`, and some in it.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {
     let keys = [("length", "1.0"), ("diameter", "0.008"), ("mass", "0.08"), ("bending", "1e-3"), ("links", "8")];
     let own: String = keys.iter().filter(|(key, _)| !within.contains(&format!("{key} ="))).map(|(k, v)| format!("{k} = {v}\n")).collect();
@@ -14,9 +15,43 @@ fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {
 }
 
 fn refused(before: &str, within: &str, words: &[&str]) {
-    let error = lead(before, within).expect_err(&format!("{before} {within}"));
+    let error = line(lead(before, within));
     let wanting = words.iter().find(|word| !error.contains(**word));
-    assert!(wanting.is_none() && !error.contains('\n') && error.len() < 600, "{before} {within}: {wanting:?} is not in `{error}`");
+    assert!(wanting.is_none() && error.len() < 600, "{before} {within}: {wanting:?} is not in `{error}`");
+}
+
+#[test]
+fn what_is_no_cable_is_refused_in_a_line() {
+    for (keys, word) in [
+        ("length = 0.0", "length"),
+        ("length = nan", "length"),
+        ("diameter = 2.0", "diameter"),
+        ("mass = -1.0", "mass"),
+        ("bending = -1e-3", "bending"),
+        ("links = 0", "links"),
+        ("links = 100000", "links"),
+        ("along = [0.0, 0.0, 0.0]", "along"),
+        ("held = \"glued\"", "held"),
+        ("stiffness = 1.0", "stiffness"),
+    ] {
+        refused("", keys, &[word, "lead"]);
+    }
+    refused("floating = 3", "", &["floating", "lead"]);
+    assert!(line(System::from_toml("lead", "[wire]\nlength = 1.0")).contains("[cable]"));
+}
+
+#[test]
+fn a_cable_is_held_as_it_is_said() {
+    for (held, joints, mass) in [("gripper", 6 + 3 * 8, 0.1 * 9.0 / 8.0), ("fixed", 3 * 8, 0.1), ("free", 3 * 7, 0.1)] {
+        let keys = format!("length = 0.8\ndiameter = 0.01\nmass = 0.1\ntwisting = 8e-4\ndamping = 1e-5\nheld = \"{held}\"");
+        let system = lead("", &keys).expect("a cable");
+        let robot = &system.robot;
+        assert_eq!((robot.joint_count(), robot.floating()), (joints, held == "free"), "{held}");
+        assert!((robot.mass() - mass).abs() < 1e-12, "{held}: {} kg", robot.mass());
+        let tip = *nodes(&system, &system.default_state()).last().expect("an end");
+        assert!((tip - Vector3::new(0.8, 0.0, 0.8)).norm() < 1e-12, "{held}: {tip}");
+        run(&mut accurate(&system, 8), &mut at(&system, "plane", &system.default_state()), 0.0, 120);
+    }
 }
 
 /// Random data of some trajectories; the largest number in a state, or why there is none.
@@ -58,32 +93,22 @@ fn a_stiff_cable_with_little_damping_moves() {
 #[test]
 fn what_is_lost_says_what_to_change() {
     let system = lead("", "held = \"fixed\"").expect("a cable");
-    let mut batch = Batch::new(&system, &system.scene("free").expect("a scene"), 1);
     let mut state = system.robot.zero_state();
     state[system.robot.nq()] = 1e200;
-    batch.reset(0, &state);
-    let error =
-        Articulated::new(ArticulatedConfig::accurate(&system)).step(&mut batch, &[0.0; 16]).expect_err("beyond numbers").to_string();
+    let solver = &mut Articulated::new(ArticulatedConfig::accurate(&system));
+    let error = line(solver.step(&mut at(&system, "free", &state), &[0.0; 16]));
     assert!(["[cable] damping", "substeps", "links"].iter().all(|word| error.contains(word)), "{error}");
-}
-
-/// How far the lowest contact point of each start is from the ground's surface (m).
-fn clear(system: &Arc<System>) -> f64 {
-    let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
-    let batch = begin(system, &config, 0, 8).expect("it begins");
-    let mut data = Data::new(&system.robot);
-    let lowest = (0..8).flat_map(|env| {
-        kinematics(&system.robot, &batch.state(env)[..system.robot.nq()], &mut data);
-        system.robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local).z - p.radius).collect::<Vec<_>>()
-    });
-    lowest.fold(f64::INFINITY, f64::min)
 }
 
 #[test]
 fn a_free_cable_starts_above_the_ground_or_is_refused() {
     for height in ["0.1234567", "0.03", "2.0"] {
         let system = lead("", &format!("held = \"free\"\nat = [0.0, 0.0, {height}]")).expect(height);
-        assert!(clear(&system) >= 0.0, "from {height} m: {} m", clear(&system));
+        let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
+        let begun = begin(&system, &config, 0, 8).expect("it begins");
+        let radius = system.robot.contact_points[0].radius;
+        let lowest = (0..8).flat_map(|env| nodes(&system, begun.state(env))).map(|node| node.z - radius).fold(f64::INFINITY, f64::min);
+        assert!(lowest >= 0.0, "from {height} m: {lowest} m");
         assert_eq!(system.default_state()[2], height.parse::<f64>().expect("a number"));
     }
     for held in ["free", "fixed"] {

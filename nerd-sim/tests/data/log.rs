@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use crate::tossed::{Toss, cube, header, stamp, text, tosses, write};
+use crate::common::{built_in, line};
+use crate::tossed::{Toss, cube, folder, header, stamp, text, tosses};
 use nerd_sim::log::Log;
-use nerd_sim::prelude::*;
 
-fn read(folder: &Path) -> Log {
-    Log::read(&folder.join("cube.log.toml"), None).expect("a log")
+fn read(rows: &str, toml: &str) -> Log {
+    Log::read(&folder(rows, toml).path().join("cube.log.toml"), None).expect("a log")
 }
 
 /// A TOML that names no velocities.
@@ -16,23 +16,10 @@ fn bare() -> String {
     header().replace("velocity = [\"vx\", \"vy\", \"vz\"]\n", "").replace("angular = [\"wx\", \"wy\", \"wz\"]\n", "")
 }
 
-fn refusal(folder: &Path) -> String {
-    let error = Log::read(&folder.join("cube.log.toml"), None).map(|_| ()).expect_err("an error").to_string();
-    assert!(!error.contains('\n'), "one line: {error}");
-    error
-}
-
-/// The table of these tosses with every line changed, read.
-fn folder(rows: &str, toml: &str) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path(), rows, toml);
-    folder
-}
-
 #[test]
 fn states_come_back_as_a_solver_had_them() {
     let all = tosses(&cube(), 3, 60);
-    let log = read(folder(&text(&all), header()).path());
+    let log = read(&text(&all), header());
     assert_eq!(log.trajectories.len(), 3);
     assert!(log.notes.is_empty(), "{:?}", log.notes);
     for (toss, found) in all.iter().zip(&log.trajectories) {
@@ -44,19 +31,19 @@ fn states_come_back_as_a_solver_had_them() {
 #[test]
 fn what_is_missing_is_made_and_said() {
     let all = tosses(&cube(), 2, 60);
-    let log = read(folder(&text(&all), &bare()).path());
+    let log = read(&text(&all), &bare());
     assert!(log.notes.iter().any(|n| n.contains("central differences")), "{:?}", log.notes);
     let speed = |s: &[f64]| (s[7].powi(2) + s[8].powi(2) + s[9].powi(2)).sqrt();
     let (told, made) = (speed(&all[0].states[4]), speed(&log.trajectories[0].states[4]));
     assert!((told - made).abs() < 0.02 * told, "spin {made} rad/s from differences, {told} in truth");
 
     let gap: Vec<Toss> = all.iter().map(|t| Toss { skip: 30..34, ..t.clone() }).collect();
-    let log = read(folder(&text(&gap), header()).path());
+    let log = read(&text(&gap), header());
     assert_eq!(log.trajectories.len(), 4, "each cut in two: {:?}", log.notes);
     assert!(log.notes.iter().any(|n| n.contains("2 gaps") && n.contains("line 32")), "{:?}", log.notes);
 
     let slow: Vec<Toss> = all.iter().map(|t| Toss { stride: 2, ..t.clone() }).collect();
-    let log = read(folder(&text(&slow), header()).path());
+    let log = read(&text(&slow), header());
     assert!(log.notes.iter().any(|n| n.contains("resampled")), "{:?}", log.notes);
     let (a, b) = (&all[0].states[5], &log.trajectories[0].states[5]);
     assert!((a[2] - b[2]).abs() < 1e-3 && log.trajectories[0].states.len() == 59, "{} m for {} m between two rows", b[2], a[2]);
@@ -66,12 +53,12 @@ fn what_is_missing_is_made_and_said() {
 fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
     let mut all = tosses(&cube(), 2, 60);
     all.push(Toss { id: 9, turned: 1.1, ..all[0].clone() });
-    let log = read(folder(&text(&all), header()).path());
+    let log = read(&text(&all), header());
     assert_eq!(log.trajectories.iter().map(|t| t.id).collect::<Vec<_>>(), [0, 1], "{:?}", log.notes);
     assert!(log.notes[0].starts_with("1 of 3"), "{:?}", log.notes);
 
     let held: Vec<Toss> = all[..2].iter().map(|t| Toss { held: 20, ..t.clone() }).collect();
-    let log = read(folder(&text(&held), header()).path());
+    let log = read(&text(&held), header());
     assert!(log.notes.iter().any(|n| n.starts_with("2 trajectories do not fall freely")), "{:?}", log.notes);
     let left = log.trajectories[0].states.len();
     // Where falling begins is known to half of the 12 frames that tell a fall.
@@ -112,7 +99,7 @@ fn what_cannot_be_right_is_refused() {
         ("a key", good.clone(), header().replace("time =", "clock ="), &["cube.log.toml", "clock"]),
     ];
     for (what, rows, toml, words) in cases {
-        let said = refusal(folder(&rows, &toml).path());
+        let said = line(Log::read(&folder(&rows, &toml).path().join("cube.log.toml"), None));
         assert!(words.iter().all(|word| said.contains(word)), "{what}: `{said}` does not say {words:?}");
     }
 }
@@ -123,7 +110,7 @@ fn joints_have_units_of_their_own_and_no_seams() {
     let folder = tempfile::tempdir().expect("a folder");
     let toml = "file = \"c.csv\"\nrobot = \"cartpole\"\nscene = \"free\"\ntime = \"t\"\nunits = { length = \"mm\", angle = \"deg\" }\n\
                 [[joint]]\nname = \"NAME0\"\nposition = \"x\"\n[[joint]]\nname = \"NAME1\"\nposition = \"a\"\n";
-    let system = System::named("cartpole").expect("a robot");
+    let system = built_in("cartpole");
     let names: Vec<&str> = system.robot.joints().map(|j| j.name.as_str()).collect();
     let toml = toml.replace("NAME0", names[0]).replace("NAME1", names[1]);
     let mut rows = String::from("t,x,a\n");
@@ -156,14 +143,14 @@ fn rest_refuses_nothing() {
             toss.states.push(state);
         }
     }
-    let log = read(folder(&text(&all), header()).path());
+    let log = read(&text(&all), header());
     assert_eq!(log.trajectories[0].states.len(), 210);
 }
 
 /// A scale of length that is 2 % short is worth a line, no more.
 #[test]
 fn free_fall_tells_the_scale() {
-    let log = read(folder(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf")).path());
+    let log = read(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf"));
     assert!(log.notes.iter().any(|n| n.contains("free fall is 9.81") && n.contains("gravity is 10.000")), "{:?}", log.notes);
 }
 
@@ -175,6 +162,5 @@ fn the_sample_is_read() {
     assert_eq!((log.trajectories.len(), log.system.robot.contact_points.len()), (10, 8));
     assert!(log.notes.iter().any(|n| n.contains("free fall is 9.6")), "{:?}", log.notes);
     assert!(log.trajectories.iter().all(|t| t.states.iter().flatten().all(|x| x.is_finite())));
-    let system: &System = &log.system;
-    assert!((system.frame_time - 1.0 / 148.0).abs() < 1e-12);
+    assert!((log.system.frame_time - 1.0 / 148.0).abs() < 1e-12);
 }

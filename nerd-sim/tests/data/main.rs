@@ -2,6 +2,8 @@
 
 #[cfg(all(feature = "calibrate", feature = "rapier"))]
 mod calibrate;
+#[path = "../common/mod.rs"]
+mod common;
 mod dataset;
 mod files;
 #[cfg(feature = "csv")]

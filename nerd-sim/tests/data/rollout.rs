@@ -6,6 +6,8 @@ use std::sync::Arc;
 use nerd_sim::prelude::*;
 use nerd_sim::rollout::{RolloutError, States};
 
+use crate::common::*;
+
 const GOOD: &str = "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n0,1,,,,\n";
 
 fn write(folder: &Path, name: &str, text: &[u8]) -> PathBuf {
@@ -25,10 +27,10 @@ fn rolled(path: &Path, system: &Arc<System>) -> Result<String, RolloutError> {
 #[test]
 fn faults_name_file_line_and_column() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let [pendulum, cube] = ["pendulum", "cube"].map(|name| System::named(name).expect("built in"));
+    let [pendulum, cube] = ["pendulum", "cube"].map(built_in);
     let refused = |path: &Path, system: &Arc<System>, words: &[&str]| {
-        let said = rolled(path, system).expect_err("refused").to_string();
-        assert!(said.starts_with(&path.display().to_string()) && !said.contains('\n'), "{said}");
+        let said = line(rolled(path, system));
+        assert!(said.starts_with(&path.display().to_string()), "{said}");
         words.iter().for_each(|word| assert!(said.contains(word), "`{said}` does not name {word}"));
     };
     let cases: [(&str, &str, [&str; 2]); 15] = [
@@ -60,7 +62,7 @@ fn faults_name_file_line_and_column() {
 #[test]
 fn columns_go_by_their_names_in_any_order() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let pendulum = System::named("pendulum").expect("built in");
+    let pendulum = built_in("pendulum");
     let rolled = |name: &str, text: &str| rolled(&write(folder.path(), name, text.as_bytes()), &pendulum).expect("a table");
     let torques = "traj,step,q1,q2,qd1,qd2,tau1,tau2\n0,0,0.1,0.2,0,0,1,-2\n0,1,,,,,,\n";
     let turned = "tau2,note,qd2,q2,step,tau1,qd1,q1,traj,tau_est\n-2,a,0,0.2,0,1,0,0.1,0,9\n,,,,1,,,,0,\n";
@@ -73,18 +75,12 @@ fn columns_go_by_their_names_in_any_order() {
 #[test]
 fn joints_named_like_other_columns_are_read_from_their_own() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let link = |n: usize| {
-        format!(
-            r#"<link name="l{n}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#
-        )
-    };
     for name in ["step", "traj", "tau1"] {
-        let joint =
-            format!(r#"<joint name="{name}" type="continuous"><parent link="l0"/><child link="l1"/><axis xyz="0 1 0"/></joint></robot>"#);
-        let urdf = format!(r#"<robot name="r">{}{}{joint}"#, link(0), link(1));
-        let system = Arc::new(System::bare(name, &urdf, false).expect("a robot"));
+        let hinge = joint(name, "continuous", ["base", "l"], r#"<axis xyz="0 1 0"/>"#);
+        let parts = [base(), link("l", 1.0, [0.0; 3], [1.0; 3], ""), hinge];
+        let system = Arc::new(System::bare(name, &urdf(&parts), false).expect("a robot"));
         let table = |header: &str| write(folder.path(), "states.csv", format!("{header}\n0,0,0.5,0\n0,1,,\n").as_bytes());
-        let said = rolled(&table(&format!("traj,step,{name},d_{name}")), &system).expect_err("refused").to_string();
+        let said = line(rolled(&table(&format!("traj,step,{name},d_{name}")), &system));
         let words = if name == "tau1" { "states.csv: line 1: no column" } else { "states.csv: line 1: column" };
         assert!(said.contains(words), "{name}: {said}");
         // Its centre of mass is on the axis: it stays where it starts.

@@ -2,7 +2,6 @@
 #![allow(dead_code)]
 
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -11,6 +10,8 @@ use nerd_core::state::{quaternion, vector};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{normal, stream};
 use nerd_sim::suite::bodies::Body;
+
+use crate::common::{at, implicit, motion};
 
 /// One toss, and what is done to it as it is written.
 #[derive(Clone, Debug)]
@@ -34,21 +35,14 @@ pub fn cube() -> Arc<System> {
 
 /// Tosses of so many frames.
 pub fn tosses(system: &Arc<System>, count: u64, frames: usize) -> Vec<Toss> {
-    let scene = system.scene("ground").expect("a table");
-    let mut solver = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
     let toss = |id: u64| {
         let mut rng = stream(7, id);
         let mut draw = |scale: f64| [0; 3].map(|_| scale * normal(&mut rng));
         let turn = UnitQuaternion::from_scaled_axis(Vector3::from(draw(1.0)));
         let [w, v] = [draw(4.0), draw(0.5)];
         let start = Body::state([0.1, -0.2, 0.25], [turn.i, turn.j, turn.k, turn.w], w, [v[0], v[1], 0.3]);
-        let mut batch = Batch::new(system, &scene, 1);
-        batch.reset(0, &start);
-        let mut states = vec![batch.state(0).to_vec()];
-        while states.len() < frames {
-            solver.step(&mut batch, &[]).expect("a frame");
-            states.push(batch.state(0).to_vec());
-        }
+        let mut states = vec![start.clone()];
+        states.extend(motion(&mut implicit(16), at(system, "ground", &start), 0.0, frames - 1));
         Toss { id, states, turned: 0.0, stride: 1, skip: 0..0, held: 0 }
     };
     (0..count).map(toss).collect()
@@ -100,16 +94,15 @@ axes = "body"
 "#
 }
 
-/// Writes a table with its TOML and robots into a folder.
-pub fn write(folder: &Path, rows: &str, toml: &str) {
-    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/logs");
-    let robot = |file: &str| std::fs::read_to_string(assets.join(file)).expect("an asset");
-    let put = |file: &str, text: &str| std::fs::write(folder.join(file), text).expect("written");
+/// A folder with a table, its TOML and robots.
+pub fn folder(rows: &str, toml: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let put = |file: &str, text: &str| std::fs::write(folder.path().join(file), text).expect("written");
     put("cube.csv", rows);
     put("cube.log.toml", toml);
-    for name in ["cube", "heavy"] {
-        put(&format!("{name}.urdf"), &robot("cube.urdf"));
-        let gravity = if name == "heavy" { "-10.0" } else { "-9.81" };
-        put(&format!("{name}.toml"), &robot("cube.toml").replace("-9.81", gravity));
+    for (name, gravity) in [("cube", "-9.81"), ("heavy", "-10.0")] {
+        put(&format!("{name}.urdf"), include_str!("../../assets/logs/cube.urdf"));
+        put(&format!("{name}.toml"), &include_str!("../../assets/logs/cube.toml").replace("-9.81", gravity));
     }
+    folder
 }

@@ -2,6 +2,8 @@
 
 #[cfg(feature = "rapier")]
 mod batches;
+#[path = "../common/mod.rs"]
+mod common;
 mod instruments;
 #[cfg(feature = "rapier")]
 mod rapier;

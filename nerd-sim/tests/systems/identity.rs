@@ -2,19 +2,15 @@
 
 use nerd_sim::prelude::*;
 
+use super::common::*;
+
 const URDF: &str = include_str!("../../assets/pendulum.urdf");
 const TOML: &str = include_str!("../../assets/pendulum.toml");
 
+/// Of the robot, and of the whole system.
 fn hashes(urdf: &str, toml: &str) -> [String; 2] {
     let system = System::from_text("pendulum", urdf, Some(toml)).expect("valid");
     [system.robot_sha256(), system.sha256()]
-}
-
-/// The text with one change, which must be one.
-fn changed(text: &str, from: &str, to: &str) -> String {
-    let new = text.replacen(from, to, 1);
-    assert_ne!(new, text, "`{from}` is not in the text");
-    new
 }
 
 #[test]
@@ -22,22 +18,18 @@ fn how_it_is_written_changes_nothing() {
     let ours = hashes(URDF, TOML);
     for (from, to) in [
         ("substeps = 8", "# a comment\nsubsteps   =   8"),
-        ("substeps = 8", ""),
         ("\"1/60\"", "\"0.016666666666666666\""),
         ("[0.0, -9.81, 0.0]", "[-0.0, -9.81, -0.0]"),
         ("1e4, damping", "10000.0, damping"),
         ("U(-2pi, 2pi)", "U(-6.283185307179586, 2pi)"),
         ("\"tau1\"", "\"tau_shoulder\""),
         ("urdf = \"pendulum.urdf\"\n", ""),
-        // What models of it learn stands on their cards.
+        // What models of it learn is on their cards.
         ("substeps = 8", "substeps = 8\ntruth = \"paper\""),
     ] {
-        let mut toml = changed(TOML, from, to);
-        if to.is_empty() && from.starts_with("substeps") {
-            toml = format!("substeps = 8\n{toml}");
-        }
-        assert_eq!(hashes(URDF, &toml), ours, "`{from}` as `{to}`");
+        assert_eq!(hashes(URDF, &changed(TOML, from, to)), ours, "`{from}` as `{to}`");
     }
+    assert_eq!(hashes(URDF, &format!("substeps = 8\n{}", changed(TOML, "substeps = 8", ""))), ours, "another order of keys");
     let spaced = URDF.replace("><", ">\n <!-- here --> <").replace("<robot ", "<robot\n  ");
     assert_eq!(hashes(&spaced, TOML), ours);
     // The other order of the joints' tables: they go by name.
@@ -46,32 +38,29 @@ fn how_it_is_written_changes_nothing() {
     assert_eq!(hashes(URDF, &changed(TOML, &format!("{first}{second}"), &format!("{second}{first}"))), ours);
 }
 
+/// What moves it changes both hashes; how data of it are made, that of the system alone.
 #[test]
-fn what_moves_it_changes_both() {
+fn what_matters_is_seen() {
     let ours = hashes(URDF, TOML);
-    let toml = |from: &str, to: &str| (format!("{from} as {to}"), hashes(URDF, &changed(TOML, from, to)));
-    let urdf = |from: &str, to: &str| (format!("{from} as {to}"), hashes(&changed(URDF, from, to), TOML));
-    let mass = URDF.split("<mass").nth(1).and_then(|m| m.split('>').next()).expect("a mass");
-    for (what, found) in [
-        toml("-9.81", "-9.82"),
-        toml("1/60", "1/61"),
-        toml("substeps = 8", "substeps = 6"),
-        toml("substeps = 8", "substeps = 8\nrefresh = \"substep\""),
-        toml("armature = 0.01", "armature = 0.02"),
-        toml("friction = 0.5", "friction = 0.6"),
-        toml("point = [1.5, 0.0, 0.0]", "point = [1.5, 0.0, 1e-9]"),
-        toml("radius = 0.10001", "radius = 0.1"),
-        toml("thickness = 0.1", "thickness = 0.2"),
-        urdf(mass, " value=\"1\"/"),
-        urdf("<axis", "<dynamics damping=\"0.1\" friction=\"0\"/><axis"),
+    for (from, to) in [
+        ("-9.81", "-9.82"),
+        ("1/60", "1/61"),
+        ("substeps = 8", "substeps = 6"),
+        ("substeps = 8", "substeps = 8\nrefresh = \"substep\""),
+        ("armature = 0.01", "armature = 0.02"),
+        ("friction = 0.5", "friction = 0.6"),
+        ("point = [1.5, 0.0, 0.0]", "point = [1.5, 0.0, 1e-9]"),
+        ("radius = 0.10001", "radius = 0.1"),
+        ("thickness = 0.1", "thickness = 0.2"),
     ] {
-        assert!(found[0] != ours[0] && found[1] != ours[1], "{what} is not seen");
+        let found = hashes(URDF, &changed(TOML, from, to));
+        assert!(found[0] != ours[0] && found[1] != ours[1], "{from} as {to} is not seen");
     }
-}
-
-#[test]
-fn how_data_are_made_changes_one() {
-    let ours = hashes(URDF, TOML);
+    let mass = URDF.split("<mass").nth(1).and_then(|m| m.split('>').next()).expect("a mass");
+    for (from, to) in [(mass, " value=\"1\"/"), ("<axis", "<dynamics damping=\"0.1\" friction=\"0\"/><axis")] {
+        let found = hashes(&changed(URDF, from, to), TOML);
+        assert!(found[0] != ours[0] && found[1] != ours[1], "{from} as {to} is not seen");
+    }
     for (from, to) in [
         ("U(-4pi, 4pi)", "U(-4pi, 3pi)"),
         ("qd = \"U(-2, 2)\"", "qd = \"U(-2, 1)\""),
@@ -90,22 +79,15 @@ fn how_data_are_made_changes_one() {
 
 #[test]
 fn limits_count_and_all_built_in_robots_differ() {
-    let toml = include_str!("../../assets/cartpole.toml");
-    let urdf = include_str!("../../assets/cartpole.urdf");
-    let ours = hashes(urdf, toml);
+    let (toml, urdf) = System::texts("cartpole").expect("built in");
+    let robot = |urdf: &str, toml: &str| hashes(urdf, toml)[0].clone();
+    let ours = robot(urdf, toml);
     // Nothing of it touches: no material matters.
-    let slippery = changed(
-        toml,
-        "substeps = 4",
-        "substeps = 4\nmaterial = { stiffness = 1.0, damping = 1.0, friction_damping = 1.0, friction = 0.0 }",
-    );
-    assert_eq!(hashes(urdf, &slippery)[0], ours[0]);
-    for found in
-        [hashes(&changed(urdf, "lower=\"-4\"", "lower=\"-3.9\""), toml), hashes(urdf, &changed(toml, "damping = 10.0", "damping = 11.0"))]
-    {
-        assert_ne!(found[0], ours[0]);
-    }
-    let mut all: Vec<String> = System::built_in().into_iter().map(|n| System::named(n).expect("built in").robot_sha256()).collect();
+    let slippery = "substeps = 4\nmaterial = { stiffness = 1.0, damping = 1.0, friction_damping = 1.0, friction = 0.0 }";
+    assert_eq!(robot(urdf, &changed(toml, "substeps = 4", slippery)), ours);
+    assert_ne!(robot(&changed(urdf, "lower=\"-4\"", "lower=\"-3.9\""), toml), ours);
+    assert_ne!(robot(urdf, &changed(toml, "damping = 10.0", "damping = 11.0")), ours);
+    let mut all: Vec<String> = System::built_in().into_iter().map(|name| built_in(name).robot_sha256()).collect();
     assert!(all.iter().all(|h| h.len() == 64 && h.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b))));
     all.sort();
     all.dedup();

@@ -6,6 +6,8 @@ use nerd_sim::system::Spec;
 use nerd_sim::truth::Truth;
 use serde_json::Value;
 
+use super::common::{built_in, line};
+
 fn keys(spec: &Spec) -> serde_json::Map<String, Value> {
     serde_json::to_value(spec).expect("JSON").as_object().expect("a table").clone()
 }
@@ -46,8 +48,8 @@ fn what_is_no_built_in_robot_is_refused_in_one_line() {
         ("like = \"cartpole\"\ntruth = \"guess\"", "guess"),
         ("like = \"ant\"", "hip1"),
     ] {
-        let error = System::from_text("mine", urdf, Some(text)).expect_err(text).to_string();
-        assert!(error.contains(word) && error.contains("`mine`") && !error.contains('\n'), "{text}: `{error}`");
+        let error = line(System::from_text("mine", urdf, Some(text)));
+        assert!(error.contains(word) && error.contains("`mine`"), "{text}: `{error}`");
     }
     let error = Spec::read("like = \"unicorn\"").expect_err("no robot");
     assert!(System::built_in().iter().all(|name| error.contains(name)), "the known ones are not named: {error}");
@@ -66,7 +68,7 @@ fn robots_of_the_paper_have_its_materials_and_substeps() {
         ("anymal", Some([material(2e3, 500.0, 100.0, 0.75), material(1e5, 1e3, 1e3, 0.5)]), 10),
     ];
     for (name, materials, substeps) in cases {
-        let (ours, paper) = (System::named(name).expect("built in"), System::named(&format!("{name}-paper")).expect("built in"));
+        let (ours, paper) = (built_in(name), built_in(&format!("{name}-paper")));
         assert_eq!((ours.spec.truth, paper.spec.truth), (Truth::Articulated, Truth::Paper), "{name}");
         assert_eq!(paper.spec.substeps, substeps, "{name}-paper");
         assert_ne!(ours.robot_sha256(), paper.robot_sha256(), "{name} and {name}-paper are one robot to a model");

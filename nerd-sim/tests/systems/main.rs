@@ -1,5 +1,7 @@
 //! Robots and what is said of them: built in, read, derived, varied, known by their hashes.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod derived;
 mod identity;
 mod like;

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use nerd_sim::prelude::*;
 
+use super::common::*;
+
 /// A binary STL of a box's twelve triangles, of these half edges (mm), with a header of its own.
 fn stl(half: [f32; 3], header: &str) -> Vec<u8> {
     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { half[axis] } else { -half[axis] });
@@ -26,15 +28,10 @@ fn brick(folder: &Path, mesh: &str) -> std::path::PathBuf {
     let robots = folder.join("bricks/robots");
     std::fs::create_dir_all(&robots).expect("a folder");
     std::fs::create_dir_all(folder.join("bricks/meshes")).expect("a folder");
-    let urdf = format!(
-        r#"<robot name="brick"><link name="body"><inertial><mass value="2"/>
-        <inertia ixx="0.0083" iyy="0.028" izz="0.033" ixy="0" ixz="0" iyz="0"/></inertial>
-        <collision><geometry><mesh filename="{mesh}" scale="0.001 0.001 0.001"/></geometry></collision></link></robot>"#
-    );
-    let toml = "floating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\n\
-                [[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
-    std::fs::write(robots.join("brick.urdf"), urdf).expect("a file");
-    std::fs::write(robots.join("brick.toml"), toml).expect("a file");
+    let mesh = format!(r#"<mesh filename="{mesh}" scale="0.001 0.001 0.001"/>"#);
+    let body = link("body", 2.0, [0.0; 3], [0.0083, 0.028, 0.033], &collision([0.0; 3], &mesh));
+    std::fs::write(robots.join("brick.urdf"), urdf(&[body])).expect("a file");
+    std::fs::write(robots.join("brick.toml"), keys(true, 9.81) + GROUND).expect("a file");
     robots.join("brick.urdf")
 }
 
@@ -48,18 +45,14 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     assert!(system.meshes.is_empty() && system.notes.is_empty(), "{:?}", system.notes);
     assert_eq!(system.robot.contact_points.len(), 8);
     for p in &system.robot.contact_points {
-        let off = (p.local.abs() - nerd_sim::nerd_core::nalgebra::Vector3::new(0.2, 0.1, 0.05)).amax();
+        let off = (p.local.abs() - Vector3::new(0.2, 0.1, 0.05)).amax();
         assert!(off < 1e-6, "{:?} is {off:.1e} m from a corner", p.local);
     }
     // Let go 2 cm above the ground it comes to rest on its large face.
-    let scene = system.scene("ground").expect("a ground");
-    let mut batch = Batch::new(&system, &scene, 1);
     let mut state = system.default_state();
     state[2] = 0.07;
-    batch.reset(0, &state);
-    let mut solver = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
-    (0..180).try_for_each(|_| solver.step(&mut batch, &[])).expect("steps");
-    let height = batch.state(0)[2];
+    let height = end(&mut implicit(16), at(&system, "ground", &state), 0.0, 180)[2];
+    println!("it rests at {height:.5} m");
     assert!((height - 0.05).abs() < 1e-3, "it rests at {height} m, half its height is 0.05 m");
 }
 

@@ -6,11 +6,13 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::state::{quaternion, vector};
-use nerd_sim::control::Controller;
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
 use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::contacts;
+
+use super::common::*;
 
 /// Mass (kg), joints, contact points.
 #[test]
@@ -24,7 +26,7 @@ fn masses_joints_and_contact_points_are_the_references() {
         ("anymal", 53.16426, 12, 14),
         ("anymal-paper", 53.35426, 12, 14),
     ] {
-        let robot = &System::named(name).expect("built in").robot;
+        let robot = &built_in(name).robot;
         assert!((robot.mass() / mass - 1.0).abs() < 1e-4, "{name}: {} kg, reference {mass}", robot.mass());
         assert_eq!((robot.joint_count(), robot.contact_points.len()), (joints, points), "{name}");
     }
@@ -33,7 +35,7 @@ fn masses_joints_and_contact_points_are_the_references() {
 /// Default pose: knees 0.432 m high at x = +-0.471, feet 0.107 m high at x = +-0.429, z = +-0.2835.
 #[test]
 fn anymal_stands_as_the_reference_does() {
-    let system = System::named("anymal").expect("built in");
+    let system = built_in("anymal");
     let mut data = Data::new(&system.robot);
     kinematics(&system.robot, &system.default_state(), &mut data);
     let mut feet = 0;
@@ -60,7 +62,7 @@ fn controllers_are_the_references() {
             let _ = writeln!(std::io::stderr(), "skipped: no reference data ({file})");
             continue;
         }
-        let system = System::named(robot).expect("built in");
+        let system = built_in(robot);
         let mut controller = Controller::new(&system);
         let mut reader = csv::Reader::from_path(&path).expect("reference file opens");
         let header = reader.headers().expect("header").clone();
@@ -85,21 +87,19 @@ fn controllers_are_the_references() {
 /// A spring on a turning body, I = 1.0001 kg m^2, far stiffer than a frame of 1/60 s can hold (4 I / h^2 = 14 400 N m/rad).
 #[test]
 fn the_law_that_looks_ahead_is_stable_at_any_gain() {
-    let urdf = r#"<robot name="arm"><link name="base"/><link name="l"><inertial><origin xyz="1 0 0"/><mass value="1"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link><joint name="j" type="continuous"><parent link="base"/><child link="l"/><axis xyz="0 0 1"/></joint></robot>"#;
+    let parts = [base(), link("l", 1.0, [1.0, 0.0, 0.0], [1e-4; 3], ""), joint("j", "continuous", ["base", "l"], r#"<axis xyz="0 0 1"/>"#)];
     let law = |kp: f64, ahead: bool| {
-        let toml = format!(
-            "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\n[control]\nscale = 1.0\nahead = {ahead}\n[[joint]]\nname = \"j\"\nkp = {kp:?}\nkd = 0.5\nsample = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\nreset = {{ q = \"U(0, 0)\", qd = \"U(0, 0)\" }}\n"
-        );
-        let system = std::sync::Arc::new(System::from_text("arm", urdf, Some(&toml)).expect("an arm"));
-        let mut controller = Controller::new(&system);
-        let batch = Batch::new(&system, &system.scene("free").expect("empty"), 1);
-        let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)));
+        let control = format!("[control]\nscale = 1.0\nahead = {ahead}\n");
+        let toml = keys(false, 9.81) + &control + &joint_table("j", &format!("kp = {kp:?}\nkd = 0.5"));
+        let system = Arc::new(System::from_text("arm", &urdf(&parts), Some(&toml)).expect("an arm"));
+        let (mut controller, mut batch) = (Controller::new(&system), batch(&system, "free", 1));
+        let mut solver = Articulated::new(ArticulatedConfig::converged(Friction::Coulomb));
         let mut torque = [0.0];
         for _ in 0..120 {
-            controller.torques(simulation.batch.state(0), &[0.5], &mut torque);
-            simulation.step(&torque).expect("a step");
+            controller.torques(batch.state(0), &[0.5], &mut torque);
+            solver.step(&mut batch, &torque).expect("a step");
         }
-        (simulation.batch.state(0)[0] - 0.5).abs()
+        (batch.state(0)[0] - 0.5).abs()
     };
     for kp in [20_000.0, 1e7] {
         let (with, without) = (law(kp, true), law(kp, false));
@@ -115,7 +115,7 @@ fn the_law_that_looks_ahead_is_stable_at_any_gain() {
 fn starts_keep_to_their_boxes() {
     for env in 0..200 {
         for name in ["ant", "ant-paper", "anymal"] {
-            let system = System::named(name).expect("built in");
+            let system = built_in(name);
             let (state, nq) = (start(&system, Start::Sample, &mut stream(0, env)), system.robot.nq());
             let (p, q, w, v) = (vector(&state[..3]), quaternion(&state[3..7]), vector(&state[nq..]), vector(&state[nq + 3..]));
             let said = &system.spec.root.as_ref().expect("a free root").sample;
@@ -130,10 +130,10 @@ fn starts_keep_to_their_boxes() {
             assert!(tilt <= said.tilt.high.max(-said.tilt.low) + 1e-12, "{name} tilted by {tilt}");
         }
 
-        let system = System::named("cube").expect("built in");
+        let system = built_in("cube");
         let cube = start(&system, Start::Reset, &mut stream(0, env));
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-        nerd_sim::scene::contacts(&system.robot, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
+        contacts(&system.robot, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
         let lowest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
         assert!(lowest >= 1e-3, "a corner of the cube starts {lowest} m above the ground");
     }
@@ -143,7 +143,7 @@ fn starts_keep_to_their_boxes() {
 #[test]
 fn every_robot_is_recorded() {
     for name in System::built_in() {
-        let system = System::named(name).expect("built in");
+        let system = built_in(name);
         let config = GenerateConfig { transitions: 160, frames: 20, ..Default::default() };
         let recording = record(&system, &mut *system.spec.truth.solver(&system), &config, 0, 8).expect("recorded");
         assert!(recording.states.iter().all(|x| x.is_finite()), "{name}");
@@ -157,43 +157,30 @@ fn every_robot_is_recorded() {
 /// A start under the ground is drawn again; one that always is, is refused when the robot is made.
 #[test]
 fn a_clearance_that_no_start_has_is_refused() {
-    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial><collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
-    let toml = |low: f64| {
-        let zero = r#"["U(0, 0)", "U(0, 0)", "U(0, 0)"]"#;
-        format!(
-            "urdf = \"\"\nfloating = true\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, -9.81]\nsubsteps = 16\ndata_scene = \"ground\"\n[root]\nposition = [0.0, 0.0, 1.0]\nquaternion = [0.0, 0.0, 0.0, 1.0]\n[root.sample]\nposition = [\"U(0, 0)\", \"U(0, 0)\", \"U({low}, 0.5)\"]\ntilt = \"U(0, 0)\"\nangular = {zero}\nlinear = {zero}\nclearance = 0.3\n[[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n"
-        )
-    };
-    let system = System::from_text("ball", urdf, Some(&toml(-1.0))).expect("some starts are clear");
+    let ball = urdf(&[link("ball", 1.0, [0.0; 3], [1.0; 3], &collision([0.0; 3], r#"<sphere radius="0.1"/>"#))]);
+    let zero = r#"["U(0, 0)", "U(0, 0)", "U(0, 0)"]"#;
+    let toml = format!(
+        "data_scene = \"ground\"\n{}[root]\nposition = [0.0, 0.0, 1.0]\nquaternion = [0.0, 0.0, 0.0, 1.0]\n[root.sample]\nposition = [\"U(0, 0)\", \"U(0, 0)\", \"U(-1, 0.5)\"]\ntilt = \"U(0, 0)\"\nangular = {zero}\nlinear = {zero}\nclearance = 0.3\n{GROUND}",
+        keys(true, 9.81)
+    );
+    let system = System::from_text("ball", &ball, Some(&toml)).expect("some starts are clear");
     let lowest = (0..200).map(|env| start(&system, Start::Sample, &mut stream(0, env))[2]).fold(f64::INFINITY, f64::min);
     assert!((0.3..0.35).contains(&lowest), "lowest of 200 starts {lowest} m, the contact law's distance is to the centre");
-    let toml = toml(-1.0).replace("clearance = 0.3", "clearance = 0.6");
-    let error = System::from_text("ball", urdf, Some(&toml)).expect_err("no start is clear").to_string();
+    let error = line(System::from_text("ball", &ball, Some(&changed(&toml, "clearance = 0.3", "clearance = 0.6"))));
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
 }
 
 #[test]
-fn a_robot_built_in_code_moves_as_its_file_does() {
+fn a_robot_built_in_code_is_that_of_its_file() {
     let (spec, urdf) = System::texts("pendulum").expect("it is built in");
-    let file = Arc::new(System::from_text("pendulum", urdf, Some(spec)).expect("a pendulum"));
-    let robot = || nerd_sim::nerd_core::robot::Robot::from_urdf(urdf, nerd_sim::nerd_core::robot::Base::fixed()).expect("a robot");
-    let built = Arc::new(System::from_robot(robot(), Some(spec)).expect("the same"));
-    assert_eq!(built.robot_sha256(), file.robot_sha256());
-    let end = |system: &Arc<System>| {
-        let mut batch = Batch::new(system, &system.scene("free").expect("space"), 1);
-        let mut solver = Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb));
-        let mut state = system.default_state();
-        state[0] += 0.5;
-        batch.reset(0, &state);
-        (0..30).try_for_each(|_| solver.step(&mut batch, &[0.1, -0.2])).expect("steps");
-        batch.state(0).to_vec()
-    };
-    assert_eq!(end(&built), end(&file));
+    let robot = || Robot::from_urdf(urdf, Base::fixed()).expect("a robot");
+    let built = System::from_robot(robot(), Some(spec)).expect("the same");
+    assert_eq!((built.robot_sha256(), &built.robot), (built_in("pendulum").robot_sha256(), &built_in("pendulum").robot));
     // Without a word about it, as a bare file.
     assert_eq!(System::from_robot(robot(), None).expect("bare").frame_time, 1.0 / 60.0);
     let mut free = robot();
-    free.base = nerd_sim::nerd_core::robot::Base::Floating;
-    let said = System::from_robot(free, Some(spec)).expect_err("a contradiction").to_string();
+    free.base = Base::Floating;
+    let said = line(System::from_robot(free, Some(spec)));
     assert!(said.contains("floating = false, but the robot's base is free"), "{said}");
 }
 
@@ -201,12 +188,10 @@ fn a_robot_built_in_code_moves_as_its_file_does() {
 #[test]
 fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
     for (name, force) in [("pendulum", 30.0), ("ant", 30.0), ("anymal", 30.0), ("cube", 1.7)] {
-        let creep = force / drag(&System::named(name).expect("built in"));
+        let system = built_in(name);
+        let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
+        let creep = force / ground.colliders[0].material.mean(&system.spec.material).friction_damping;
+        println!("{name}: {creep:.2e} m/s under {force} N");
         assert!(creep < 1.001e-3, "{name}: {creep:.2e} m/s under {force} N");
     }
-}
-
-fn drag(system: &System) -> f64 {
-    let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
-    ground.colliders[0].material.mean(&system.spec.material).friction_damping
 }

@@ -4,13 +4,21 @@ use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
 use proptest::prelude::*;
 
-/// A floating body with a hinge, a rail and every key there is.
-const URDF: &str = r#"<robot name="all"><link name="body"><inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-<link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<link name="cart"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<joint name="hinge" type="revolute"><parent link="body"/><child link="arm"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="10" velocity="5"/></joint>
-<joint name="rail" type="prismatic"><parent link="arm"/><child link="cart"/><origin xyz="0.2 0 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0.1" effort="10" velocity="5"/></joint></robot>"#;
+use super::common::*;
 
+/// A floating body with a hinge and a rail.
+fn all() -> String {
+    let limits = |lower: &str, upper: &str| format!(r#"<limit lower="{lower}" upper="{upper}" effort="10" velocity="5"/>"#);
+    urdf(&[
+        link("body", 2.0, [0.0; 3], [0.1; 3], &collision([0.0; 3], r#"<sphere radius="0.1"/>"#)),
+        link("arm", 1.0, [0.1, 0.0, 0.0], [0.01; 3], ""),
+        link("cart", 1.0, [0.0; 3], [0.01; 3], ""),
+        joint("hinge", "revolute", ["body", "arm"], &(r#"<axis xyz="0 1 0"/>"#.to_string() + &limits("-1", "1"))),
+        joint("rail", "prismatic", ["arm", "cart"], &(r#"<origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>"#.to_string() + &limits("0", "0.1"))),
+    ])
+}
+
+/// Every key there is.
 const TOML: &str = r#"urdf = "all.urdf"
 floating = true
 frame_time = "1/60"
@@ -59,7 +67,7 @@ material = { stiffness = 2e4, damping = 3e2, friction_damping = 4e2, friction = 
 "#;
 
 fn system(toml: &str) -> Result<System, String> {
-    System::from_text("all", URDF, Some(toml)).map_err(|e| e.to_string())
+    System::from_text("all", &all(), Some(toml)).map_err(|e| e.to_string())
 }
 
 /// Where numbers stand in the text, with the name of their key.
@@ -80,39 +88,18 @@ fn numbers() -> Vec<(std::ops::Range<usize>, String)> {
 }
 
 fn with(range: &std::ops::Range<usize>, number: &str) -> String {
-    let mut text = TOML.to_string();
-    text.replace_range(range.clone(), number);
-    text
-}
-
-/// Refused by key in one line, or finite for half a second; a step that fails says where.
-fn refused_or_finite(toml: &str, key: &str, change: &str) {
-    match system(toml) {
-        // No clear start follows from several keys together.
-        Err(e) => assert!(
-            (e.contains(key) || e.contains("clearance")) && !e.contains('\n'),
-            "{key} as {change}: `{e}` does not name the key in one line"
-        ),
-        Ok(system) => {
-            let system = std::sync::Arc::new(system);
-            let config = GenerateConfig { transitions: 60, frames: 30, ..Default::default() };
-            let mut truth = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
-            if let Ok(r) = record(&system, &mut truth, &config, 0, 2) {
-                assert!(r.states.iter().all(|x| x.is_finite()), "{key} as {change} is accepted, its motion is not finite");
-            }
-        }
-    }
+    [&TOML[..range.start], number, &TOML[range.end..]].concat()
 }
 
 #[test]
 fn every_number_is_looked_at() {
     system(TOML).expect("valid as it is");
-    let all = numbers();
-    assert!(all.len() > 80, "{} numbers", all.len());
-    for (range, key) in &all {
+    let numbers = numbers();
+    assert!(numbers.len() > 80, "{} numbers", numbers.len());
+    for (range, key) in &numbers {
         for number in ["nan", "inf", "-inf", "-1e300", "1e300"] {
-            let error = system(&with(range, number)).expect_err(&format!("{key} = {number}"));
-            assert!(error.contains(key.as_str()) && !error.contains('\n'), "{key} = {number}: `{error}`");
+            let error = line(system(&with(range, number)));
+            assert!(error.contains(key.as_str()), "{key} = {number}: `{error}`");
         }
     }
 }
@@ -120,12 +107,22 @@ fn every_number_is_looked_at() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
+    /// Refused by key in one line, or finite for half a second; a step that fails says where.
     #[test]
     fn what_is_accepted_moves_finitely(which in 0..1000usize, mantissa in -10.0..10.0f64, power in -12..12i32) {
-        let all = numbers();
-        let (range, key) = &all[which % all.len()];
+        let numbers = numbers();
+        let (range, key) = &numbers[which % numbers.len()];
         let number = format!("{:e}", mantissa * 10f64.powi(power));
-        refused_or_finite(&with(range, &number), key, &number);
+        match system(&with(range, &number)) {
+            // No clear start follows from several keys together.
+            Err(e) => prop_assert!((e.contains(key) || e.contains("clearance")) && !e.contains('\n'), "{key} as {number}: `{e}`"),
+            Ok(system) => {
+                let config = GenerateConfig { transitions: 60, frames: 30, ..Default::default() };
+                if let Ok(r) = record(&system.into(), &mut implicit(16), &config, 0, 2) {
+                    prop_assert!(r.states.iter().all(|x| x.is_finite()), "{key} as {number} is accepted, its motion is not finite");
+                }
+            }
+        }
     }
 }
 
@@ -163,47 +160,45 @@ fn words_are_looked_at() {
         ("substeps = 16", "substeps = 16\nmass_matrix_of = { arm = \"rm\" }", "rm"),
     ];
     for (from, to, words) in table {
-        let text = TOML.replacen(from, to, 1);
-        assert_ne!(text, TOML, "`{from}` is not in the text");
-        let error = system(&text).expect_err(to);
-        assert!(error.contains(words) && !error.contains('\n'), "{to}: `{error}` does not say {words}");
+        let error = line(system(&changed(TOML, from, to)));
+        assert!(error.contains(words), "{to}: `{error}` does not say {words}");
     }
-    let twice = format!("{TOML}[[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, 0.0, 0.0] }}\n");
-    assert!(system(&twice).expect_err("two scenes of a name").contains("ground"));
+    assert!(line(system(&format!("{TOML}{GROUND}"))).contains("ground"), "two scenes of a name");
 }
 
 #[test]
 fn the_urdf_that_a_file_names_is_the_one_that_is_read() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let (urdf, toml) = (folder.path().join("all.urdf"), folder.path().join("all.toml"));
-    std::fs::write(&urdf, URDF).expect("written");
+    std::fs::write(&urdf, all()).expect("written");
     let read = |text: &str| {
         std::fs::write(&toml, text).expect("written");
         System::named(urdf.to_str().expect("utf-8")).map_err(|e| e.to_string())
     };
     read(TOML).expect("its own name");
     read(&TOML.replacen("urdf = \"all.urdf\"\n", "", 1)).expect("no name");
-    let error = read(&TOML.replacen("all.urdf", "other.urdf", 1)).expect_err("another name");
+    let error = line(read(&TOML.replacen("all.urdf", "other.urdf", 1)));
     assert!(error.contains("urdf = \"other.urdf\"") && error.contains("all.urdf"), "{error}");
     std::fs::write(&urdf, b"<robot name=\"\xe9\">").expect("written");
-    let error = read(TOML).expect_err("latin-1");
+    let error = line(read(TOML));
     assert!(error.contains("all.urdf") && error.contains("UTF-8"), "{error}");
 }
 
 #[test]
 fn a_solver_refuses_to_stand_still() {
-    let system = System::named("cartpole").expect("built in");
-    for n in [0, usize::MAX] {
-        let mut batch = Batch::new(&system, &system.scene("free").expect("empty"), 1);
-        let config = ArticulatedConfig { substeps: n, ..ArticulatedConfig::paper(&system, Friction::Coulomb) };
-        let error = Articulated::new(config).step(&mut batch, &[1.0, 0.0]).expect_err("no step").to_string();
+    let mut batch = batch(&built_in("cartpole"), "free", 1);
+    for substeps in [0, usize::MAX] {
+        let config = ArticulatedConfig { substeps, ..ArticulatedConfig::paper(&batch.system, Friction::Coulomb) };
+        let error = line(Articulated::new(config).step(&mut batch, &[1.0, 0.0]));
         assert!(error.contains("substeps") && error.contains("1e5"), "{error}");
     }
+    batch.states.pop();
+    assert!(line(batch.check()).contains("4 numbers in `states`"), "one number short");
 }
 
 #[test]
 fn data_that_cannot_be_made_are_refused_by_name() {
-    let system = System::named("cartpole").expect("built in");
+    let system = built_in("cartpole");
     let usual = GenerateConfig { transitions: 100, frames: 10, ..Default::default() };
     for (config, words) in [
         (GenerateConfig { frames: 0, ..usual.clone() }, "frames"),
@@ -214,17 +209,7 @@ fn data_that_cannot_be_made_are_refused_by_name() {
         (GenerateConfig { resets: f64::NAN, ..usual.clone() }, "resets"),
         (GenerateConfig { transitions: 1_000_000_000, frames: 1_000_000, ..usual.clone() }, "GB"),
     ] {
-        let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-        let error = record(&system, &mut truth, &config, 0, 2).expect_err(words).to_string();
+        let error = line(record(&system, &mut implicit(1), &config, 0, 2));
         assert!(error.contains(words), "{error}");
     }
-}
-
-#[test]
-fn fields_of_a_batch_that_disagree_are_told() {
-    let system = System::named("cartpole").expect("built in");
-    let mut batch = Batch::new(&system, &system.scene("free").expect("empty"), 2);
-    assert_eq!(batch.check(), Ok(()));
-    batch.states.pop();
-    assert!(batch.check().expect_err("one number short").contains("8 numbers in `states`"));
 }

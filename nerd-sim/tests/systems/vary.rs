@@ -1,19 +1,21 @@
 //! Robots that differ within a batch: each moves as it does alone, textbook motion by its own friction, what is refused, what is recorded.
 
-use std::path::Path;
 use std::sync::Arc;
 
+use nerd_core::state::vector;
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, record};
 use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
 use nerd_sim::vary::{self, VarySpec};
+
+use super::common::*;
 
 fn between(low: f64, high: f64) -> Option<Range> {
     Some(Range { low, high })
 }
 
 fn varied(robot: &str, spec: VarySpec) -> Arc<System> {
-    let mut system = (*System::named(robot).expect("built in")).clone();
+    let mut system = (*built_in(robot)).clone();
     system.spec.vary = Some(spec);
     Arc::new(system)
 }
@@ -74,12 +76,8 @@ fn each_slides_by_its_own_friction() {
     for env in 0..12 {
         let mut state = system.default_state();
         // Flat on the slope, a little inside, where its weight is borne.
-        let normal = match &batch.scenes[env].colliders[0].shape.as_halfspace() {
-            Some(plane) => {
-                batch.scenes[env].colliders[0].pose.rotation * nalgebra::Vector3::new(plane.normal.x, plane.normal.y, plane.normal.z)
-            }
-            None => panic!("the slope is a plane"),
-        };
+        let ground = &batch.scenes[env].colliders[0];
+        let normal = ground.pose.rotation * vector(&ground.shape.as_halfspace().expect("a plane").normal.to_array());
         let turn = nalgebra::UnitQuaternion::rotation_between(&up, &normal).expect("not upside down");
         let weight = batch.of(env).robot.mass() * g * slope.cos();
         let sunk = weight / 4.0 / batch.of(env).spec.material.stiffness;
@@ -87,19 +85,14 @@ fn each_slides_by_its_own_friction() {
         state[3..7].copy_from_slice(turn.coords.as_slice());
         batch.reset(env, &state);
     }
-    let mut solver = Articulated::new(ArticulatedConfig::implicit(16, Friction::Coulomb));
     let frames = 30;
-    (0..frames).for_each(|_| solver.step(&mut batch, &[]).expect("it can be stepped"));
+    run(&mut implicit(16), &mut batch, 0.0, frames);
     for env in 0..12 {
         let mu = batch.of(env).spec.material.friction;
         let expected = (g * (slope.sin() - mu * slope.cos()) * frames as f64 * system.frame_time).max(0.0);
         let s = batch.state(env);
-        let (p, w, v) = (
-            nalgebra::Vector3::new(s[0], s[1], s[2]),
-            nalgebra::Vector3::new(s[7], s[8], s[9]),
-            nalgebra::Vector3::new(s[10], s[11], s[12]),
-        );
-        let speed = (v + w.cross(&p)).norm();
+        let speed = (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))).norm();
+        println!("mu {mu:.3}: {speed:.4} m/s, textbook {expected:.4}");
         assert!((speed - expected).abs() < 0.01 * g * slope.sin() * 0.5 + 2e-3, "mu {mu:.3}: {speed} m/s, textbook {expected}");
         slid += usize::from(expected > 0.0);
     }
@@ -108,14 +101,15 @@ fn each_slides_by_its_own_friction() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let ant = System::named("ant").expect("built in");
-    let mut batch = Batch::new(&ant, &ant.scene("plane").expect("plane"), 2);
-    let said = |batch: &mut Batch, solver: &mut dyn Solver| solver.step(batch, &[0.0; 16]).expect_err("it does not fit").to_string();
+    let ant = built_in("ant");
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&ant));
-    batch.systems = vec![ant.clone()];
-    assert!(said(&mut batch, &mut solver).contains("needs 2 `systems`"));
-    batch.systems = vec![ant.clone(), System::named("cube").expect("built in")];
-    assert!(said(&mut batch, &mut solver).contains("environment 1 is built otherwise"), "{}", said(&mut batch, &mut solver));
+    let said = |solver: &mut dyn Solver, systems: &[&Arc<System>]| {
+        let mut batch = batch(&ant, "plane", 2);
+        batch.systems = systems.iter().map(|system| Arc::clone(system)).collect();
+        line(solver.step(&mut batch, &[0.0; 16]))
+    };
+    assert!(said(&mut solver, &[&ant]).contains("needs 2 `systems`"));
+    assert!(said(&mut solver, &[&ant, &built_in("cube")]).contains("environment 1 is built otherwise"));
     // A solver of one's own that knows one robot.
     struct Still;
     impl Solver for Still {
@@ -123,19 +117,17 @@ fn what_does_not_fit_is_refused() {
             nerd_sim::solver::check(batch, torques, &mut Vec::new())
         }
     }
-    batch.systems = vec![ant.clone(), ant.clone()];
-    assert!(said(&mut batch, &mut Still).contains("one robot for all environments"));
+    assert!(said(&mut Still, &[&ant, &ant]).contains("one robot for all environments"));
     let (toml, urdf) = System::texts("cube").expect("built in");
-    for (line, key) in [
+    for (text, key) in [
         ("gain = \"U(1, 2)\"", "vary.gain: the robot has no joint"),
         ("mass = \"U(0, 1)\"", "vary.mass's low end"),
         ("friction = \"U(-1, 1)\"", "vary.friction's low end"),
         ("gravity = \"U(-9.81, -9)\"", "vary.gravity's low end"),
         ("masses = \"U(1, 2)\"", "unknown field `masses`"),
     ] {
-        let text = format!("{toml}\n[vary]\n{line}\n");
-        let said = System::from_text("cube", urdf, Some(&text)).expect_err("it is out of range").to_string();
-        assert!(said.contains(key), "{line}: {said}");
+        let said = line(System::from_text("cube", urdf, Some(&format!("{toml}\n[vary]\n{text}\n"))));
+        assert!(said.contains(key), "{text}: {said}");
     }
 }
 
@@ -150,18 +142,18 @@ fn data_keep_what_was_drawn() {
     let recording = record(&system, &mut solver, &config, 0, 4).expect("it can be recorded");
     assert_eq!(recording.drawn.len(), 8);
     assert!(recording.drawn.chunks(2).all(|d| (0.5..2.0).contains(&d[0]) && (0.2..1.0).contains(&d[1])), "{:?}", recording.drawn);
-    let plain = System::named("cube").expect("built in");
+    let plain = built_in("cube");
     let old = record(&plain, &mut solver, &config, 0, 4).expect("it can be recorded");
     let d = system.robot.state_dim();
     assert!(old.drawn.is_empty() && old.arrays().len() == 6);
     assert_eq!(old.states[..d], recording.states[..d], "the first start is another one");
     assert!(old.states != recording.states);
     // In shards, and out again.
-    let folder = std::env::temp_dir().join(format!("nerd-vary-{}", std::process::id()));
-    let manifest = generate(&system, &mut solver, "accurate", &config, &folder, &mut |_, _| {}).expect("it can be written");
-    let read = Manifest::read(&folder).and_then(|m| m.shard(&folder, &manifest.shards[0], &system)).expect("it can be read");
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let manifest = generate(&system, &mut solver, "accurate", &config, folder, &mut |_, _| {}).expect("it can be written");
+    let read = Manifest::read(folder).and_then(|m| m.shard(folder, &manifest.shards[0], &system)).expect("it can be read");
     assert_eq!(read, recording);
-    let refused = manifest.shard(Path::new(&folder), &manifest.shards[0], &plain).expect_err("the robot varies in it").to_string();
+    let refused = line(manifest.shard(folder, &manifest.shards[0], &plain));
     assert!(refused.contains("system"), "{refused}");
-    std::fs::remove_dir_all(folder).expect("it is there");
 }
