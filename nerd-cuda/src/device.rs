@@ -11,7 +11,7 @@ use cudarc::nvrtc;
 use crate::compile::compiled;
 use crate::error::{DeviceError, failed};
 use crate::memory::{Buffer, allocate, check_fit};
-use crate::precision::Precision;
+use crate::products::Precision;
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;
@@ -74,7 +74,7 @@ pub struct Device {
     kernels: HashMap<&'static str, CudaFunction>,
     pub(crate) queues: [Queue; 2],
     /// Arithmetic of products.
-    pub precision: Precision,
+    pub(crate) precision: Precision,
 }
 
 impl Device {
@@ -107,10 +107,7 @@ impl Device {
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
         present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
         let context = CudaContext::new(ordinal).map_err(failed("no usable GPU"))?;
-        let queue = || -> Result<Queue, DeviceError> {
-            let stream = context.new_stream().map_err(failed("stream"))?;
-            Ok(Queue { stream, blas: None })
-        };
+        let queue = || context.new_stream().map(|stream| Queue { stream, blas: None }).map_err(failed("stream"));
         let queues = [queue()?, queue()?];
         let mut device = Self { context, kernels: HashMap::new(), queues, precision: Precision::default() };
         device.add(source, kernels)?;
@@ -187,7 +184,7 @@ impl Device {
         self.wait()?;
         // In the stream's order, and to its end: a copy of its own from memory that may be paged comes back before all of it is there.
         let stream = self.stream(Lane::Main);
-        self.context.bind_to_thread().map_err(failed("context"))?;
+        self.bind()?;
         unsafe { driver::result::memcpy_htod_async(buffer.at(first), values, stream.cu_stream()) }.map_err(failed("copy to the device"))?;
         stream.synchronize().map_err(failed("copy to the device"))
     }
@@ -199,9 +196,16 @@ impl Device {
         unsafe { driver::result::memcpy_dtoh_sync(values, buffer.ptr) }.map_err(failed("copy from the device"))
     }
 
+    /// All values of `buffer`, after the work before it.
+    pub fn download<T: Copy + Default>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, DeviceError> {
+        let mut values = vec![T::default(); buffer.len];
+        self.read(buffer, &mut values)?;
+        Ok(values)
+    }
+
     /// Sets one 32-bit word in stream order, without waiting.
     pub fn set_word(&self, at: u64, bits: u32) -> Result<(), DeviceError> {
-        self.context.bind_to_thread().map_err(failed("context"))?;
+        self.bind()?;
         unsafe { sys::cuMemsetD32Async(at, bits, 1, self.stream(Lane::Main).cu_stream()) }.result().map_err(failed("memset"))
     }
 
@@ -213,16 +217,6 @@ impl Device {
     /// An event for [`Device::mark`] and [`Device::after`].
     pub fn event(&self) -> Result<CudaEvent, DeviceError> {
         self.context.new_event(None).map_err(failed("event"))
-    }
-
-    /// An event that knows when it was reached.
-    pub fn timer(&self) -> Result<CudaEvent, DeviceError> {
-        self.context.new_event(Some(sys::CUevent_flags::CU_EVENT_DEFAULT)).map_err(failed("event"))
-    }
-
-    /// Seconds from one [`Device::timer`] to another, once both were reached.
-    pub fn seconds(&self, from: &CudaEvent, to: &CudaEvent) -> Result<f64, DeviceError> {
-        from.elapsed_ms(to).map(|ms| f64::from(ms) * 1e-3).map_err(failed("event"))
     }
 
     /// Marks the work given to `lane` until now.
@@ -272,7 +266,7 @@ impl Device {
         let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();
         let mut pointers: Vec<_> = slots.iter_mut().map(|s| (s as *mut u64).cast()).collect();
         let (grid, block) = ((grid.0 as u32, grid.1 as u32, 1), (block.0 as u32, block.1 as u32, 1));
-        self.context.bind_to_thread().map_err(failed("context"))?;
+        self.bind()?;
         unsafe {
             driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers)
         }

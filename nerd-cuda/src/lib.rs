@@ -9,7 +9,6 @@ mod device;
 mod error;
 mod graph;
 mod memory;
-mod precision;
 mod products;
 mod sums;
 
@@ -18,6 +17,5 @@ pub use device::{Arg, Device, Lane, ordinal, take};
 pub use error::DeviceError;
 pub use graph::Replay;
 pub use memory::Buffer;
-pub use precision::Precision;
-pub use products::{Batch, Op};
+pub use products::{Batch, Op, Precision};
 pub use sums::Sums;

@@ -1,10 +1,21 @@
 //! Products of matrices, by cuBLAS.
 
 use cudarc::cublas::{self, sys as blas};
+use serde::{Deserialize, Serialize};
 
 use crate::device::{Device, Lane};
 use crate::error::DeviceError;
-use crate::precision::Precision;
+
+/// Arithmetic of products; everything is stored and summed in f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// f32 throughout.
+    F32,
+    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
+    #[default]
+    Tf32,
+}
 
 /// Whether an operand of a product is transposed.
 #[derive(Clone, Copy)]
@@ -39,29 +50,27 @@ impl Device {
         beta: f32,
         c: (u64, usize),
     ) -> Result<(), DeviceError> {
-        let compute = self.compute();
         let (alpha, f32_type) = (1.0f32, blas::cudaDataType::CUDA_R_32F);
-        let size = |x: usize| x as i32;
         unsafe {
             cublas::result::gemm_ex(
                 self.blas(lane)?,
                 ops.0.blas(),
                 ops.1.blas(),
-                size(m),
-                size(n),
-                size(k),
+                m as i32,
+                n as i32,
+                k as i32,
                 (&raw const alpha).cast(),
                 a.0 as *const _,
                 f32_type,
-                size(a.1),
+                a.1 as i32,
                 b.0 as *const _,
                 f32_type,
-                size(b.1),
+                b.1 as i32,
                 (&raw const beta).cast(),
                 c.0 as *mut _,
                 f32_type,
-                size(c.1),
-                compute,
+                c.1 as i32,
+                self.compute(),
                 blas::cublasGemmAlgo_t::CUBLAS_GEMM_DFALT,
             )
         }

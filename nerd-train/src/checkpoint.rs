@@ -47,11 +47,10 @@ pub(crate) fn config(path: &Path) -> Result<String> {
 /// If the file is absent, cut short or no checkpoint, or was made for another network.
 pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, String)> {
     let file = Tensors::open(path)?;
-    let found: TransformerConfig = serde_json::from_str(file.word("network")?).map_err(|e| file.wrong(format!("`network`: {e}")))?;
+    let found: TransformerConfig = file.json("network")?;
     if found != *network {
-        return Err(Error::format(path)(format!("it holds the network {}, this run asks for {}", json(&found), json(network))));
+        return Err(file.wrong(format!("it holds the network {}, this run asks for {}", json(&found), json(network))));
     }
-    let step = file.word("step")?.parse().map_err(|e| file.wrong(format!("`step`: {e}")))?;
     let vector = |name: &str| {
         let numbers = file.f32(name, Some(network.parameters()))?;
         match numbers.iter().find(|x| !x.is_finite()) {
@@ -60,7 +59,7 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
         }
     };
     let weights = Weights { config: found, flat: vector("weights")? };
-    let state = LearnerState { step, weights, average: vector("average")?, m: vector("m")?, v: vector("v")? };
+    let state = LearnerState { step: file.parsed("step")?, weights, average: vector("average")?, m: vector("m")?, v: vector("v")? };
     Ok((state, file.word("config")?.into()))
 }
 
@@ -80,14 +79,11 @@ impl Best {
     pub(crate) fn save(&self, folder: &Path, run: &str) -> Result<()> {
         let mut file = Tensors::default();
         file.put_network(&self.weights.config.tensors(), &self.weights.flat);
-        let words = [
-            ("step", self.step.to_string()),
-            ("criterion", self.criterion.to_string()),
-            ("network", json(&self.weights.config)),
-            ("config", run.to_owned()),
-            ("sha256", hash(&self.weights)),
-        ];
-        words.into_iter().for_each(|(name, text)| file.put_word(name, text));
+        file.put_word("step", self.step.to_string());
+        file.put_word("criterion", self.criterion.to_string());
+        file.put_word("network", json(&self.weights.config));
+        file.put_word("config", run);
+        file.put_word("sha256", hash(&self.weights));
         file.save(&best(folder))
     }
 
@@ -100,23 +96,25 @@ impl Best {
         if !path.exists() {
             return Ok(None);
         }
-        let damaged = |reason: &dyn std::fmt::Display| {
+        let damaged = |e: Error| {
+            let reason = if let Error::Format { reason, .. } = e { reason } else { e.to_string() };
             let path = path.display();
             Error::Refused(format!("{path} is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"))
         };
-        let file = Tensors::open(&path).map_err(|e| damaged(&e))?;
-        let word = |name: &str| file.word(name).map_err(|e| damaged(&e));
-        if word("config")? != run {
+        Self::read(&path, run).map_err(damaged)
+    }
+
+    fn read(path: &Path, run: &str) -> Result<Option<Self>> {
+        let file = Tensors::open(path)?;
+        if file.word("config")? != run {
             return Ok(None);
         }
-        let step = word("step")?.parse().map_err(|e| damaged(&format!("step: {e}")))?;
-        let criterion = word("criterion")?.parse().map_err(|e| damaged(&format!("criterion: {e}")))?;
-        let config: TransformerConfig = serde_json::from_str(word("network")?).map_err(|e| damaged(&format!("network: {e}")))?;
-        let weights = Weights { config, flat: file.network(&config.tensors()).map_err(|e| damaged(&e))? };
-        if word("sha256")? != hash(&weights) {
-            return Err(damaged(&"its weights are not those that were written (SHA-256 differs)"));
+        let config: TransformerConfig = file.json("network")?;
+        let weights = Weights { config, flat: file.network(&config.tensors())? };
+        if file.word("sha256")? != hash(&weights) {
+            return Err(file.wrong("its weights are not those that were written (SHA-256 differs)"));
         }
-        Ok(Some(Self { step, criterion, weights }))
+        Ok(Some(Self { step: file.parsed("step")?, criterion: file.parsed("criterion")?, weights }))
     }
 }
 

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 use nerd_core::state::vector;
 use nerd_model::features::Features;
@@ -22,97 +21,57 @@ use crate::windows::Windows;
 /// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Result<Windows, DatasetError> {
     let form = form.into();
-    let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
+    let (inputs, d, joints) = (Features::inputs(system, form), system.robot.state_dim(), system.robot.joint_count());
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
-    let mut y = vec![0.0; recording.trajectories * f * outputs];
-    let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * outputs)).enumerate();
+    let mut y = vec![0.0; recording.trajectories * f * d];
+    let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * d)).enumerate();
     rows.try_for_each_init(
         || (Features::new(system, form), form.base.flight(system), form.base.draft(system)),
         |(features, flight, draft), (trajectory, (x, y))| {
-            let row = Row::of(system, recording, trajectory);
             let lost = |reason: String| DatasetError::Config(format!("trajectory {trajectory}: {reason}"));
-            let mut drafted = row.states.to_vec();
+            let states = &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d];
+            let torques = &recording.torques[trajectory * f * joints..][..f * joints];
+            let gravity = vector(&recording.gravity[3 * trajectory..]);
+            let mut drafted = states.to_vec();
             let bases = match flight {
-                None => row.states,
+                None => states,
                 Some(flight) => {
-                    let free = Arc::new(Scene::free(row.gravity));
-                    let scenes = vec![free; f];
-                    flight
-                        .step(&row.states[..f * outputs], &scenes, row.torques)
-                        .map_err(|source| DatasetError::Step { first: trajectory as u64, source })?
+                    let scenes = vec![Arc::new(Scene::free(gravity)); f];
+                    let flown = flight.step(&states[..f * d], &scenes, torques);
+                    flown.map_err(|source| DatasetError::Step { first: trajectory as u64, source })?
                 }
             };
             for frame in 0..f {
-                let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * outputs..][..outputs]);
-                let events = row.events(recording, frame, system.robot.contact_points.len());
-                let mut base = &bases[frame * outputs..][..outputs];
+                let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
+                let (state, next) = (&states[frame * d..][..d], &states[(frame + 1) * d..][..d]);
+                let (events, torques) = (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
+                let mut base = &bases[frame * d..][..d];
                 if let Some(draft) = draft {
                     let draft = draft.as_mut().map_err(|e| lost(e.to_string()))?;
-                    let to = &mut drafted[frame * outputs..][..outputs];
-                    draft.step(system, &row.gravity, &events, row.torques(frame, system.robot.joint_count()), to).map_err(lost)?;
+                    let to = &mut drafted[frame * d..][..d];
+                    draft.step(system, &gravity, &events, torques, to).map_err(lost)?;
                     base = to;
                 }
-                row.frame(system, frame, base, &events, features, x, y);
+                features.token(state, base, &events, torques, &gravity, x);
+                features.target(state, base, next, y);
             }
             Ok(())
         },
     )?;
-    Ok(Windows { inputs, outputs, frames: f, history, x, y })
+    Ok(Windows { inputs, outputs: d, frames: f, history, x, y })
 }
 
-/// A trajectory.
-struct Row<'a> {
-    trajectory: usize,
-    states: &'a [f64],
-    torques: &'a [f64],
-    gravity: Vector3<f64>,
-}
-
-impl<'a> Row<'a> {
-    fn of(system: &System, recording: &'a Recording, trajectory: usize) -> Self {
-        let (f, d, joints) = (recording.frames, system.robot.state_dim(), system.robot.joint_count());
-        Self {
-            trajectory,
-            states: &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d],
-            torques: &recording.torques[trajectory * f * joints..][..f * joints],
-            gravity: vector(&recording.gravity[3 * trajectory..]),
-        }
-    }
-
-    /// Contacts at the start of a frame.
-    fn events(&self, recording: &Recording, frame: usize, points: usize) -> Vec<ContactEvent> {
-        let row = self.trajectory * recording.frames + frame;
-        let event = |k: usize| {
-            let i = row * points + k;
-            let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
-            let distance = recording.depths[i];
-            // The point on the robot follows from the rest and is not an input of the network.
-            ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
-        };
-        (0..points).map(event).collect()
-    }
-
-    fn torques(&self, frame: usize, joints: usize) -> &'a [f64] {
-        &self.torques[frame * joints..][..joints]
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn frame(
-        &self,
-        system: &System,
-        frame: usize,
-        base: &[f64],
-        events: &[ContactEvent],
-        features: &mut Features,
-        x: &mut [f32],
-        y: &mut [f32],
-    ) {
-        let d = system.robot.state_dim();
-        let (state, next) = (&self.states[frame * d..][..d], &self.states[(frame + 1) * d..][..d]);
-        features.token(state, base, events, self.torques(frame, system.robot.joint_count()), &self.gravity, x);
-        features.target(state, base, next, y);
-    }
+/// Contacts at the start of a frame.
+fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEvent> {
+    let points = system.robot.contact_points.len();
+    let event = |i: usize| {
+        let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
+        let distance = recording.depths[i];
+        // The point on the robot follows from the rest and is not an input of the network.
+        ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
+    };
+    (row * points..(row + 1) * points).map(event).collect()
 }
 
 /// A data set ready to be normalised, and the hash of the recordings it was made from.
@@ -134,10 +93,11 @@ pub fn generate(
     system: &Arc<System>,
     solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
     config: &GenerateConfig,
-    (history, form): (usize, Form),
+    form: (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared> {
-    let mut mine = shards(ranks, system, solver, config, (history, form), progress)?;
+    let make = |first, count| shard(system, solver, config, first, count, form);
+    let mut mine = recorded(system, config, (ranks.rank(), ranks.world()), progress, make)?;
     if ranks.world() == 1 {
         return Ok(joined(mine));
     }
@@ -153,21 +113,20 @@ pub fn generate(
     Ok(joined(all))
 }
 
-/// This rank's shards, in order.
-fn shards(
-    ranks: &Ranks,
-    system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+/// What `make` gives of the first trajectory and the length of every R-th shard from number `rank` on, in order, made in parallel.
+pub(crate) fn recorded<T: Send>(
+    system: &System,
     config: &GenerateConfig,
-    form: (usize, Form),
+    (rank, world): (usize, usize),
     progress: &(dyn Fn(usize) + Sync),
-) -> Result<Vec<(Windows, [u8; 32])>, DatasetError> {
+    make: impl Fn(u64, usize) -> Result<T, DatasetError> + Sync,
+) -> Result<Vec<T>, DatasetError> {
     config.check(system)?;
     let starts = (0..config.trajectories()).step_by(config.shard_trajectories);
-    let mine: Vec<usize> = starts.skip(ranks.rank()).step_by(ranks.world()).collect();
+    let mine: Vec<usize> = starts.skip(rank).step_by(world).collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
-        let done = shard(system, solver, config, first as u64, count, form)?;
+        let done = make(first as u64, count)?;
         progress(count * config.frames);
         Ok(done)
     };
@@ -190,17 +149,27 @@ pub(crate) fn shard(
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
 pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
     let form = form.into();
-    let manifest = Manifest::read(folder)?;
-    manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
-    let shard = |name: &String| -> Result<_, DatasetError> {
+    let (manifest, shards) = opened(system, truth, folder, |manifest, name| {
         let recording = manifest.shard(folder, name, system)?;
         Ok((tokens(system, &recording, history, form)?, recording.sha256()))
-    };
-    let shards = manifest.shards.par_iter().map(shard).collect::<Result<Vec<_>, DatasetError>>()?;
+    })?;
     let hashes: Vec<_> = shards.iter().map(|s| s.1).collect();
     let prepared = joined(shards);
     manifest.holds(folder, hashes, prepared.windows.trajectories(), prepared.windows.frames)?;
     Ok(prepared)
+}
+
+/// The manifest of such a folder, and what `read` gives of each shard's name, read in parallel.
+pub(crate) fn opened<T: Send>(
+    system: &System,
+    truth: &str,
+    folder: &Path,
+    read: impl Fn(&Manifest, &str) -> Result<T, DatasetError> + Sync,
+) -> Result<(Manifest, Vec<T>), DatasetError> {
+    let manifest = Manifest::read(folder)?;
+    manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
+    let shards = manifest.shards.par_iter().map(|name| read(&manifest, name)).collect::<Result<_, _>>()?;
+    Ok((manifest, shards))
 }
 
 fn joined(shards: Vec<(Windows, [u8; 32])>) -> Prepared {

@@ -1,10 +1,13 @@
 //! The state file of runs: named vectors and metadata in one safetensors file.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use nerd_model::transformer::TensorSpec;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result};
 
@@ -55,7 +58,7 @@ impl Tensors {
     pub fn open(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(Error::file(path))?;
         let mut file = Self { path: path.into(), ..Self::default() };
-        let wrong = |e: safetensors::SafeTensorError| file.wrong(e.to_string());
+        let wrong = |e: safetensors::SafeTensorError| file.wrong(format!("no safetensors file, or one cut short: {e}"));
         let words = SafeTensors::read_metadata(&bytes).map_err(wrong)?.1.metadata().clone().unwrap_or_default();
         let tensors = SafeTensors::deserialize(&bytes).map_err(wrong)?;
         let part = |(name, view): (String, TensorView)| (name, (view.dtype(), view.shape().to_vec(), view.data().to_vec()));
@@ -65,12 +68,22 @@ impl Tensors {
     }
 
     /// An error about the file.
-    pub fn wrong(&self, reason: impl std::fmt::Display) -> Error {
-        Error::Format { path: self.path.clone(), reason: format!("no training checkpoint: {reason}") }
+    pub fn wrong(&self, reason: impl Display) -> Error {
+        Error::Format { path: self.path.clone(), reason: reason.to_string() }
     }
 
     pub fn word(&self, name: &str) -> Result<&str> {
         self.words.get(name).map(String::as_str).ok_or_else(|| self.wrong(format!("no `{name}` in its metadata")))
+    }
+
+    /// A word as whatever it was written from.
+    pub fn parsed<T: FromStr<Err: Display>>(&self, name: &str) -> Result<T> {
+        self.word(name)?.parse().map_err(|e| self.wrong(format!("`{name}`: {e}")))
+    }
+
+    /// A word that is JSON.
+    pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
+        serde_json::from_str(self.word(name)?).map_err(|e| self.wrong(format!("`{name}`: {e}")))
     }
 
     /// Numbers of this kind, so many of them if a length is given.

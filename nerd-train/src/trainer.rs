@@ -9,13 +9,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use nerd_model::transformer::Weights;
 use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{self, Best};
 use crate::error::{Error, Result};
-use crate::learner::{Learner, LearnerState};
+use crate::learner::Learner;
 use crate::progress::bar_from;
 use crate::ranks::{RankError, Ranks};
 use crate::records::Record;
@@ -153,7 +152,8 @@ impl Trainer {
                 let better = criterion.is_finite() && best.is_none_or(|(_, b)| criterion < b);
                 if better {
                     best = Some((step, criterion));
-                    self.save_best(learner.state()?, criterion)?;
+                    let state = learner.state()?;
+                    Best { step, criterion, weights: state.averaged() }.save(&self.folder, &self.run)?;
                 }
                 metrics.write(&Line::Validation { step, loss, criterion, best: better })?;
                 let star = if better { ", best so far" } else { "" };
@@ -217,12 +217,6 @@ impl Trainer {
         let state = learner.state()?;
         let mine = format!("{} at update {}", checkpoint::hash(&state.weights), state.step);
         Ok(self.ranks.agree("weights", &mine, "ranks need machines, cards and programs of one kind")?)
-    }
-
-    /// The averaged weights as a safetensors file of named tensors, with what they were chosen by in its metadata.
-    fn save_best(&self, state: LearnerState, criterion: f64) -> Result<()> {
-        let weights = Weights { config: state.weights.config, flat: state.average };
-        Best { step: state.step, criterion, weights }.save(&self.folder, &self.run)
     }
 
     /// The best weights so far, if there are any of this very run.

@@ -49,29 +49,29 @@ impl Windows {
     /// # Errors
     /// What does not fit.
     pub fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), String> {
-        fresh.fits(first, [self.inputs, self.outputs, self.frames, self.history], self.trajectories())?;
+        self.fits(first, fresh, self.trajectories())?;
         self.x[first * self.frames * self.inputs..][..fresh.x.len()].copy_from_slice(&fresh.x);
         self.y[first * self.frames * self.outputs..][..fresh.y.len()].copy_from_slice(&fresh.y);
         Ok(())
     }
 
-    /// Whether these may replace trajectories from number `first` on of `trajectories` with (inputs, outputs, frames, history).
-    pub(crate) fn fits(&self, first: usize, shape: [usize; 4], trajectories: usize) -> Result<(), String> {
-        let own = [self.inputs, self.outputs, self.frames, self.history];
-        if own != shape || first + self.trajectories() > trajectories {
-            let last = first + self.trajectories();
-            return Err(format!(
-                "fresh trajectories {first}..{last} of (inputs, outputs, frames, history) {own:?} among {trajectories} of {shape:?}"
-            ));
+    /// Refuses fresh trajectories that cannot replace those from number `first` on, of so many of this shape.
+    pub(crate) fn fits(&self, first: usize, fresh: &Windows, trajectories: usize) -> Result<(), String> {
+        let (last, own, other) = (first + fresh.trajectories(), self.shape(), fresh.shape());
+        if other == own && last <= trajectories {
+            return Ok(());
         }
-        Ok(())
+        Err(format!("fresh trajectories {first}..{last} of (inputs, outputs, frames, history) {other:?} among {trajectories} of {own:?}"))
+    }
+
+    fn shape(&self) -> [usize; 4] {
+        [self.inputs, self.outputs, self.frames, self.history]
     }
 
     /// As they are sent to other ranks: (inputs, outputs, frames, history, numbers of `x`) in 8 bytes each, little endian, `x`, `y`.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let shape = [self.inputs, self.outputs, self.frames, self.history, self.x.len()];
-        let shape: Vec<u8> = shape.iter().flat_map(|n| (*n as u64).to_le_bytes()).collect();
-        [shape, bytes(&self.x), bytes(&self.y)].concat()
+        let shape = self.shape().into_iter().chain([self.x.len()]).flat_map(|n| (n as u64).to_le_bytes());
+        [shape.collect(), bytes(&self.x), bytes(&self.y)].concat()
     }
 
     /// What [`Windows::to_bytes`] wrote.

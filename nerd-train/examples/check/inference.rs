@@ -5,7 +5,7 @@ use nerd_model::program::specimens::{Specimen, TOKENS, WINDOWS, networks, operat
 use nerd_model::transformer::{Architecture, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights};
 use nerd_train::learner::cuda::{CudaForward, CudaProgram, CudaStream, Precision};
 
-use crate::with::{Checks, Outcome, apart, numbers, rivals, weights, windows as drawn};
+use crate::with::{Checks, Outcome, apart, numbers, rivals, weights, windows as drawn, worse};
 
 /// Every operation and every network against its meaning in burn: outputs, gradients by weights and by tokens. Twice, since a pass uses the
 /// memory of the one before.
@@ -17,8 +17,7 @@ pub fn operations(checks: &mut Checks) -> Outcome {
         for _ in 0..2 {
             let said = cuda.forward(tokens)?;
             let (by_weights, by_tokens) = cuda.backward(upstream)?;
-            let off = [said, by_weights, by_tokens].iter().zip(&expected).map(|(a, b)| apart(a, b)).collect::<Vec<_>>();
-            worst = off.into_iter().fold(worst, |most, x| if x > most || x.is_nan() { x } else { most });
+            worst = worse(worst, [said, by_weights, by_tokens].iter().zip(&expected).map(|(a, b)| apart(a, b)));
         }
         checks.demand(worst < 2e-5, format!("{name}: output and gradients {worst:.1e} from burn's"));
     }
@@ -73,8 +72,7 @@ pub fn streams(checks: &mut Checks) -> Outcome {
         }
         cuda.push(&tokens, &asked, &mut a)?;
         cpu.push(&tokens, &asked, &mut b)?;
-        let off = apart(&a, &b);
-        worst = if off > worst || off.is_nan() { off } else { worst };
+        worst = worse(worst, [apart(&a, &b)]);
     }
     checks.demand(worst < 1e-3, format!("80 frames of {envs} environments: {worst:.1e} from the CPU"));
     Ok(())

@@ -35,17 +35,22 @@ pub fn numbers(stream: u64, n: usize) -> Vec<f32> {
     (0..n).map(|i| noise(stream, i)).collect()
 }
 
+/// The largest of all, which one that is no number is.
+pub fn worse<T: PartialOrd>(most: T, all: impl IntoIterator<Item = T>) -> T {
+    all.into_iter().fold(most, |most, x| if x > most || x.partial_cmp(&x).is_none() { x } else { most })
+}
+
 /// Largest difference, as a share of 1 or of the number; NaN if there is one.
 pub fn largest(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+    worse(0.0, a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())))
 }
 
 /// The same of f32, as a share of the largest number.
 pub fn apart(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     let scale = b.iter().fold(1e-3f32, |m, x| m.max(x.abs()));
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / scale).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+    worse(0.0, a.iter().zip(b).map(|(a, b)| (a - b).abs() / scale))
 }
 
 /// How far `a` is from `b`, as a share of the way of `b` from `first`.

@@ -19,14 +19,12 @@ use nerd_sim::system::System;
 use super::course::{BETA, Course};
 use super::data::Motions;
 use super::device::{ROLLOUT, row, unroll_program};
-use super::draw::draws;
 use super::judge::missed;
 use super::loss::Loss;
 use super::view::View;
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
 use crate::ranks::Ranks;
-use crate::windows::Windows;
 
 const KERNELS: [&str; 9] = [
     "unroll_truths",
@@ -122,13 +120,10 @@ impl CudaChainLearner {
 
     /// Where this update's rollouts begin: the host's numbers of each.
     fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
-        let (frames, through) = (self.way.frames, self.course.train.frames);
-        let draws = draws(&self.chain, &self.course.train, frames, self.config.seed, self.step, self.mine.clone());
+        let (frames, through) = (self.course.frames, self.course.train.frames);
+        let draws = self.course.draws(&self.chain, self.config.seed, self.step, self.mine.clone());
         // Single frames are learned from the truth alone.
-        let mut nears = vec![0; self.ended.len()];
-        if frames > 1 {
-            self.way.network.device.read(&self.way.nears, &mut nears)?;
-        }
+        let nears = if frames > 1 { self.way.network.device.download(&self.way.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
         for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
             let kept = ended.filter(|(_, frame, _)| near != 0 && !draw.anew && frame + frames <= through);
@@ -137,13 +132,6 @@ impl CudaChainLearner {
             *ended = Some((motion, frame + frames, view));
         }
         Ok(rows)
-    }
-
-    fn all(&self) -> Result<(), LearnError> {
-        self.way.pass(&self.optimiser)?;
-        let d = &self.way.network.device;
-        self.optimiser.sum(d)?;
-        self.optimiser.update(d, 1.0)
     }
 }
 
@@ -228,11 +216,11 @@ impl Learner for CudaChainLearner {
         self.way.network.device.write(&self.way.rollouts, &rows)?;
         self.optimiser.set_lr(&self.way.network.device, lr)?;
         self.step += 1;
-        self.replay.run(&self.way.network.device, "update", (), || self.all())
-    }
-
-    fn replace(&mut self, _: usize, _: &Windows) -> Result<(), LearnError> {
-        Err(LearnError::Mismatch("a chain learns from motions, no windows can take their places".into()))
+        let d = &self.way.network.device;
+        self.replay.run(d, "update", (), || {
+            self.way.pass(&self.optimiser)?;
+            self.optimiser.update(d, 1.0)
+        })
     }
 
     fn progress(&mut self) -> Result<Progress, LearnError> {

@@ -3,10 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, begin, record, sha256_of};
+use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording, begin, record, sha256_of};
 use nerd_sim::prelude::*;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
+
+use crate::prepare::{opened, recorded};
 
 /// Motions that are hashed together.
 const HASHED: usize = 16;
@@ -29,10 +31,7 @@ pub struct Motions {
 impl Motions {
     /// Those of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
     pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
-        let manifest = Manifest::read(folder)?;
-        manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
-        let shard = |name: &String| manifest.shard_in_scenes(folder, name, system);
-        let shards = manifest.shards.par_iter().map(shard).collect::<Result<Vec<_>, _>>()?;
+        let (manifest, shards) = opened(system, truth, folder, |manifest, name| manifest.shard_in_scenes(folder, name, system))?;
         let hashes: Vec<_> = shards.par_iter().map(|(recording, _)| recording.sha256()).collect();
         let motions = Self::joined(shards);
         manifest.holds(folder, hashes, motions.len(), motions.frames)?;
@@ -49,14 +48,11 @@ impl Motions {
         config: &GenerateConfig,
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Self, DatasetError> {
-        let starts: Vec<usize> = (0..config.trajectories()).step_by(config.shard_trajectories).collect();
-        let shard = |&first: &usize| {
-            let count = config.shard_trajectories.min(config.trajectories() - first);
-            let recording = record(system, &mut *solver(), config, first as u64, count)?;
-            progress(count * config.frames);
-            Ok((recording, begin(system, config, first as u64, count)?.scenes))
+        let shard = |first, count| {
+            let recording = record(system, &mut *solver(), config, first, count)?;
+            Ok((recording, begin(system, config, first, count)?.scenes))
         };
-        Ok(Self::joined(starts.par_iter().map(shard).collect::<Result<_, DatasetError>>()?))
+        Ok(Self::joined(recorded(system, config, (0, 1), progress, shard)?))
     }
 
     fn joined(shards: Vec<(Recording, Vec<Arc<Scene>>)>) -> Self {

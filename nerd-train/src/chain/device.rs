@@ -16,7 +16,7 @@ pub const ROLLOUT: usize = 7;
 
 /// A rollout's numbers.
 pub fn row(motion: usize, frame: usize, anew: bool, view: &View) -> [f64; ROLLOUT] {
-    let [mirror, sin, cos, yaw] = view.numbers();
+    let View { mirror, sin, cos, yaw } = *view;
     [motion as f64, frame as f64, f64::from(u8::from(anew)), mirror, sin, cos, yaw]
 }
 

@@ -6,14 +6,13 @@ use nerd_model::chain::Chain;
 use nerd_model::program::cpu::{Loaded, Memory};
 use rayon::prelude::*;
 
-use super::course::{ASTRAY, BETA, Course};
-use super::draw::{Draw, draws};
+use super::course::{ASTRAY, BETA, Course, Draw};
 use super::judge::missed;
 use super::loss::Loss;
 use super::unroll::{Rollout, Unroll};
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, optimiser};
+use crate::learner::optimiser::Optimiser;
+use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
 use crate::ranks::Ranks;
-use crate::windows::Windows;
 
 /// Rollouts of a thread's pass: their activations in a frame stay near the processor.
 pub(crate) const ROLLOUTS: usize = 8;
@@ -21,8 +20,7 @@ pub(crate) const ROLLOUTS: usize = 8;
 /// Trains a chain's network on motions.
 pub struct ChainLearner {
     chain: Chain,
-    config: LearnerConfig,
-    state: LearnerState,
+    optimiser: Optimiser,
     course: Course,
     network: Loaded,
     loss: Loss,
@@ -30,7 +28,6 @@ pub struct ChainLearner {
     rollouts: Vec<Option<Rollout>>,
     ranks: Arc<Ranks>,
     memory: Mutex<Vec<Vec<Memory>>>,
-    sums: (f64, f64, u32),
 }
 
 impl ChainLearner {
@@ -43,13 +40,13 @@ impl ChainLearner {
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let loss = Loss::new(&course.scale, course.velocity, course.frames);
-        let (rollouts, memory, ranks) = (vec![None; config.batch], Mutex::default(), Arc::default());
-        Ok(Self { chain, config, state, course, network, loss, rollouts, ranks, memory, sums: (0.0, 0.0, 0) })
+        let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
+        Ok(Self { chain, optimiser, course, network, loss, rollouts, ranks: Arc::default(), memory: Mutex::default() })
     }
 
     /// Computes this rank's rollouts of every update.
     pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
-        self.rollouts = vec![None; ranks.part(self.config.batch).len()];
+        self.rollouts = vec![None; ranks.part(self.optimiser.config.batch).len()];
         self.ranks = ranks.clone();
         self
     }
@@ -62,9 +59,8 @@ impl ChainLearner {
 
     /// This rank's of an update: carried on, or begun where its draws say.
     fn drawn(&mut self) -> Vec<Rollout> {
-        let Course { train, frames, .. } = self.course.clone();
-        let total = train.frames;
-        let draws = draws(&self.chain, &train, frames, self.config.seed, self.state.step, self.ranks.part(self.config.batch));
+        let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
+        let draws = self.course.draws(&self.chain, config.seed, self.optimiser.state.step, self.ranks.part(config.batch));
         let (before, unroll) = (std::mem::take(&mut self.rollouts), self.unroll());
         let one = |(before, draw): (Option<Rollout>, Draw)| {
             let kept = before.filter(|r| !draw.anew && r.frame + frames <= total);
@@ -83,9 +79,9 @@ impl ChainLearner {
 
 impl Learner for ChainLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
-        let (step, mut rollouts) = (self.state.step, self.drawn());
-        self.network.load(&self.state.weights.flat);
-        let (unroll, weight) = (self.unroll(), 1.0 / (self.config.batch * self.course.frames) as f64);
+        let mut rollouts = self.drawn();
+        self.network.load(&self.optimiser.state.weights.flat);
+        let (unroll, weight) = (self.unroll(), 1.0 / (self.optimiser.config.batch * self.course.frames) as f64);
         let part = |rollouts: &mut [Rollout]| {
             let taken = self.memory.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut memory = taken.unwrap_or_default();
@@ -96,37 +92,26 @@ impl Learner for ChainLearner {
         let parts: Vec<(f64, Vec<f32>)> = rollouts.par_chunks_mut(ROLLOUTS).map(part).collect();
         let loss = parts.iter().map(|part| part.0).sum::<f64>();
         // Added up in order: the same bits on any number of threads.
-        let mut gradient = vec![0.0; self.state.weights.flat.len()];
+        let mut gradient = vec![0.0; self.optimiser.state.weights.flat.len()];
         parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
         let loss = self.ranks.sum_with(&mut gradient, loss as f32)?;
-        let norm = optimiser::norm(&gradient);
-        if !loss.is_finite() || !norm.is_finite() {
-            return Err(LearnError::NotFinite { step, loss });
-        }
+        self.optimiser.update(lr, loss, &gradient)?;
         // Single frames are learned from the truth alone.
         self.rollouts = rollouts.into_par_iter().map(|r| (self.course.frames > 1 && self.near(&r)).then_some(r)).collect();
-        optimiser::step_by(BETA, &mut self.state, &gradient, norm, lr, &self.config);
-        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
         Ok(())
     }
 
-    fn replace(&mut self, _: usize, _: &Windows) -> Result<(), LearnError> {
-        Err(LearnError::Mismatch("a chain learns from motions, no windows can take their places".into()))
-    }
-
     fn progress(&mut self) -> Result<Progress, LearnError> {
-        let (loss, norm, n) = std::mem::take(&mut self.sums);
-        let n = f64::from(n.max(1));
-        Ok(Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 })
+        Ok(self.optimiser.progress())
     }
 
     /// What the averaged weights miss of the change of rates in single frames, as a share of it.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
-        self.network.load(&self.state.average);
+        self.network.load(&self.optimiser.state.average);
         Ok(missed(&self.chain, &self.course.validation, &self.network, &self.course.scale, frames) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {
-        Ok(self.state.clone())
+        Ok(self.optimiser.state.clone())
     }
 }

@@ -15,13 +15,10 @@ mod course;
 mod cuda;
 mod data;
 pub mod device;
-mod draw;
 mod judge;
 mod learner;
 mod loss;
 mod scales;
-#[cfg(feature = "cuda")]
-mod solver;
 mod unroll;
 mod view;
 
@@ -34,7 +31,5 @@ pub use learner::ChainLearner;
 pub(crate) use learner::ROLLOUTS;
 pub use loss::Loss;
 pub use scales::scales;
-#[cfg(feature = "cuda")]
-pub use solver::{Along, CudaChain, chain};
 pub use unroll::{Rollout, Unroll, join};
 pub use view::View;

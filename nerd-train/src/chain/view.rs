@@ -8,11 +8,11 @@ use nerd_sim::scene::Scene;
 /// From where a motion is seen: y mirrored or not, then turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    yaw: f64,
+    pub(super) yaw: f64,
     /// 1, or -1 where it is mirrored.
-    mirror: f64,
-    sin: f64,
-    cos: f64,
+    pub(super) mirror: f64,
+    pub(super) sin: f64,
+    pub(super) cos: f64,
 }
 
 impl View {
@@ -20,11 +20,6 @@ impl View {
     pub fn new(yaw: f64, mirrored: bool) -> Self {
         let (sin, cos) = yaw.sin_cos();
         Self { yaw, mirror: if mirrored { -1.0 } else { 1.0 }, sin, cos }
-    }
-
-    /// Mirror, sine and cosine of the turn, and the turn itself (rad).
-    pub fn numbers(&self) -> [f64; 4] {
-        [self.mirror, self.sin, self.cos, self.yaw]
     }
 
     /// A direction or velocity.

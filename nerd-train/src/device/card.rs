@@ -10,21 +10,11 @@ use nerd_sim::batch::Batch;
 use nerd_sim::solver::{Capabilities, Solver, StepError};
 use nerd_sim::system::System;
 
-use crate::chain::chain;
 use crate::error::{Error, Result};
-use crate::learner::cuda::{Precision, neural, stream};
+use crate::learner::cuda::{self, Precision, stream};
 
 pub(super) fn network(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
     Ok(stream(weights, Precision::F32, envs)?)
-}
-
-/// A model as a solver whose whole frames are on the device. What is not the network of a chain has 64 bits, whatever is asked for. The error
-/// says what of the model has no kernel.
-fn whole(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>, String> {
-    Ok(match model.config.network.architecture {
-        Architecture::Chain => Box::new(chain(model, system, precision)?),
-        _ => Box::new(neural(model, system, real, precision)?),
-    })
 }
 
 /// A solver at one setting whose batch stays on a GPU.
@@ -33,8 +23,8 @@ fn whole(model: Model, system: &Arc<System>, real: Real, precision: Precision) -
 /// A solver that has no kernels; those of [`Model::load`].
 pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
     if let Setting::Neural(folder) = setting {
-        let whole = whole(Model::load(folder, system, None)?, system, real, precision);
-        return whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())));
+        let whole = cuda::resident(Model::load(folder, system, None)?, system, real, precision);
+        return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
     }
     let config = setting.articulated(system).ok_or_else(|| Error::Refused(format!("{setting} has no kernels; step it on the CPU")))?;
     Ok(Box::new(CudaArticulated::new(config, real)))
@@ -47,10 +37,10 @@ pub(super) fn frames(
     alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
 ) -> Result<Box<dyn Solver>> {
     let is_chain = model.config.network.architecture == Architecture::Chain;
-    match whole(model, system, Real::F32, Precision::F32) {
+    match cuda::resident(model, system, Real::F32, Precision::F32) {
         Ok(whole) => {
             let rest = if is_chain { "all is on the CPU" } else { "the network alone is on the card" };
-            Ok(Box::new(WithFallback { whole, stepped: false, alone: Some(Box::new(alone)), rest, fallback: None }))
+            Ok(Box::new(WithFallback { whole: Box::new(whole), stepped: false, alone: Some(Box::new(alone)), rest, fallback: None }))
         }
         Err(why) => {
             eprintln!("{why}");

@@ -87,6 +87,11 @@ impl LearnerState {
         let zeros = vec![0.0; weights.flat.len()];
         Self { step: 0, average: weights.flat.clone(), m: zeros.clone(), v: zeros, weights }
     }
+
+    /// The averaged weights.
+    pub fn averaged(&self) -> Weights {
+        Weights { config: self.weights.config, flat: self.average.clone() }
+    }
 }
 
 /// Means since they were last asked for.
@@ -128,7 +133,9 @@ pub trait Learner {
     /// One optimiser update with learning rate `lr`. May return before the device is done.
     fn update(&mut self, lr: f32) -> Result<(), LearnError>;
     /// Puts normalised trajectories of the same shape over those from number `first` on.
-    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError>;
+    fn replace(&mut self, _first: usize, _fresh: &Windows) -> Result<(), LearnError> {
+        Err(LearnError::Mismatch("it learns from motions, no windows can take their places".into()))
+    }
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
     fn progress(&mut self) -> Result<Progress, LearnError>;
     /// Normalised MSE of the averaged weights over `windows` validation windows, those of [`validation_rows`].

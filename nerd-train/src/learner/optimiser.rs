@@ -6,10 +6,10 @@
 
 use rayon::prelude::*;
 
-use super::{LearnerConfig, LearnerState, Optimizer, muon};
+use super::{LearnError, LearnerConfig, LearnerState, Optimizer, Progress, muon};
 
 /// Betas of training.
-const BETA: [f64; 2] = [0.9f32 as f64, 0.999f32 as f64];
+pub const BETA: [f64; 2] = [0.9f32 as f64, 0.999f32 as f64];
 const EPSILON: f32 = 1e-8;
 /// Entries one task handles: four vectors of this length fit in a second-level cache.
 const CHUNK: usize = 1 << 14;
@@ -73,22 +73,51 @@ fn clip(norm: f32, most: f32) -> f32 {
     (most / (norm + 1e-6)).min(1.0)
 }
 
+/// A state and its updates.
+pub(crate) struct Optimiser {
+    pub config: LearnerConfig,
+    pub state: LearnerState,
+    beta: [f64; 2],
+    /// Of losses and norms, over so many updates.
+    sums: (f64, f64, u32),
+}
+
+impl Optimiser {
+    pub fn new(config: LearnerConfig, state: LearnerState, beta: [f64; 2]) -> Self {
+        Self { config, state, beta, sums: (0.0, 0.0, 0) }
+    }
+
+    /// Makes an update of the gradient of all ranks, and counts it.
+    pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> Result<(), LearnError> {
+        let norm = norm(gradient);
+        if !loss.is_finite() || !norm.is_finite() {
+            let loss = if loss.is_finite() { f32::NAN } else { loss };
+            return Err(LearnError::NotFinite { step: self.state.step, loss });
+        }
+        step(self.beta, &mut self.state, gradient, norm, lr, &self.config);
+        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
+        Ok(())
+    }
+
+    /// See [`super::Learner::progress`].
+    pub fn progress(&mut self) -> Progress {
+        let (loss, norm, n) = std::mem::take(&mut self.sums);
+        let n = f64::from(n.max(1));
+        Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 }
+    }
+}
+
 /// Clips `gradient` (of norm `norm`) to `config.clip`, makes one update of `state` and counts it: Adam for all
 /// entries, or for those that Muon leaves.
 ///
 /// # Panics
 /// If `gradient` is shorter than the weights.
-pub fn step(state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
-    step_by(BETA, state, gradient, norm, lr, config);
-}
-
-/// [`step`] with other betas.
-pub(crate) fn step_by(beta: [f64; 2], state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
+pub fn step(beta: [f64; 2], state: &mut LearnerState, gradient: &[f32], norm: f32, lr: f32, config: &LearnerConfig) {
     let adam = Adam::new(beta, state.step + 1, lr.into(), norm, config.clip);
     let blend = blend(config.average, state.step);
     assert!(gradient.len() >= state.weights.flat.len(), "one gradient entry for each weight");
     let mine = match config.optimizer {
-        Optimizer::Adam => Vec::from([std::ops::Range { start: 0, end: state.weights.flat.len() }]),
+        Optimizer::Adam => std::iter::once(0..state.weights.flat.len()).collect(),
         Optimizer::Muon => {
             muon::step(state, (gradient, adam.scale), lr, blend);
             muon::others(&state.weights.config)

@@ -11,7 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nerd_model::transformer::Weights;
 use rayon::prelude::*;
 
-use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, optimiser, validation_rows};
+use super::optimiser::{self, Optimiser};
+use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, validation_rows};
 use crate::ranks::Ranks;
 use crate::windows::{Windows, draw};
 
@@ -58,14 +59,12 @@ pub struct Loss {
 /// Trains by [`Pass`]; the optimiser runs on the CPU over the flat vectors of [`LearnerState`].
 pub struct Sharded<P> {
     pass: P,
-    config: LearnerConfig,
-    state: LearnerState,
+    optimiser: Optimiser,
     train: Arc<Windows>,
     validation: Arc<Windows>,
     shard: usize,
     threads: usize,
     ranks: Arc<Ranks>,
-    sums: (f64, f64, u32),
 }
 
 impl<P: Pass> Sharded<P> {
@@ -81,8 +80,8 @@ impl<P: Pass> Sharded<P> {
         validation: Arc<Windows>,
     ) -> Result<Self, LearnError> {
         super::check(&config, &state, [("training", &train), ("validation", &validation)])?;
-        let (threads, ranks) = (rayon::current_num_threads(), Arc::default());
-        Ok(Self { pass, config, state, train, validation, shard: SHARD, threads, ranks, sums: (0.0, 0.0, 0) })
+        let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
+        Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads, ranks: Arc::default() })
     }
 
     /// Computes this rank's part of every update.
@@ -104,9 +103,9 @@ impl<P: Pass> Sharded<P> {
 
     /// What the windows `rows` add to the mean over so many windows.
     fn part(&self, rows: &[u64], windows: usize) -> Result<(f32, Vec<f32>), LearnError> {
-        let loss = Loss { scale: 1.0 / self.values(&self.train, windows), huber: self.config.huber };
+        let loss = Loss { scale: 1.0 / values(&self.train, windows), huber: self.optimiser.config.huber };
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), loss);
-        let parts = self.sharded(&self.state.weights, true, rows, work)?;
+        let parts = self.sharded(&self.optimiser.state.weights, true, rows, work)?;
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
         let mut total = parts.next().unwrap_or_default();
@@ -117,32 +116,6 @@ impl<P: Pass> Sharded<P> {
             }
         });
         Ok((loss, total))
-    }
-
-    /// One optimiser update with learning rate `lr` on these training windows and no others.
-    pub fn update_on(&mut self, lr: f32, rows: &[u64]) -> Result<(), LearnError> {
-        let (loss, gradient) = self.gradient(rows)?;
-        self.make(lr, loss, gradient)
-    }
-
-    /// The update by this gradient.
-    fn make(&mut self, lr: f32, loss: f32, gradient: Vec<f32>) -> Result<(), LearnError> {
-        let step = self.state.step;
-        if !loss.is_finite() {
-            return Err(LearnError::NotFinite { step, loss });
-        }
-        let norm = optimiser::norm(&gradient);
-        if !norm.is_finite() {
-            return Err(LearnError::Device(format!("the gradient's norm is {norm} at update {step}, the loss {loss}")));
-        }
-        optimiser::step(&mut self.state, &gradient, norm, lr, &self.config);
-        self.sums = (self.sums.0 + f64::from(loss), self.sums.1 + f64::from(norm), self.sums.2 + 1);
-        Ok(())
-    }
-
-    /// Squared errors in a mean over `windows` windows.
-    fn values(&self, set: &Windows, windows: usize) -> f64 {
-        (windows * set.history * set.outputs) as f64
     }
 
     /// `work` on every shard of `rows`, on several threads; the results are in shard order.
@@ -185,12 +158,12 @@ impl<P: Pass> Sharded<P> {
 
 impl<P: Pass> Learner for Sharded<P> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
-        let (step, windows) = (self.state.step, self.train.len() as u64);
-        let LearnerConfig { batch, seed, .. } = self.config;
+        let (step, windows) = (self.optimiser.state.step, self.train.len() as u64);
+        let LearnerConfig { batch, seed, .. } = self.optimiser.config;
         let rows: Vec<u64> = self.ranks.part(batch).map(|row| draw(seed, step, row as u64, windows)).collect();
         let (loss, mut gradient) = self.part(&rows, batch)?;
         let loss = self.ranks.sum_with(&mut gradient, loss)?;
-        self.make(lr, loss, gradient)
+        self.optimiser.update(lr, loss, &gradient)
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
@@ -198,26 +171,29 @@ impl<P: Pass> Learner for Sharded<P> {
     }
 
     fn progress(&mut self) -> Result<Progress, LearnError> {
-        let (loss, norm, n) = std::mem::take(&mut self.sums);
-        let n = f64::from(n.max(1));
-        Ok(Progress { loss: (loss / n) as f32, gradient_norm: (norm / n) as f32 })
+        Ok(self.optimiser.progress())
     }
 
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
         let rows = validation_rows(self.validation.len(), windows);
-        let weights = Weights { config: self.state.weights.config, flat: self.state.average.clone() };
+        let weights = self.optimiser.state.averaged();
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.squares(worker, shard(&self.validation, rows));
         let parts = self.sharded(&weights, false, &rows, work)?;
-        Ok((parts.iter().sum::<f64>() / self.values(&self.validation, rows.len())) as f32)
+        Ok((parts.iter().sum::<f64>() / values(&self.validation, rows.len())) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {
-        Ok(self.state.clone())
+        Ok(self.optimiser.state.clone())
     }
 }
 
+/// Squared errors in a mean over `windows` windows.
+fn values(set: &Windows, windows: usize) -> f64 {
+    (windows * set.history * set.outputs) as f64
+}
+
 /// The windows `rows` of a set.
-pub fn shard(set: &Windows, rows: &[u64]) -> Shard {
+fn shard(set: &Windows, rows: &[u64]) -> Shard {
     let gather = |data: &[f32], width: usize| {
         let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];
         rows.iter().flat_map(window).copied().collect()

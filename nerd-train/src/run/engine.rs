@@ -36,7 +36,7 @@ pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets:
         }
         #[cfg(feature = "cuda")]
         (Device::Cuda, Sets::Windows([train, validation])) => {
-            Box::new(CudaLearner::among(ranks, learner, precision, state, &train, &validation)?)
+            Box::new(CudaLearner::new(ranks, learner, precision, state, [&train, &validation])?)
         }
         #[cfg(feature = "cuda")]
         (Device::Cuda, Sets::Chain(course)) => Box::new(CudaChainLearner::new(&plan.system, learner, precision, state, course, ranks)?),

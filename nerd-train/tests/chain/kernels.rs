@@ -27,7 +27,7 @@ fn some(n: usize, size: f64) -> Vec<f64> {
 
 /// The larger of two; what is not a number is the worst.
 fn worse(most: f64, off: f64) -> f64 {
-    if off <= most { most } else { off }
+    if off > most || off.is_nan() { off } else { most }
 }
 
 /// Largest difference, as a share of the largest of the expected numbers or of 1.

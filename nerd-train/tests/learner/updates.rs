@@ -151,7 +151,7 @@ fn updates_have_the_size_that_one_learning_rate_serves() {
     let (before, mut after) = (fresh(), fresh());
     let gradient: Vec<f32> = (0..NETWORK.parameters()).map(|i| ((i * i) as f64 * 0.37).sin() as f32 * 1e-3).collect();
     let config = LearnerConfig { optimizer: Optimizer::Muon, ..LEARNER };
-    optimiser::step(&mut after, &gradient, optimiser::norm(&gradient), 1e-2, &config);
+    optimiser::step(optimiser::BETA, &mut after, &gradient, optimiser::norm(&gradient), 1e-2, &config);
     let moved = |i: usize| f64::from(after.weights.flat[i] - before.weights.flat[i]);
     for h in hidden(&NETWORK).concat() {
         let squares: f64 = (0..h.rows).flat_map(|r| (0..h.columns).map(move |c| h.at(r, c))).map(|i| moved(i).powi(2)).sum();

@@ -35,15 +35,6 @@ pub(super) struct Muon {
     join: Event,
 }
 
-/// Vectors an update reads and writes, by address.
-pub(super) struct Vectors {
-    pub weights: u64,
-    pub gradients: u64,
-    pub m: u64,
-    pub average: u64,
-    pub scalars: u64,
-}
-
 impl Muon {
     /// Memory for the hidden matrices of a network.
     pub fn new(device: &Device, network: &TransformerConfig) -> Result<Self, LearnError> {
@@ -75,24 +66,24 @@ impl Muon {
         Ok(Self { groups, entries: device.upload(&entries)?, fork: device.event()?, join: device.event()? })
     }
 
-    /// The update of all hidden matrices, after the work before it on the main stream.
-    pub fn update(&self, d: &Device, v: &Vectors) -> Result<(), DeviceError> {
+    /// The update of all hidden matrices, after the work before it on the main stream: of weights, by gradients, with momentum and average.
+    pub fn update(&self, d: &Device, vectors: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
         d.mark(Lane::Main, &self.fork)?;
         d.after(Lane::Side, &self.fork)?;
-        self.groups.iter().try_for_each(|g| g.update(d, v))?;
+        self.groups.iter().try_for_each(|g| g.update(d, vectors, scalars))?;
         d.mark(Lane::Side, &self.join)?;
         d.after(Lane::Main, &self.join)
     }
 }
 
 impl Group {
-    fn update(&self, d: &Device, v: &Vectors) -> Result<(), DeviceError> {
+    fn update(&self, d: &Device, [weights, gradients, m, average]: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
         let (r, c, n) = (self.rows, self.columns, self.count);
         let grid = |len: usize| (len.div_ceil(256), n);
         let [a, b, k] = COEFFICIENTS;
         let shape = [Int(r), Int(c)];
         let mut x = (&self.x[0], &self.x[1]);
-        let pack = [Ptr(v.gradients), Ptr(v.m), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(v.scalars), Float(MOMENTUM), shape[0], shape[1]];
+        let pack = [Ptr(gradients), Ptr(m), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(scalars), Float(MOMENTUM), shape[0], shape[1]];
         d.launch_on(self.lane, "muon_pack", grid(r * c), (256, 1), 0, &pack)?;
         d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &[Ptr(x.0.ptr), Int(r * c)])?;
         let (wide, square) = (r * c, r * r);
@@ -110,7 +101,7 @@ impl Group {
             x = (x.1, x.0);
         }
         let apply =
-            [Ptr(v.weights), Ptr(v.average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(v.scalars), Float(self.gain), shape[0], shape[1]];
+            [Ptr(weights), Ptr(average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(scalars), Float(self.gain), shape[0], shape[1]];
         d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
     }
 }

@@ -6,7 +6,7 @@ use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
 use nerd_cuda::{Buffer, Device, Sums};
 use nerd_model::transformer::{TransformerConfig, Weights};
 
-use super::muon::{Muon, Vectors};
+use super::muon::Muon;
 use crate::learner::{LearnError, LearnerConfig, LearnerState, Optimizer, Progress};
 
 /// Blocks of the gradient norm's first stage.
@@ -75,24 +75,18 @@ impl Optimiser {
         })
     }
 
-    fn parameters(&self) -> usize {
-        self.weights.len
-    }
-
     /// Place of its numbers.
     pub fn scalars(&self) -> u64 {
         self.scalars.ptr
     }
 
-    /// Sums the gradients of all ranks, and the numbers after them.
-    pub fn sum(&self, d: &Device) -> Result<(), LearnError> {
-        self.sums.as_ref().map_or(Ok(()), |sums| Ok(sums.sum(d, &self.gradients)?))
-    }
-
-    /// Makes an update of the gradient of all ranks; `mean` turns the number after it into the loss: squared errors are many, a chain's
-    /// loss is one.
+    /// Makes an update of the gradients, summed over all ranks; `mean` turns the number after them into the loss: squared errors are many,
+    /// a chain's loss is one.
     pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
-        let (p, s, beta) = (self.parameters(), Ptr(self.scalars.ptr), Double(self.beta));
+        if let Some(sums) = &self.sums {
+            sums.sum(d, &self.gradients)?;
+        }
+        let (p, s, beta) = (self.weights.len, Ptr(self.scalars.ptr), Double(self.beta));
         let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));
         d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
         let found = [Ptr(self.norms.ptr), Int(NORM_BLOCKS), Ptr(self.gradients.at(p)), Float(mean)];
@@ -102,9 +96,8 @@ impl Optimiser {
         let factors = Ptr(self.scalars.ptr + offset_of!(Scalars, scale) as u64);
         let bad = Ptr(self.scalars.ptr + offset_of!(Scalars, bad_step) as u64);
         d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, beta])?;
-        let Some(muon) = &self.muon else { return Ok(()) };
-        let [weights, gradients, m, average] = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
-        Ok(muon.update(d, &Vectors { weights, gradients, m, average, scalars: self.scalars.ptr })?)
+        let vectors = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
+        self.muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, self.scalars.ptr)?))
     }
 
     /// The rate of the next updates.
@@ -116,15 +109,9 @@ impl Optimiser {
         Ok(())
     }
 
-    fn read_scalars(&self, d: &Device) -> Result<Scalars, LearnError> {
-        let mut s = [Scalars::default()];
-        d.read(&self.scalars, &mut s)?;
-        Ok(s[0])
-    }
-
     /// See [`crate::learner::Learner::progress`].
     pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
-        let s = self.read_scalars(d)?;
+        let s = d.download(&self.scalars)?[0];
         if s.bad_step != u64::MAX {
             return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
         }
@@ -135,12 +122,8 @@ impl Optimiser {
 
     /// See [`crate::learner::Learner::state`].
     pub fn state(&self, d: &Device) -> Result<LearnerState, LearnError> {
-        let read = |b: &Buffer<f32>| -> Result<Vec<f32>, LearnError> {
-            let mut x = vec![0.0; b.len];
-            d.read(b, &mut x)?;
-            Ok(x)
-        };
-        let weights = Weights { config: self.shape, flat: read(&self.weights)? };
-        Ok(LearnerState { step: self.read_scalars(d)?.step, weights, average: read(&self.average)?, m: read(&self.m)?, v: read(&self.v)? })
+        let weights = Weights { config: self.shape, flat: d.download(&self.weights)? };
+        let (average, m, v) = (d.download(&self.average)?, d.download(&self.m)?, d.download(&self.v)?);
+        Ok(LearnerState { step: d.download(&self.scalars)?[0].step, weights, average, m, v })
     }
 }

@@ -46,8 +46,8 @@ impl CudaProgram {
         let (net, w) = (&self.network, self.weights.ptr);
         net.fold(w)?;
         net.windows(w, net.rows)?;
-        let mut said = vec![0.0; net.rows * net.plan.tokens * net.plan.outputs()];
-        net.device.read(net.predictions(), &mut said)?;
+        let mut said = net.device.download(net.predictions())?;
+        said.truncate(net.rows * net.plan.tokens * net.plan.outputs());
         Ok(said)
     }
 
@@ -56,9 +56,6 @@ impl CudaProgram {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, behind)?;
         net.backward(w, self.gradients.ptr, net.rows, Some(self.by_tokens.ptr))?;
-        let (mut by_weights, mut by_tokens) = (vec![0.0; self.gradients.len], vec![0.0; self.by_tokens.len]);
-        net.device.read(&self.gradients, &mut by_weights)?;
-        net.device.read(&self.by_tokens, &mut by_tokens)?;
-        Ok((by_weights, by_tokens))
+        Ok((net.device.download(&self.gradients)?, net.device.download(&self.by_tokens)?))
     }
 }

@@ -5,18 +5,17 @@
 
 use std::ops::Range;
 
-use nerd_model::transformer::TransformerConfig;
+use nerd_cuda::Arg::{Long, Ptr};
+use nerd_cuda::{Buffer, Device, Replay, Sums};
+use nerd_model::program::Slot;
 
 use super::Precision;
 use super::network::Network;
 use super::optimiser::Optimiser;
 use super::plan::Plan;
-use super::step::{Choice, Data, Step, gather};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, validation_rows};
 use crate::ranks::Ranks;
 use crate::windows::Windows;
-use nerd_cuda::Arg::Ptr;
-use nerd_cuda::{Buffer, Device, Replay, Sums};
 
 /// Adam's second beta.
 const BETA: f64 = 0.999;
@@ -24,149 +23,156 @@ const BETA: f64 = 0.999;
 /// The CUDA engine of the [`Learner`] trait.
 pub struct CudaLearner {
     replay: Replay,
-    step: Step,
-    shape: TransformerConfig,
+    network: Network,
+    optimiser: Optimiser,
+    config: LearnerConfig,
+    /// Of the batch.
+    rows: Range<usize>,
+    train: Data,
     validation: Data,
     total: Buffer<f64>,
 }
 
+/// Windows on the device.
+struct Data {
+    x: Buffer<f32>,
+    y: Buffer<f32>,
+    /// Without its numbers.
+    shape: Windows,
+    /// Windows in all, and in a trajectory.
+    count: usize,
+    per: usize,
+}
+
+/// Which windows.
+enum Choice {
+    /// Those of the next update, from row `first` of the batch on.
+    Drawn { scalars: u64, seed: u64, first: usize },
+    /// Those of the numbers from this address on.
+    These(u64),
+}
+
 impl CudaLearner {
-    /// Takes up `state` on GPU 0 with all windows in device memory.
+    /// Takes up `state` as one of several ranks, on this process's GPU, with all windows in device memory. Gradients are added up by NCCL.
     ///
     /// # Errors
     /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
     /// is no GPU, a library is missing or memory runs out.
     pub fn new(
-        config: LearnerConfig,
-        precision: Precision,
-        state: LearnerState,
-        train: &Windows,
-        validation: &Windows,
-    ) -> Result<Self, LearnError> {
-        Self::of_rows(0..config.batch, config, precision, state, train, validation)
-    }
-
-    /// The same as one of several ranks, on the GPU of its number on this machine. Gradients are added up by NCCL.
-    pub fn among(
         ranks: &Ranks,
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
-        train: &Windows,
-        validation: &Windows,
+        sets: [&Windows; 2],
     ) -> Result<Self, LearnError> {
-        if ranks.world() == 1 {
-            return Self::new(config, precision, state, train, validation);
-        }
-        let ordinal = nerd_cuda::take(ranks.local())?;
-        let join = |device: &Device| joined(ranks, device);
-        Self::part(ordinal, ranks.part(config.batch), config, precision, state, [train, validation], join)
+        Self::of_rows(ranks.part(config.batch), ranks, config, precision, state, sets)
     }
 
-    /// On GPU 0, for these rows of the batch alone, with nothing added to their gradient: those of parts make up the whole's. For checks.
+    /// The same for these rows of the batch: gradients of parts make up the whole's.
     pub fn of_rows(
         rows: Range<usize>,
-        config: LearnerConfig,
-        precision: Precision,
-        state: LearnerState,
-        train: &Windows,
-        validation: &Windows,
-    ) -> Result<Self, LearnError> {
-        Self::part(0, rows, config, precision, state, [train, validation], |_| Ok(None))
-    }
-
-    fn part(
-        ordinal: usize,
-        rows: Range<usize>,
+        ranks: &Ranks,
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
         [train, validation]: [&Windows; 2],
-        join: impl FnOnce(&Device) -> Result<Option<Sums>, LearnError>,
     ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
         crate::learner::check(&config, &state, [("training", train), ("validation", validation)])?;
-        let network = Network::new(ordinal, Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
+        let network = Network::new(nerd_cuda::ordinal(), Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
         let d = &network.device;
-        let sums = join(d)?;
+        let sums = joined(ranks, d)?;
         let data = |w: &Windows| -> Result<Data, LearnError> {
-            Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, windows: w.len(), per: w.per_trajectory(), frames: w.frames })
+            let shape = Windows { x: Vec::new(), y: Vec::new(), ..*w };
+            Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, shape, count: w.len(), per: w.per_trajectory() })
         };
         let (total, validation) = (d.zeros(1)?, data(validation)?);
         let optimiser = Optimiser::new(d, config, &state, BETA, sums)?;
-        let step = Step { config, rows, train: data(train)?, optimiser, network };
-        Ok(Self { replay: Replay::default(), step, shape, validation, total })
+        Ok(Self { replay: Replay::default(), train: data(train)?, config, rows, optimiser, network, validation, total })
     }
 
     /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,
     /// without making the update. For checks.
     pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
-        self.step.gradient()?;
-        let gradients = &self.step.optimiser.gradients;
-        let mut g = vec![0.0; gradients.len];
-        self.device().read(gradients, &mut g)?;
+        self.differentiate()?;
+        let mut g = self.network.device.download(&self.optimiser.gradients)?;
         let squares = g.pop().unwrap_or(f32::NAN);
-        Ok((squares * self.step.mean(), g))
+        Ok((squares * self.mean(), g))
     }
 
-    /// Puts other weights in the place of the present ones. For checks.
-    ///
-    /// # Errors
-    /// [`LearnError::Mismatch`] if there are more or fewer of them, [`LearnError::Device`] if the device fails.
-    pub fn set_weights(&mut self, flat: &[f32]) -> Result<(), LearnError> {
-        let weights = &self.step.optimiser.weights;
-        if flat.len() != weights.len {
-            return Err(LearnError::Mismatch(format!("{} weights for a network of {}", flat.len(), weights.len)));
-        }
-        Ok(self.device().write(weights, flat)?)
+    /// From the sum of squared errors to the loss.
+    fn mean(&self) -> f32 {
+        let plan = &self.network.plan;
+        1.0 / (self.config.batch * plan.tokens * plan.outputs()) as f32
     }
 
-    fn device(&self) -> &Device {
-        &self.step.network.device
+    fn differentiate(&self) -> Result<(), LearnError> {
+        let (net, own, rows) = (&self.network, &self.optimiser, self.rows.len());
+        let (w, g) = (own.weights.ptr, own.gradients.ptr);
+        let LearnerConfig { batch, seed, huber, .. } = self.config;
+        self.gather(&self.train, rows, Choice::Drawn { scalars: own.scalars(), seed, first: self.rows.start })?;
+        net.fold(w)?;
+        net.windows(w, rows)?;
+        net.loss(w, rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
+        Ok(net.backward(w, g, rows, None)?)
+    }
+
+    /// Fills the network's inputs and targets with `rows` windows.
+    fn gather(&self, data: &Data, rows: usize, choice: Choice) -> Result<(), LearnError> {
+        let net = &self.network;
+        let (scalars, seed, first, numbers) = match choice {
+            Choice::Drawn { scalars, seed, first } => (scalars, seed, first as u64, 0),
+            Choice::These(numbers) => (0, 0, 0, numbers),
+        };
+        let [windows, per, frames] = [data.count, data.per, data.shape.frames].map(|x| Long(x as u64));
+        let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
+        let args = [&from[..], &[windows, per, frames, Ptr(numbers), Long(first)]].concat();
+        Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &args)?)
     }
 }
 
 impl Learner for CudaLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
-        self.step.optimiser.set_lr(&self.step.network.device, lr)?;
-        self.replay.run(self.device(), "update", (), || self.step.all())
+        self.optimiser.set_lr(&self.network.device, lr)?;
+        self.replay.run(&self.network.device, "update", (), || {
+            self.differentiate()?;
+            self.optimiser.update(&self.network.device, self.mean())
+        })
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
-        let (data, c) = (&self.step.train, self.shape);
-        let trajectories = data.windows / data.per;
-        fresh.fits(first, [c.inputs, c.outputs, data.frames, c.sequence()], trajectories).map_err(LearnError::Mismatch)?;
-        self.device().write_at(&data.x, first * data.frames * c.inputs, &fresh.x)?;
-        Ok(self.device().write_at(&data.y, first * data.frames * c.outputs, &fresh.y)?)
+        let (data, d) = (&self.train, &self.network.device);
+        data.shape.fits(first, fresh, data.count / data.per).map_err(LearnError::Mismatch)?;
+        let token = first * data.shape.frames;
+        d.write_at(&data.x, token * fresh.inputs, &fresh.x)?;
+        Ok(d.write_at(&data.y, token * fresh.outputs, &fresh.y)?)
     }
 
     fn progress(&mut self) -> Result<Progress, LearnError> {
-        self.step.optimiser.progress(self.device())
+        self.optimiser.progress(&self.network.device)
     }
 
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
-        let Step { network: net, optimiser: Optimiser { average, gradients, .. }, .. } = &self.step;
+        let (net, Optimiser { average, gradients, .. }) = (&self.network, &self.optimiser);
         let (w, outputs, tokens) = (average.ptr, net.plan.outputs(), net.plan.tokens);
-        let chosen = validation_rows(self.validation.windows, windows);
+        let chosen = validation_rows(self.validation.count, windows);
         let (count, numbers) = (chosen.len(), net.device.upload(&chosen)?);
         net.device.write(&self.total, &[0.0])?;
         net.fold(w)?;
         for first in (0..count).step_by(net.rows) {
             let rows = net.rows.min(count - first);
-            gather(net, &self.validation, rows, Choice::These(numbers.at(first)))?;
+            self.gather(&self.validation, rows, Choice::These(numbers.at(first)))?;
             net.windows(w, rows)?;
             // Every update overwrites the gradients.
             net.loss(w, rows * tokens, rows * tokens, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());
             net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
         }
-        let mut total = [0.0];
-        net.device.read(&self.total, &mut total)?;
-        Ok((total[0] / (count * tokens * outputs) as f64) as f32)
+        Ok((net.device.download(&self.total)?[0] / (count * tokens * outputs) as f64) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {
-        self.step.optimiser.state(self.device())
+        self.optimiser.state(&self.network.device)
     }
 }
 

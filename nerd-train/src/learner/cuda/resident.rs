@@ -1,0 +1,213 @@
+//! A model as a solver whose frames never leave the device: contacts, draft, tokens, network and the state that follows are one captured
+//! graph a frame.
+
+use std::sync::Arc;
+
+use nerd_cuda::Arg::{Int, Ptr};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
+use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
+use nerd_model::device::{program, settings};
+use nerd_model::folder::Model;
+use nerd_model::program::Slot;
+use nerd_model::transformer::Architecture;
+use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, Real, failed};
+use nerd_sim::articulated::{ArticulatedConfig, Friction};
+use nerd_sim::batch::Batch;
+use nerd_sim::solver::StepError;
+use nerd_sim::system::System;
+
+use super::network::Network;
+use super::plan::Plan;
+use super::stream::CudaStream;
+use super::{LearnError, Precision};
+
+/// A model's frames: a kernel for what it sees, its network, a kernel for what follows.
+pub struct Frames {
+    model: Model,
+    /// Of a chain, with the scales of its outputs.
+    chain: Option<(Chain, [f64; OUTPUTS])>,
+    config: ArticulatedConfig,
+    real: Real,
+    precision: Precision,
+    made: Option<Made>,
+}
+
+struct Made {
+    engine: Engine,
+    /// What `apply` needs of `tell`: the states that predictions are added to; of a chain, its rods.
+    before: Buffer<f64>,
+    hold: Buffer<u32>,
+    replay: Replay<[u64; 2]>,
+    /// The frame that each environment's next token must be of, to follow on those that are remembered.
+    next: Vec<u64>,
+}
+
+enum Engine {
+    /// Frame by frame.
+    Stream(CudaStream),
+    /// Over a chain's rods.
+    Chain(Network, Buffer<f32>),
+}
+
+/// A model as a solver of `system`; the device is opened at its first step. What is not the network of a chain has 64 bits, whatever `real`.
+///
+/// # Errors
+/// What of the model has no kernel: networks that see windows, other bases than the state and drafts, other views than the robot's own.
+pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<OnDevice<Frames>, String> {
+    let network = model.config.network;
+    let refused = |e: LearnError| e.to_string();
+    let (chain, config) = if network.architecture == Architecture::Chain {
+        // What the CPU's solver refuses.
+        ChainSolver::new(&model.weights, &model.normalizer, system).map_err(|e| e.to_string())?;
+        let chain = Chain::of(system).map_err(|e| e.to_string())?;
+        Plan::of(&network, chain.rods).map_err(refused)?;
+        (Some((chain, ChainSolver::scale(&model.normalizer)?)), ArticulatedConfig::implicit(1, Friction::Coulomb))
+    } else {
+        Plan::stream(&network).map_err(refused)?;
+        (None, settings(&model, system)?.0)
+    };
+    Ok(OnDevice::by(Frames { model, chain, config, real, precision, made: None }))
+}
+
+impl Motion for Frames {
+    fn check(&self, batch: &Batch) -> Result<(), StepError> {
+        let Some((chain, _)) = &self.chain else { return Ok(()) };
+        let (joints, gravity) = (batch.system.robot.joint_count(), batch.system.gravity());
+        if joints != 6 + 2 * chain.rods {
+            return Err(StepError::Refused(format!("a chain of {} rods was learned, the robot has {joints} joints", chain.rods)));
+        }
+        match batch.scenes.iter().position(|scene| scene.gravity != gravity) {
+            Some(env) => Err(StepError::Refused(format!("gravity of environment {env} is not what was learned; step it on the CPU"))),
+            None => Ok(()),
+        }
+    }
+
+    fn config(&self) -> &ArticulatedConfig {
+        &self.config
+    }
+
+    fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
+        self.made = None;
+        let (weights, envs) = (&self.model.weights, batch.len());
+        let solver = |e: LearnError| StepError::Solver(e.to_string());
+        let (engine, wide) = match &self.chain {
+            Some((chain, scale)) => {
+                let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
+                let mut network = Network::new(nerd_cuda::ordinal(), plan, envs, self.precision, false).map_err(solver)?;
+                let text = chain_program(chain, scale, &batch.system, reach.colliders);
+                network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
+                let weights = network.device.upload(&weights.flat).map_err(failed)?;
+                network.fold(weights.ptr).map_err(failed)?;
+                (Engine::Chain(network, weights), envs * numbers(chain))
+            }
+            None => {
+                let text = program(&self.model, &batch.system, self.real, reach.colliders).map_err(StepError::Solver)?;
+                let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
+                stream.device_mut().add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
+                (Engine::Stream(stream), batch.states.len())
+            }
+        };
+        let device = engine.device();
+        let (before, hold) = (device.zeros(wide).map_err(failed)?, device.zeros(1).map_err(failed)?);
+        self.made = Some(Made { engine, before, hold, replay: Replay::default(), next: vec![u64::MAX; envs] });
+        Ok(())
+    }
+
+    fn device(&self) -> Option<&Device> {
+        self.made.as_ref().map(|made| made.engine.device())
+    }
+
+    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
+        let Some(made) = &mut self.made else { return Ok(()) };
+        made.follow(first, hold)?;
+        let device = made.engine.device();
+        device.write(&held.faults, &vec![0; held.n])?;
+        device.write(&held.done, &vec![0; held.n])?;
+        (0..frames).try_for_each(|_| made.go(held))?;
+        made.remember(held, first)
+    }
+
+    fn follow(&mut self, first: &[u64]) -> Result<(), DeviceError> {
+        let Some(made) = &mut self.made else { return Ok(()) };
+        made.follow(first, true)?;
+        made.next.fill(u64::MAX);
+        Ok(())
+    }
+
+    fn memory(&self) -> u64 {
+        match self.made.as_ref().map(|made| &made.engine) {
+            Some(Engine::Stream(stream)) => stream.taken(),
+            _ => 0,
+        }
+    }
+
+    fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
+        self.made.as_ref().map_or(Ok(()), |made| made.go(held))
+    }
+
+    fn reset(&mut self, env: usize) {
+        if let Some(next) = self.made.as_mut().and_then(|made| made.next.get_mut(env)) {
+            *next = u64::MAX;
+        }
+    }
+}
+
+impl Made {
+    /// Clears memory that these frames do not continue; `hold`: whether torques are held.
+    fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
+        if let Engine::Stream(stream) = &mut self.engine {
+            let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
+            stream.forget(&first.iter().enumerate().filter_map(begins).collect::<Vec<_>>())?;
+        }
+        self.engine.device().write(&self.hold, &[u32::from(hold)])
+    }
+
+    /// Which frames would follow on those that were made.
+    fn remember(&mut self, held: &Held, first: &[u64]) -> Result<(), DeviceError> {
+        let Engine::Stream(stream) = &self.engine else { return Ok(()) };
+        let (went, faults) = (stream.device().download(&held.done)?, stream.device().download(&held.faults)?);
+        for (env, next) in self.next.iter_mut().enumerate() {
+            *next = if faults[env] == 0 { first[env] + u64::from(went[env]) } else { u64::MAX };
+        }
+        Ok(())
+    }
+
+    /// One frame, as a graph from the second on.
+    fn go(&self, held: &Held) -> Result<(), DeviceError> {
+        self.replay.run(self.engine.device(), "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
+    }
+
+    /// What of a frame the device does.
+    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
+        let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
+        let grid = |kernel, args: &[Arg]| self.engine.device().launch(kernel, (n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args);
+        let seen = |tokens: u64| {
+            let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr, self.before.ptr, tokens, faults.ptr, done.ptr].map(Ptr);
+            [&world[..], &[Int(*n), Ptr(self.hold.ptr)]].concat()
+        };
+        let end = [Ptr(faults.ptr), Ptr(done.ptr), Int(*n)];
+        match &self.engine {
+            Engine::Stream(stream) => {
+                grid("neural_tell", &seen(stream.tokens()))?;
+                stream.pass()?;
+                let after = [states.ptr, self.before.ptr, stream.predictions(), stream.taken()].map(Ptr);
+                grid("neural_apply", &[&after[..], &end].concat())
+            }
+            Engine::Chain(network, weights) => {
+                grid("chain_tell", &seen(network.at(Slot(0))))?;
+                network.predict(weights.ptr, *n, None)?;
+                let after = [states.ptr, self.before.ptr, network.predictions().ptr].map(Ptr);
+                grid("chain_apply", &[&after[..], &end].concat())
+            }
+        }
+    }
+}
+
+impl Engine {
+    fn device(&self) -> &Device {
+        match self {
+            Self::Stream(stream) => stream.device(),
+            Self::Chain(network, _) => &network.device,
+        }
+    }
+}
