@@ -100,8 +100,7 @@ impl Group {
             d.products(self.lane, next, (x.0.ptr, c, wide), (self.polynomial.ptr, r, square), (x.1.ptr, c, wide))?;
             x = (x.1, x.0);
         }
-        let apply =
-            [Ptr(weights), Ptr(average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(scalars), Float(self.gain), shape[0], shape[1]];
+        let apply = [Ptr(weights), Ptr(average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(scalars), Float(self.gain), shape[0], shape[1]];
         d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
     }
 }
