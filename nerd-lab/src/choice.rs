@@ -14,27 +14,15 @@ use nerd_train::shipped;
 
 use crate::error::Result;
 
-/// A solver with its settings.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Choice {
-    /// `articulated`.
+    Setting(Setting),
+    /// `articulated` at settings that may have no such name.
     Articulated(ArticulatedConfig),
-    /// `rapier`.
-    Rapier(RapierConfig),
-    /// A model.
-    Neural {
-        /// Its folder.
-        folder: PathBuf,
-        /// Name of the truth that it must have learned, if one is asked for.
-        truth: Option<String>,
-        /// Where its network is computed.
-        device: Device,
-    },
+    /// A model, which must have learned `truth` if one is asked for.
+    Neural { folder: PathBuf, truth: Option<String>, device: Device },
     /// The cheapest that a scene's chart in `results/` found to be so near to a converged motion (mean |dq|, rad or m).
     Within(f64),
-    /// One by its setting.
-    Setting(Setting),
 }
 
 impl Choice {
@@ -44,9 +32,6 @@ impl Choice {
     }
 
     /// The solver for one scene: where a chart is to be asked, what it says.
-    ///
-    /// # Errors
-    /// If there is no such chart, or nothing on it is so near.
     pub fn in_scene(&self, system: &System, scene: &str) -> Result<Self> {
         let Self::Within(tolerance) = self else { return Ok(self.clone()) };
         let picked = pick(&shipped::results(), &system.name, scene, *tolerance)?;
@@ -64,37 +49,26 @@ impl Choice {
                 let known = [Setting::Accurate, Setting::Paper, Setting::Implicit(n), Setting::Euler(n), Setting::Rk4(config.substeps)];
                 known.into_iter().find(|s| s.articulated(system).as_ref() == Some(config))
             }
-            Self::Rapier(config) if *config == RapierConfig::substeps(config.iterations) => Some(Setting::Rapier(config.iterations)),
-            Self::Rapier(config) if *config == (RapierConfig { steps: config.steps, ..RapierConfig::default() }) => {
-                Some(Setting::RapierSteps(config.steps))
-            }
-            Self::Rapier(_) | Self::Within(_) => None,
+            Self::Within(_) => None,
         }
     }
 
-    /// The solver in a table.
-    ///
-    /// # Errors
-    /// If it is a model that cannot be read.
     pub fn title(&self, system: &System) -> Result<String> {
-        Ok(match self {
-            Self::Neural { folder, .. } => describe(&ModelConfig::read(folder)?),
-            Self::Within(tolerance) => format!("within {tolerance}"),
-            Self::Articulated(config) => self.setting(system).map_or_else(|| config_words(config), |s| s.to_string()),
-            Self::Rapier(config) => format!("rapier {}x{}", config.steps, config.iterations),
-            Self::Setting(setting) => setting.to_string(),
+        Ok(match (self, self.setting(system)) {
+            (Self::Neural { folder, .. }, _) => describe(&ModelConfig::read(folder)?),
+            (_, Some(setting)) => setting.to_string(),
+            (Self::Articulated(config), None) => {
+                let law = if config.friction == Friction::Huber { ", huber friction" } else { "" };
+                format!("articulated x{}{law}", config.contact_substeps)
+            }
+            (Self::Within(tolerance), _) => format!("within {tolerance}"),
+            (Self::Setting(_), None) => String::new(),
         })
     }
 
-    /// The truth that it learned, if it learned one.
-    ///
-    /// # Errors
-    /// If it is a model that cannot be read, or one of an unknown truth.
     pub fn learned(&self) -> Result<Option<Truth>> {
-        match self {
-            Self::Neural { folder, .. } => Ok(Some(ModelConfig::truth_of(folder)?)),
-            _ => Ok(None),
-        }
+        let Self::Neural { folder, .. } = self else { return Ok(None) };
+        Ok(Some(ModelConfig::truth_of(folder)?))
     }
 
     /// Whether it moves as that truth does in a scene, by its settings.
@@ -114,16 +88,13 @@ impl Choice {
     pub fn substeps(&self) -> usize {
         match self {
             Self::Articulated(config) => config.substeps.max(config.contact_substeps),
-            Self::Rapier(config) => config.steps.saturating_mul(config.iterations),
+            Self::Setting(Setting::RapierSteps(n)) => n.saturating_mul(RapierConfig::default().iterations),
             Self::Setting(setting) => setting.substeps().unwrap_or(1),
             Self::Neural { .. } | Self::Within(_) => 1,
         }
     }
 
     /// Bytes that it keeps of an environment, beside the batch.
-    ///
-    /// # Errors
-    /// If it is a model that cannot be read.
     pub fn bytes(&self) -> Result<usize> {
         let Self::Neural { folder, .. } = self else { return Ok(0) };
         let network = ModelConfig::read(folder)?.network;
@@ -132,25 +103,14 @@ impl Choice {
         Ok(network.history.saturating_mul(token).saturating_mul(8))
     }
 
-    /// Makes the solver for `n` environments of `system` in `scene`.
-    ///
-    /// # Errors
-    /// If its model cannot be read, is another robot's or another truth's, or its device is not there.
     pub fn build(&self, system: &Arc<System>, scene: &str, n: usize) -> Result<Box<dyn Solver>> {
         Ok(match self {
-            Self::Articulated(config) => Box::new(Articulated::new(*config)),
-            Self::Rapier(config) => Box::new(Rapier::new(*config)),
-            Self::Neural { folder, truth, device } => Box::new(device.neural(folder, system, truth.as_deref(), n)?),
-            Self::Within(_) => self.in_scene(system, scene)?.build(system, scene, n)?,
             Self::Setting(setting) => setting.solver(system)?,
+            Self::Articulated(config) => Box::new(Articulated::new(*config)),
+            Self::Neural { folder, truth, device } => device.neural(folder, system, truth.as_deref(), n)?,
+            Self::Within(_) => self.in_scene(system, scene)?.build(system, scene, n)?,
         })
     }
-}
-
-/// Of settings that are no [`Setting`]: a friction law, or the paper's at other substeps.
-fn config_words(config: &ArticulatedConfig) -> String {
-    let law = if config.friction == Friction::Huber { ", huber friction" } else { "" };
-    format!("articulated x{}{law}", config.contact_substeps)
 }
 
 /// Form and size of a model, for tables and legends.

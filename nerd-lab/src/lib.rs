@@ -17,5 +17,6 @@ pub mod inspect;
 pub mod mujoco;
 pub mod page;
 pub mod paper;
+mod python;
 pub mod report;
 pub mod survey;

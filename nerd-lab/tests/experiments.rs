@@ -80,7 +80,7 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
 fn an_experiment_is_found_by_name_and_its_settings_are_checked() {
     let refused = |name: &str, set: &[&str]| {
         let set: Vec<String> = set.iter().map(|text| text.to_string()).collect();
-        let inputs = Entry::named(name).and_then(|entry| entry.with(&set)).and_then(|experiment| experiment.inputs());
+        let inputs = Entry::named(name).and_then(|entry| entry.with(&set)).and_then(|experiment| experiment.about());
         inputs.err().map(|e| e.to_string()).unwrap_or_default()
     };
     for (name, set, word) in [

@@ -30,7 +30,7 @@ fn a_table_stands_and_falls() {
     let standing = stand(&found[0], None).expect("it stands");
     assert_eq!((standing.points, standing.mujoco.is_none()), (40, true));
     assert!((standing.start - 0.3).abs() < 1e-4, "begins at {} m", standing.start);
-    let (height, tilt) = (standing.ours.height[599], standing.ours.tilt[599]);
+    let [height, tilt] = standing.ours[599];
     // 10 kg on four legs of at least 1e5 N/m a corner.
     assert!((0.299..0.3).contains(&height), "stands at {height} m, legs of 0.3 m");
     assert!(tilt < 1e-3, "leans by {tilt} rad");

@@ -80,11 +80,6 @@ impl Setting {
         }
     }
 
-    /// Whether this build has the solver.
-    fn present(&self) -> bool {
-        cfg!(feature = "rapier") || !matches!(self, Self::Rapier(_) | Self::RapierSteps(_))
-    }
-
     /// The solver, a learned one on the CPU.
     ///
     /// # Errors
@@ -97,7 +92,7 @@ impl Setting {
             (Self::Rapier(n), None) => Ok(Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             #[cfg(feature = "rapier")]
             (Self::RapierSteps(n), None) => Ok(Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() }))),
-            (_, None) => Err(PickError::NoRapier),
+            (_, None) => Err(PickError::Refused("this build has no rapier: enable the feature `rapier` of nerd-model".into())),
         }
     }
 }
@@ -139,7 +134,7 @@ impl From<Truth> for Setting {
 }
 
 /// A solver as a chart found it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Picked {
     /// Which, at which setting.
     pub setting: Setting,
@@ -147,60 +142,26 @@ pub struct Picked {
     pub microseconds: f64,
     /// Mean |difference| of q over the chart's horizon from its reference (rad or m).
     pub error: f64,
-    /// Rollouts that left.
-    pub diverged: usize,
 }
 
-/// Why no solver was picked.
+/// Why no solver was picked or made; one line.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PickError {
-    /// No chart of the scene, or not one of this program.
-    #[error("{path}: {reason}; `cargo xtask chart --robot {robot} --scene {scene}` measures it", path = path.display())]
-    Chart {
-        /// The file.
-        path: PathBuf,
-        /// Robot asked for.
-        robot: String,
-        /// Scene asked for.
-        scene: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The solver is rapier.
-    #[error("this build has no rapier: enable the feature `rapier` of nerd-model")]
-    NoRapier,
-    /// The solver is a model that cannot be loaded.
+    /// A model that cannot be loaded.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// No solver is within what is no error.
-    #[error("a tolerance of {0}: a number above 0 is needed (rad or m)")]
-    Tolerance(f64),
-    /// Nothing measured is accurate enough.
-    #[error("no solver measured on {robot}, {scene} comes within {tolerance}; the best is {best:.2e} away")]
-    TooFine {
-        /// Robot asked for.
-        robot: String,
-        /// Scene asked for.
-        scene: String,
-        /// Error asked for.
-        tolerance: f64,
-        /// Least error on the chart.
-        best: f64,
-    },
+    /// No chart of the scene, nothing on it that is accurate enough, or a solver that this build does not have.
+    #[error("{0}")]
+    Refused(String),
 }
 
 /// The cheapest solver of the chart of `robot` in `scene` whose mean error is at most `tolerance` (rad or m) and of which no
 /// rollout left. `results` is the folder of the charts.
 ///
 /// # Errors
-/// [`PickError`] if the tolerance is not a number above 0, there is no chart, or nothing on it is accurate enough.
+/// If the tolerance is not a number above 0, there is no chart, or nothing on it is accurate enough.
 pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<Picked, PickError> {
-    if tolerance.is_nan() || tolerance <= 0.0 {
-        return Err(PickError::Tolerance(tolerance));
-    }
-    let path = results.join(format!("chart-{robot}-{scene}.json"));
-    let wrong = |reason: String| PickError::Chart { path: path.clone(), robot: robot.into(), scene: scene.into(), reason };
     #[derive(Deserialize)]
     struct Chart {
         points: Vec<Point>,
@@ -213,25 +174,25 @@ pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<
         error: f64,
         diverged: usize,
     }
+    if tolerance.is_nan() || tolerance <= 0.0 {
+        return Err(PickError::Refused(format!("a tolerance of {tolerance}: a number above 0 is needed (rad or m)")));
+    }
+    let path = results.join(format!("chart-{robot}-{scene}/result.json"));
+    let wrong = |reason: String| {
+        let path = path.display();
+        PickError::Refused(format!("{path}: {reason}; `cargo xtask chart --robot {robot} --scene {scene}` measures it"))
+    };
     let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
     let chart: Chart = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let sound = |p: &Point| p.diverged == 0 && p.error >= 0.0 && p.error.is_finite() && p.microseconds > 0.0;
-    let ours = chart.points.into_iter().filter(sound);
-    let ours = ours.filter_map(|p| {
-        p.setting.filter(Setting::present).map(|setting| Picked {
-            setting,
-            microseconds: p.microseconds,
-            error: p.error,
-            diverged: p.diverged,
-        })
+    let here = |setting: &Setting| cfg!(feature = "rapier") || !matches!(setting, Setting::Rapier(_) | Setting::RapierSteps(_));
+    let sound = chart.points.into_iter().filter_map(|Point { setting, microseconds, error, diverged }| {
+        let kept = diverged == 0 && error >= 0.0 && error.is_finite() && microseconds > 0.0;
+        setting.filter(|setting| kept && here(setting)).map(|setting| Picked { setting, microseconds, error })
     });
-    let ours: Vec<Picked> = ours.collect();
-    let best = ours.iter().map(|p| p.error).fold(f64::INFINITY, f64::min);
-    let enough = ours.into_iter().filter(|p| p.error <= tolerance);
-    enough.min_by(|a, b| a.microseconds.total_cmp(&b.microseconds)).ok_or_else(|| PickError::TooFine {
-        robot: robot.into(),
-        scene: scene.into(),
-        tolerance,
-        best,
+    let sound: Vec<Picked> = sound.collect();
+    let best = sound.iter().map(|p| p.error).fold(f64::INFINITY, f64::min);
+    let enough = sound.into_iter().filter(|p| p.error <= tolerance);
+    enough.min_by(|a, b| a.microseconds.total_cmp(&b.microseconds)).ok_or_else(|| {
+        PickError::Refused(format!("no solver measured on {robot}, {scene} comes within {tolerance}; the best is {best:.2e} away"))
     })
 }

@@ -14,7 +14,8 @@ const CHART: &str = r#"{"robot": "pendulum", "points": [
 #[test]
 fn the_cheapest_that_is_accurate_enough_is_taken() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    std::fs::write(folder.path().join("chart-pendulum-ground1.json"), CHART).expect("written");
+    let chart = folder.path().join("chart-pendulum-ground1");
+    std::fs::create_dir(&chart).and_then(|()| std::fs::write(chart.join("result.json"), CHART)).expect("written");
     let of = |tolerance: f64| pick(folder.path(), "pendulum", "ground1", tolerance);
     let settings = [0.1, 0.03, 0.01].map(|tolerance| of(tolerance).expect("accurate enough").setting);
     // Neither what left nor what this program has no name for is ever taken, however cheap.
@@ -26,7 +27,7 @@ fn the_cheapest_that_is_accurate_enough_is_taken() {
         assert!(said.contains(&tolerance.to_string()), "{said}");
     }
     let absent = pick(folder.path(), "ant", "ground", 0.1).unwrap_err().to_string();
-    assert!(absent.contains("chart-ant-ground.json") && absent.contains("cargo xtask chart"), "{absent}");
+    assert!(absent.contains("chart-ant-ground/result.json") && absent.contains("cargo xtask chart"), "{absent}");
     let system = System::named("pendulum").expect("built in");
     assert!(Setting::Implicit(2).solver(&system).is_ok());
     let nowhere = Setting::Neural("nowhere".into()).solver(&system).err().map(|e| e.to_string()).unwrap_or_default();

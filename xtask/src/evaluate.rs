@@ -86,7 +86,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         println!("control: the truth against itself; anything but 0 is a fault of the program\n");
     }
     match folder {
-        Some(folder) => conduct(&passive, &folder)?,
+        Some(folder) => drop(conduct(&passive, &folder)?),
         None => tables(&[passive.rows()?.table()]),
     }
     let Some((file, page)) = replay else { return Ok(()) };

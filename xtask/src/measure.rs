@@ -24,7 +24,7 @@ pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static
 impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T> {
     /// Measures it into the folder, and shows its tables.
     pub fn run(self) -> Result<()> {
-        conduct(&self.keys.settings()?, &self.out.unwrap_or_else(results))
+        conduct(&self.keys.settings()?, &self.out.unwrap_or_else(results)).map(drop)
     }
 
     /// Measures it; writes only where a folder is named.
@@ -54,18 +54,16 @@ pub struct MeasureArgs {
 
 /// Runs the verb.
 pub fn run(args: MeasureArgs) -> Result<()> {
-    let Some(name) = &args.name else {
-        list();
-        return Ok(());
-    };
-    conduct(&*Entry::named(name)?.with(&args.set)?, &args.out.unwrap_or_else(results))
+    let Some(name) = &args.name else { return list() };
+    conduct(&*Entry::named(name)?.with(&args.set)?, &args.out.unwrap_or_else(results)).map(drop)
 }
 
 /// The experiments, and what may be set.
-fn list() {
+fn list() -> Result<()> {
     for entry in &REGISTRY {
         println!("{}: {}", entry.name, entry.about);
         let rows = (entry.keys)().into_iter().map(|key| vec![key.name(), key.help().to_string()]);
         table(&Table::new(entry.name, &["setting", "what it means"]).with(rows));
     }
+    Ok(())
 }

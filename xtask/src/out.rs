@@ -40,15 +40,9 @@ pub fn tables(tables: &[Table]) {
 }
 
 /// Measures an experiment into a folder and shows its tables.
-pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<()> {
-    measured(experiment, out).map(drop)
-}
-
-/// The same; its result.
-pub fn measured(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
+pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let artifact = experiments::conduct(experiment, out)?;
     tables(&artifact.tables);
-    eprintln!("written to {}", out.join(experiment.name()).display());
     Ok(artifact)
 }
 

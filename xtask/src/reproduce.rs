@@ -16,7 +16,7 @@ use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
 use crate::options::{DEVICES, SEEDS, STARTS, Whole, value, word};
-use crate::out::{conduct, measured};
+use crate::out::conduct;
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
@@ -58,7 +58,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         false => Case::shipped(args.starts, args.device)?,
     };
     let before = Artifact::read(&shipped::results(), "passive").and_then(|found| found.parse::<Rows>());
-    let rows: Rows = measured(&Passive::new("passive", args.seed, &cases)?, &out)?.parse()?;
+    let rows: Rows = conduct(&Passive::new("passive", args.seed, &cases)?, &out)?.parse()?;
     if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before)) {
         eprintln!("beside the committed results: {agreement}");
     }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use nerd_lab::choice::Choice;
+use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_train::device::Device;
@@ -22,8 +23,8 @@ pub struct SolverArgs {
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
     /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8) [default: coulomb]
-    #[arg(long, value_enum)]
-    pub friction: Option<FrictionName>,
+    #[arg(long, value_parser = word::<Friction>(&["coulomb", "huber"]))]
+    pub friction: Option<Friction>,
     /// Substeps per frame, instead of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
     /// nothing to touch), of `rapier` its iterations
     #[arg(long, value_parser = value::<usize>(Whole(SUBSTEPS)))]
@@ -35,7 +36,7 @@ pub struct SolverArgs {
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE.json` found to be at most so far (mean |dq|, rad or m)
+    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE` found to be at most so far (mean |dq|, rad or m)
     /// from a converged motion
     #[arg(long, value_name = "ERROR", value_parser = value::<f64>(Positive))]
     pub tolerance: Option<f64>,
@@ -44,7 +45,6 @@ pub struct SolverArgs {
     pub device: Option<Device>,
 }
 
-/// Solvers.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolverName {
     /// Our own articulated dynamics.
@@ -66,21 +66,8 @@ pub enum Preset {
     Converged,
 }
 
-/// Friction laws of `articulated`.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FrictionName {
-    /// Regularised Coulomb.
-    #[default]
-    Coulomb,
-    /// With the Huber size of the slip.
-    Huber,
-}
-
 impl SolverArgs {
-    /// The solver that the options name.
-    ///
-    /// # Errors
-    /// If one of them means nothing beside the others.
+    /// The solver that the options name; refuses one that means nothing beside the others.
     pub fn choose(&self, system: &System) -> Result<Choice> {
         let (model, device) = (("--model", self.model.is_some()), ("--device", self.device.is_some()));
         let (preset, friction) = (("--preset", self.preset.is_some()), ("--friction", self.friction.is_some()));
@@ -99,7 +86,7 @@ impl SolverArgs {
         }
         Ok(match solver {
             SolverName::Articulated => {
-                let law = if self.friction.unwrap_or_default() == FrictionName::Huber { Friction::Huber } else { Friction::Coulomb };
+                let law = self.friction.unwrap_or(Friction::Coulomb);
                 let own = if system.spec.truth == Truth::Paper { Preset::Paper } else { Preset::Accurate };
                 if self.preset == Some(Preset::Paper) {
                     Truth::Paper.check(&system.robot).map_err(|e| anyhow!("--preset paper: {e}"))?;
@@ -116,12 +103,12 @@ impl SolverArgs {
             }
             SolverName::Rapier => {
                 unused(&[preset, friction], "with --solver rapier: it sets `articulated`")?;
-                Choice::Rapier(self.substeps.map_or_else(RapierConfig::default, RapierConfig::substeps))
+                Choice::Setting(self.substeps.map_or(Setting::RapierSteps(RapierConfig::default().steps), Setting::Rapier))
             }
             SolverName::Neural => {
                 unused(&[substeps, preset, friction], "with --solver neural; --truth says what its model must have learned")?;
                 let folder = self.model.clone().unwrap_or_else(|| shipped::model(self.truth.unwrap_or(system.spec.truth), &system.name));
-                Choice::Neural { folder, truth: self.truth.map(Truth::name), device: self.device.unwrap_or(Device::Cpu) }
+                Choice::Neural { folder, truth: self.truth.map(Truth::name), device: self.device.unwrap_or_default() }
             }
         })
     }

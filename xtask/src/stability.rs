@@ -3,11 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::learned::Learned;
-use nerd_lab::experiments::stability::Fault;
-use nerd_lab::experiments::stability::Stability;
+use nerd_lab::experiments::stability::{Fault, Stability};
 use nerd_train::device::Device;
 
 use crate::options::{DEVICES, unused, word};
@@ -20,7 +18,7 @@ pub struct StabilityArgs {
     #[arg(long, value_delimiter = ',')]
     pub rows: Vec<String>,
     /// Break every method on purpose, to see rows fail; nothing is written
-    #[arg(long, value_parser = PossibleValuesParser::new(Fault::ALL.map(|f| f.name())).try_map(|name| name.parse::<Fault>()))]
+    #[arg(long, value_parser = word::<Fault>(Fault::NAMES))]
     pub fault: Option<Fault>,
     /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER
     #[arg(long, value_delimiter = ',')]
@@ -41,31 +39,24 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
         let broken = Stability::new(&args.rows, Some(fault))?;
         tables(&broken.measure()?.tables);
-        println!("rows that {fault} must turn red: {}", broken.reddened(fault).join(", "));
+        println!("rows that {} must turn red: {}", fault.name(), broken.reddened(fault).join(", "));
         return Ok(());
     }
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
     if args.device == Some(Device::Cuda) {
         unused(&[("--model", !args.model.is_empty())], "beside --device cuda")?;
-        return on_device(&args.rows, &out);
+        #[cfg(feature = "cuda")]
+        return conduct(&Stability::on_device(&args.rows)?, &out).map(drop);
+        #[cfg(not(feature = "cuda"))]
+        anyhow::bail!("--device cuda needs a build with `--features cuda`");
     }
     if args.model.is_empty() {
-        return conduct(&Stability::new(&args.rows, None)?, &out);
+        return conduct(&Stability::new(&args.rows, None)?, &out).map(drop);
     }
-    let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>, _>>()?;
+    let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>>>()?;
     for model in models {
         println!("{}\n", model.title());
         conduct(&model, &out)?;
     }
     Ok(())
-}
-
-#[cfg(feature = "cuda")]
-fn on_device(rows: &[String], out: &std::path::Path) -> Result<()> {
-    conduct(&Stability::on_device(rows)?, out)
-}
-
-#[cfg(not(feature = "cuda"))]
-fn on_device(_: &[String], _: &std::path::Path) -> Result<()> {
-    anyhow::bail!("--device cuda needs a build with `--features cuda`")
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
-use nerd_lab::survey::{CROWD, STANDING, find, tables};
+use nerd_lab::survey::{CROWD, STANDING, crowds, find, read, standing};
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]
@@ -43,10 +43,10 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     let (mujoco, n) = (args.mujoco.as_deref(), files.len());
     let (name, effort, (tables, notes)) = match (args.crowd, mujoco) {
-        (Some(crowd), Some(python)) => ("crowd", n * crowd as usize * CROWD, tables::crowds(&files, python, crowd as usize)?),
-        _ if args.stand => ("standing", n * STANDING, (tables::standing(&files, mujoco)?, Vec::new())),
+        (Some(crowd), Some(python)) => ("crowd", n * crowd as usize * CROWD, crowds(&files, python, crowd as usize)?),
+        _ if args.stand => ("standing", n * STANDING, (standing(&files, mujoco), Vec::new())),
         (_, Some(_)) => bail!("--mujoco is for --stand or --crowd"),
-        _ => ("urdfs", n, tables::read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
+        _ => ("urdfs", n, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
     };
     crate::out::tables(&tables);
     notes.iter().for_each(|note| eprintln!("{note}"));

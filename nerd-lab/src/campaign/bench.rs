@@ -8,7 +8,6 @@ use nerd_sim::prelude::*;
 
 use super::files::{Files, read, write};
 
-/// Those that are text.
 const TEXTS: [(&str, &str); 8] = [
     ("robot.toml", include_str!("../../assets/campaign/robot.toml")),
     ("robot.urdf", include_str!("../../assets/campaign/robot.urdf")),

@@ -9,18 +9,14 @@ use super::files::Files;
 use super::judge::Case;
 use super::text::{Dictionary, dice};
 
-/// What is changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     Urdf,
     /// A specification.
     Toml,
-    /// A table of states.
     Csv,
-    /// A folder of a model.
     Model,
-    /// A command line.
     Line,
 }
 
@@ -38,7 +34,6 @@ impl Kind {
         Self::ALL[[6, 12, 16, 19, 20].iter().position(|end| number % 20 < *end).unwrap_or(0)]
     }
 
-    /// Its name in tables and folders.
     pub fn name(self) -> &'static str {
         ["urdf", "toml", "csv", "model", "line"][self as usize]
     }
@@ -54,12 +49,10 @@ impl Kind {
         }
     }
 
-    /// Its command lines.
     pub fn lines(self) -> Vec<&'static str> {
         LINES.lines().filter_map(|line| line.strip_prefix(self.name())?.strip_prefix(' ')).collect()
     }
 
-    /// A case of it, from good files.
     pub fn make(self, seed: u64, number: u64, good: &Files) -> Case {
         let mut session = Session::new().seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ number);
         let (session, words) = (&mut session, &self.words());

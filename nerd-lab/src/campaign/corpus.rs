@@ -8,7 +8,6 @@ use super::files::Files;
 use super::judge::{Case, Outcome, Verdict};
 use super::text::repeated;
 
-/// A case in `corpus.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -26,7 +25,6 @@ pub struct Entry {
     to: Option<String>,
 }
 
-/// All.
 pub fn entries() -> Result<Vec<Entry>> {
     #[derive(Deserialize)]
     struct Corpus {
@@ -37,7 +35,6 @@ pub fn entries() -> Result<Vec<Entry>> {
 }
 
 impl Entry {
-    /// Its case, from good files.
     pub fn case(&self, good: &Files) -> Result<Case> {
         let first = ["f/robot.urdf", "f/robot.toml", "f/pendulum.csv", "f/paper/config.json", ""][self.kind as usize];
         let (name, mut files) = (self.file.as_deref().unwrap_or(first), good.clone());
@@ -63,7 +60,6 @@ impl Entry {
         Ok(Case { files, before, line })
     }
 
-    /// What is wrong with what became of it.
     pub fn wrong(&self, verdict: &Verdict) -> Option<String> {
         let Verdict(outcome, words) = verdict;
         let right = match outcome {

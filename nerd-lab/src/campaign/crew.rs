@@ -20,7 +20,6 @@ const TIME: Duration = Duration::from_secs(20);
 /// Address space of a worker (bytes).
 const MEMORY: u64 = 4 << 30;
 
-/// Cases of a seed.
 #[derive(Clone, Copy)]
 pub struct Cases {
     pub seed: u64,
@@ -46,7 +45,6 @@ pub fn work(call: Call, order: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// The words of the last panic.
 static PANIC: Mutex<String> = Mutex::new(String::new());
 
 /// From now on panics are kept, not printed.

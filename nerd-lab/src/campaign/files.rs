@@ -8,7 +8,6 @@ use anyhow::{Context, Result};
 use safetensors::tensor::{Dtype, SafeTensors};
 use tempfile::TempDir;
 
-/// Files by name.
 pub type Files = BTreeMap<String, Vec<u8>>;
 
 /// In the words of a number that is not finite.

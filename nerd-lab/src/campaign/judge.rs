@@ -57,7 +57,6 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Columns of all.
     pub const NAMES: [&str; 8] = ["refused", "accepted", "panics", "aborts", "over memory", "over time", "not finite", "untidy"];
 
     pub fn name(self) -> &'static str {

@@ -31,7 +31,6 @@ const STABS: u64 = 3;
 /// What is counted of a command.
 pub const KILLS: [&str; 4] = ["kills", "inside a write", "half-written", "other after"];
 
-/// What became of the killed runs of a command.
 #[derive(Default)]
 pub struct Killed {
     pub command: &'static str,
@@ -39,7 +38,6 @@ pub struct Killed {
     pub faults: Vec<String>,
 }
 
-/// Kills so many runs in all.
 pub fn kill(program: &Path, kills: u64, seed: u64) -> Result<Vec<Killed>> {
     let bar = bar("kills", kills);
     let mut all: Vec<Killed> = Vec::new();

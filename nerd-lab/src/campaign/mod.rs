@@ -12,7 +12,7 @@ use anyhow::Result;
 use nerd_train::progress::bar;
 use serde::{Deserialize, Serialize};
 
-use crate::experiments::{Experiment, Measured};
+use crate::experiments::{About, Experiment, Measured};
 use crate::report::{Inputs, Table};
 
 mod bench;
@@ -34,22 +34,16 @@ use kills::KILLS;
 /// Faults whose files are kept, at most.
 const KEPT: usize = 200;
 
-/// Changed inputs, and kills.
 #[derive(Clone, Debug)]
 pub struct Campaign {
     /// The executable that is tried.
     pub program: PathBuf,
-    /// Of what is changed.
     pub seed: u64,
-    /// Inputs over the five kinds.
     pub cases: u64,
-    /// Runs to kill at a random moment.
     pub kills: u64,
-    /// Folder for the files of faults.
     pub kept: PathBuf,
 }
 
-/// Counts and faults.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Found {
     /// By kind of input, what became of them.
@@ -61,20 +55,8 @@ pub struct Found {
 }
 
 impl Experiment for Campaign {
-    fn name(&self) -> String {
-        "campaign".into()
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        (self.cases + self.kills) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
-        Ok(Inputs::default())
+    fn about(&self) -> Result<About> {
+        Ok(About { name: "campaign".into(), seed: self.seed, effort: (self.cases + self.kills) as f64, inputs: Inputs::default() })
     }
 
     fn measure(&self) -> Result<Measured> {
@@ -101,7 +83,6 @@ impl Found {
 }
 
 impl Campaign {
-    /// Tries all cases, and writes the files of those that are faults.
     fn change(&self, found: &mut Found) -> Result<()> {
         let good = files::scratch()?;
         bench::build(&self.program, good.path())?;

@@ -7,7 +7,6 @@ const OFTEN: u32 = 6;
 /// Longest stretch that is copied or goes, in words and what is between them.
 const STRETCH: usize = 60;
 
-/// What a kind of text stumbles over.
 pub struct Dictionary {
     words: Vec<String>,
     /// Whether words end only at spaces, as those of a command line do; their numbers then come from the dictionary alone.
@@ -35,7 +34,6 @@ impl Dictionary {
         }
     }
 
-    /// Words, and what is between them.
     fn split(&self, text: &str) -> Vec<String> {
         let inside = |c: char| if self.spaced { !c.is_whitespace() } else { c.is_alphanumeric() || "_.+-".contains(c) };
         let mut words: Vec<String> = Vec::new();

@@ -4,18 +4,15 @@
 //! themselves. By folder, a use counts between the two names at which the files' paths part; a folder's own `mod.rs` is left out there,
 //! since its children may use what it defines.
 
-mod graph;
-mod module;
 mod modules;
 mod paths;
 mod resolve;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use graph::{Graph, circles};
 use resolve::{Use, uses};
 
 /// Uses of an edge that a line names.
@@ -38,7 +35,6 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     Ok(lines)
 }
 
-/// Those of one crate, from its `lib.rs` or `main.rs`.
 pub fn of_crate(entry: &Path) -> Result<Vec<String>> {
     let src = entry.parent().unwrap_or(Path::new(""));
     let mut uses = uses(&modules::read(entry)?, src);
@@ -49,9 +45,8 @@ pub fn of_crate(entry: &Path) -> Result<Vec<String>> {
             *path = path.with_extension("").join("mod.rs");
         }
     }
-    let mut lines = lines("by file", &uses, |u| Some((u.from.display().to_string(), u.to.display().to_string())));
-    lines.extend(self::lines("by folder", &uses, |u| siblings(&u.from, &u.to)));
-    Ok(lines)
+    let files = lines("by file", &uses, |u| Some((u.from.display().to_string(), u.to.display().to_string())));
+    Ok([files, lines("by folder", &uses, |u| siblings(&u.from, &u.to))].concat())
 }
 
 /// The names at which two paths part; none where one of them is a file of the folder itself.
@@ -82,6 +77,44 @@ fn lines(how: &str, uses: &[Use], ends: impl Fn(&Use) -> Option<(String, String)
         format!("{how}: {} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
     };
     circles(&graph).into_iter().filter(new).map(line).collect()
+}
+
+/// Edges from a name to names, each with how many uses it has.
+type Graph = BTreeMap<String, BTreeMap<String, usize>>;
+
+/// The shortest circle through each name, once; its last step, back to its first name, is the one of fewest uses.
+fn circles(graph: &Graph) -> BTreeSet<Vec<String>> {
+    let mut all = BTreeSet::new();
+    for mut circle in graph.keys().filter_map(|name| shortest(graph, name)) {
+        let n = circle.len();
+        let uses = |k: usize| (graph[&circle[k]][&circle[(k + 1) % n]], &circle[k]);
+        let fewest = (0..n).min_by_key(|k| uses(*k)).unwrap_or(0);
+        circle.rotate_left((fewest + 1) % n);
+        all.insert(circle);
+    }
+    all
+}
+
+/// The shortest way from a name back to it.
+fn shortest(graph: &Graph, start: &String) -> Option<Vec<String>> {
+    let (mut before, mut open) = (BTreeMap::<&String, &String>::new(), VecDeque::from([start]));
+    while let Some(name) = open.pop_front() {
+        for next in graph.get(name).into_iter().flat_map(BTreeMap::keys) {
+            if next == start {
+                let mut way = vec![name.clone()];
+                while let Some(last) = before.get(way.last()?) {
+                    way.push(last.to_string());
+                }
+                way.reverse();
+                return Some(way);
+            }
+            if !before.contains_key(next) {
+                before.insert(next, name);
+                open.push_back(next);
+            }
+        }
+    }
+    None
 }
 
 #[cfg(test)]

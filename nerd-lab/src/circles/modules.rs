@@ -1,12 +1,56 @@
-//! A crate's modules as its sources declare them.
+//! A crate's modules as its sources declare them: their names, their imports, and the paths that they use.
 
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use syn::{Attribute, Item, Visibility};
+use syn::spanned::Spanned;
+use syn::{Attribute, Item, UseTree, Visibility};
 
-use super::module::{Module, Name};
 use super::paths::Paths;
+
+/// What a name in a module means. A name may mean several things: a module and a function, or one thing for each feature.
+pub enum Name {
+    Module(usize),
+    Item,
+    Import(Vec<String>),
+}
+
+pub struct Used {
+    pub path: Vec<String>,
+    pub line: usize,
+}
+
+/// A module. An inline module has its parent's file.
+#[derive(Default)]
+pub struct Module {
+    pub file: PathBuf,
+    pub parent: Option<usize>,
+    pub names: HashMap<String, Vec<Name>>,
+    pub globs: Vec<Used>,
+    pub used: Vec<Used>,
+}
+
+impl Module {
+    /// Takes the names of a `use` below a path; one that is private is also a use of what it names.
+    pub fn import(&mut self, above: &[String], tree: &UseTree, private: bool) {
+        let line = tree.span().start().line;
+        let below = |name: &syn::Ident| if name == "self" { above.to_vec() } else { [above, &[name.to_string()]].concat() };
+        match tree {
+            UseTree::Path(part) => self.import(&below(&part.ident), &part.tree, private),
+            UseTree::Group(group) => group.items.iter().for_each(|part| self.import(above, part, private)),
+            UseTree::Glob(_) => self.globs.push(Used { path: above.into(), line }),
+            UseTree::Name(leaf) => self.name(below(&leaf.ident), None, line, private),
+            UseTree::Rename(leaf) => self.name(below(&leaf.ident), Some(leaf.rename.to_string()), line, private),
+        }
+    }
+
+    fn name(&mut self, path: Vec<String>, renamed: Option<String>, line: usize, private: bool) {
+        let name = renamed.or_else(|| path.last().cloned()).unwrap_or_default();
+        self.names.entry(name).or_default().push(Name::Import(path.clone()));
+        self.used.extend(private.then_some(Used { path, line }));
+    }
+}
 
 /// All modules below `src/lib.rs` or `src/main.rs`, which is the first. Tests are left out, features are not.
 pub fn read(root: &Path) -> Result<Vec<Module>> {
@@ -35,8 +79,7 @@ fn module(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder:
                 Some((_, items)) => module(modules, path, Some(id), &folder.join(&name), items)?,
                 None => {
                     let candidates = [folder.join(format!("{name}.rs")), folder.join(&name).join("mod.rs")];
-                    let named = child.attrs.iter().find_map(path_of).map(|p| path.with_file_name("").join(p));
-                    let source = named.or_else(|| candidates.into_iter().find(|c| c.is_file())).unwrap_or_default();
+                    let source = candidates.into_iter().find(|c| c.is_file()).unwrap_or_default();
                     let plain = source.file_name().is_none_or(|f| f != "mod.rs");
                     let folder = if plain { source.with_extension("") } else { source.with_file_name("") };
                     file(modules, &source, Some(id), &folder).with_context(|| format!("mod {name} in {}", path.display()))?
@@ -66,12 +109,6 @@ fn of_tests(attribute: &Attribute) -> bool {
         }
         _ => false,
     }
-}
-
-fn path_of(attribute: &Attribute) -> Option<String> {
-    let syn::Meta::NameValue(pair) = &attribute.meta else { return None };
-    let syn::Expr::Lit(syn::ExprLit { lit: syn::Lit::Str(text), .. }) = &pair.value else { return None };
-    pair.path.is_ident("path").then(|| text.value())
 }
 
 /// Of items that may be for tests alone.

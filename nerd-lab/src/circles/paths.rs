@@ -3,7 +3,7 @@
 use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 
-use super::module::{Module, Used};
+use super::modules::{Module, Used};
 
 /// Collects paths into a module.
 pub struct Paths<'a> {
@@ -11,13 +11,8 @@ pub struct Paths<'a> {
 }
 
 impl<'a> Paths<'a> {
-    /// Those of one item.
     pub fn of(module: &'a mut Module, item: &syn::Item) {
         Self { module }.visit_item(item);
-    }
-
-    fn take(&mut self, path: Vec<String>, line: usize) {
-        self.module.used.push(Used { path, line });
     }
 
     /// Paths in text that is not parsed: names joined by `::`, types, and what is called.
@@ -38,7 +33,7 @@ impl<'a> Paths<'a> {
                     }
                     let called = is(k + 1, '!') || matches!(tokens.get(k + 1), Some(TokenTree::Group(_)));
                     if !after_dot && (path.len() > 1 || called || begins_large(&path[0])) {
-                        self.take(path, line);
+                        self.module.used.push(Used { path, line });
                     }
                 }
                 _ => {}
@@ -48,12 +43,11 @@ impl<'a> Paths<'a> {
     }
 }
 
-impl<'a, 'ast> Visit<'ast> for Paths<'a> {
+impl<'ast> Visit<'ast> for Paths<'_> {
     fn visit_path(&mut self, path: &'ast syn::Path) {
-        let names = path.segments.iter().map(|s| s.ident.to_string()).collect();
-        let line = path.segments.first().map_or(0, |s| s.ident.span().start().line);
         if path.leading_colon.is_none() {
-            self.take(names, line);
+            let line = path.segments.first().map_or(0, |s| s.ident.span().start().line);
+            self.module.used.push(Used { path: path.segments.iter().map(|s| s.ident.to_string()).collect(), line });
         }
         visit::visit_path(self, path);
     }

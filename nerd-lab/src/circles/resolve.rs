@@ -2,9 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::module::{Module, Name};
+use super::modules::{Module, Name};
 
-/// One file uses what another one defines.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 pub struct Use {
     pub from: PathBuf,

@@ -17,30 +17,20 @@ const STARTS: u64 = 500;
 /// One policy in the model that it was trained in, and in the truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
-    /// Its task.
     pub task: String,
-    /// Its seed.
     pub seed: u64,
-    /// Its hash.
     pub sha256: String,
-    /// In the truth.
     pub real: Reward,
-    /// In the model.
     pub learned: Reward,
     /// `(learned - real) / |real|` in percent; none where the truth gives nothing.
     pub gap: Option<f64>,
-    /// Its standard error.
     pub gap_error: Option<f64>,
 }
 
-/// One round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Round {
-    /// Its number, from 0.
     pub round: usize,
-    /// Hash of its model.
     pub model: String,
-    /// Of its policies, by task and seed.
     pub gaps: Vec<Gap>,
 }
 
@@ -67,7 +57,6 @@ impl Gap {
         Ok(found)
     }
 
-    /// What a policy's run has.
     pub(super) fn read(run: &Path) -> Result<Option<Self>> {
         get(&run.join("gap.json"))
     }
@@ -85,7 +74,6 @@ impl Round {
         [sizes.iter().sum::<f64>() / sizes.len() as f64, sizes.iter().copied().fold(0.0, f64::max)]
     }
 
-    /// That of a round's folder, once it is done.
     pub(super) fn read(folder: &Path) -> Result<Option<Self>> {
         get(&folder.join("gaps.json"))
     }
@@ -95,7 +83,6 @@ impl Round {
     }
 }
 
-/// What a file holds, if it is there.
 fn get<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     if !path.exists() {
         return Ok(None);

@@ -32,34 +32,23 @@ use crate::error::Result;
 use crate::report::{Table, write};
 use plan::Plan;
 
-/// Why a loop stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// The gaps of this round are small enough.
     Passed(usize),
     /// All rounds were made, and none is good enough.
     Rounds,
-    /// Time is over.
     Time,
 }
 
-/// The result.
 pub struct CoTrained {
-    /// Why it stopped.
     pub end: End,
-    /// All rounds that are done.
     pub rounds: Vec<Round>,
-    /// As people read them.
     pub table: Table,
-    /// In a sentence.
     pub said: String,
 }
 
 /// Runs, or goes on with, a loop of tasks of one robot in the folder `out` [default: `out/co-train-ROBOT`], until the rule, the number of
 /// rounds or the minutes stop it.
-///
-/// # Errors
-/// If a setting makes no sense, or the folder is another loop's or in use; those of training, of games and of files.
 pub fn co_train(tasks: Vec<String>, config: CoTrainConfig, out: Option<PathBuf>) -> Result<CoTrained> {
     let plan = Plan::new(tasks, config, out)?;
     let _claim = claimed(&plan.out)?;
@@ -92,7 +81,6 @@ pub fn co_train(tasks: Vec<String>, config: CoTrainConfig, out: Option<PathBuf>)
     Ok(CoTrained { end, table: table(&plan, &rounds), rounds, said })
 }
 
-/// Whether the gaps of a task in a round are small enough.
 fn near(plan: &Plan, [mean, largest]: [f64; 2]) -> bool {
     mean < plan.config.mean && largest <= plan.config.most
 }
@@ -101,7 +89,6 @@ fn passes(plan: &Plan, round: &Round) -> bool {
     plan.tasks.iter().all(|task| near(plan, round.sizes(task)))
 }
 
-/// All rounds, a line for each task.
 fn table(plan: &Plan, rounds: &[Round]) -> Table {
     let percent = |x: f64| if x.is_finite() { format!("{x:.3}") } else { "-".into() };
     let lines = rounds.iter().flat_map(|round| plan.tasks.iter().map(move |task| (round, task))).map(|(round, task)| {

@@ -67,7 +67,6 @@ pub(super) struct Plan {
     pub model: PathBuf,
     /// A training on, but for what it starts from and who acts in its data.
     pub onward: RunConfig,
-    /// By task.
     pub ppo: Vec<PpoConfig>,
     started: Instant,
 }
@@ -148,7 +147,6 @@ fn last_of(named: &str, robot: &str) -> Result<RunConfig> {
     }
 }
 
-/// The one robot of all tasks.
 fn robot_of(tasks: &[String]) -> Result<&'static str> {
     let Some(first) = tasks.first() else { refuse!("at least one task is needed") };
     let robot = named(first)?.robot();

@@ -14,12 +14,10 @@ use crate::error::Result;
 const DATA: u64 = 10_000;
 
 impl Plan {
-    /// Of a round.
     pub(super) fn folder(&self, k: usize) -> PathBuf {
         self.out.join(format!("round-{k}"))
     }
 
-    /// Of its model.
     pub(super) fn model_of(&self, k: usize) -> PathBuf {
         if k == 0 { self.model.clone() } else { self.folder(k).join("model") }
     }
@@ -33,7 +31,6 @@ impl Plan {
         PolicyRun { task, arena, config: self.ppo[t].clone(), seed, until: None, minutes: self.left(), out }
     }
 
-    /// All policies of a round.
     fn policies(&self, k: usize) -> impl Iterator<Item = PolicyRun> {
         (0..self.tasks.len()).flat_map(move |t| (0..self.config.seeds).map(move |j| self.policy(k, t, j)))
     }

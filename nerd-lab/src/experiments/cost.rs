@@ -48,6 +48,11 @@ pub fn each(spent: Duration, frames: usize) -> f64 {
     spent.as_secs_f64() * 1e6 / frames as f64
 }
 
+/// 1, 2, 4, .. up to `last`.
+pub fn powers(last: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last)
+}
+
 /// Works with one thread, whatever else the program has.
 pub fn on_one_core<T: Send>(work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work)

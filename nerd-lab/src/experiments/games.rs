@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Result, refuse};
 use crate::report::Input;
 
-/// Mean and spread over games.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reward {
     pub mean: f64,
@@ -28,7 +27,6 @@ pub struct Reward {
 }
 
 impl Reward {
-    /// Of these games.
     pub fn of(games: &[Game]) -> Self {
         let n = games.len() as f64;
         let mean = games.iter().map(|g| g.reward).sum::<f64>() / n;
@@ -70,7 +68,6 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
     Ok(games)
 }
 
-/// The policy of a folder, which is of that task.
 pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
     let (config, policy) = folder::load(path)?;
     if config.task != task {

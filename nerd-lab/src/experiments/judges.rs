@@ -14,9 +14,9 @@ use nerd_train::settings::settings;
 use nerd_train::shipped::from_root;
 use serde::{Deserialize, Serialize};
 
-use super::games::{Reward, games};
+use super::games::{Reward, games, truth_of};
 use super::policies::{Policies, short};
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
 use crate::error::Result;
 use crate::report::{Input, Inputs, Table};
 
@@ -38,7 +38,6 @@ settings! {
     }
 }
 
-/// One policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub task: String,
@@ -54,18 +53,14 @@ impl Judges {
 
     /// The judges of a robot, by name: first the truth itself.
     fn arenas(&self, system: &System) -> Vec<(String, Arena)> {
-        let n = system.spec.substeps;
-        let rapier = (!self.no_rapier).then(|| ("rapier".to_string(), Arena::Truth(Truth::Rapier)));
-        let mujoco = self.mujoco.clone().map(|python| ("MuJoCo".to_string(), mujoco(python)));
-        let finer = if system.robot.contact_points.is_empty() { Setting::Rk4(8) } else { Setting::Implicit(2 * n) };
-        let more = self.substeps.iter().map(|n| (format!("x{n}"), Arena::Judge(Setting::Implicit(*n as usize))));
-        [("truth".to_string(), Arena::Truth(Truth::Articulated)), ("twice the substeps".to_string(), Arena::Judge(finer))]
-            .into_iter()
-            .chain(more)
-            .chain([("reference preset".to_string(), Arena::Judge(Setting::Paper))])
-            .chain(rapier)
-            .chain(mujoco)
-            .collect()
+        let bare = system.robot.contact_points.is_empty();
+        let finer = if bare { Setting::Rk4(8) } else { Setting::Implicit(2 * system.spec.substeps) };
+        let mut arenas = vec![("truth".to_string(), Arena::Truth(Truth::Articulated)), ("twice the substeps".into(), Arena::Judge(finer))];
+        arenas.extend(self.substeps.iter().map(|n| (format!("x{n}"), Arena::Judge(Setting::Implicit(*n as usize)))));
+        arenas.push(("reference preset".into(), Arena::Judge(Setting::Paper)));
+        arenas.extend((!self.no_rapier).then(|| ("rapier".into(), Arena::Truth(Truth::Rapier))));
+        arenas.extend(self.mujoco.clone().map(|python| ("MuJoCo".into(), mujoco(python))));
+        arenas
     }
 
     fn row(&self, path: &Path) -> Result<Row> {
@@ -80,27 +75,15 @@ impl Judges {
 }
 
 impl Experiment for Judges {
-    fn name(&self) -> String {
-        "judges".into()
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        (self.games * self.folders().map_or(0, |all| all.len())) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
-        let mut inputs = Inputs::default();
-        for path in self.folders()? {
-            let task = nerd_tasks::named(&folder::load(&path)?.0.task)?;
-            inputs.add(Input::robot(&*System::named(task.robot())?));
-            inputs.add(Input::motion(task.robot(), task.scene(), &Setting::Accurate)?);
-            inputs.add(Input::policy(&path)?);
+    fn about(&self) -> Result<About> {
+        let (folders, mut inputs) = (self.folders()?, Inputs::default());
+        for path in &folders {
+            let task = folder::load(path)?.0.task;
+            inputs.add(Input::robot(&*System::named(nerd_tasks::named(&task)?.robot())?));
+            inputs.add(truth_of(&task, Truth::Articulated)?);
+            inputs.add(Input::policy(path)?);
         }
-        Ok(inputs)
+        Ok(About { name: "judges".into(), seed: self.seed, effort: (self.games * folders.len()) as f64, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {

@@ -27,25 +27,26 @@ use crate::report::{Inputs, Provenance, Table};
 
 pub use registry::{Entry, REGISTRY};
 
+/// What a result is called, measured from and worth.
+#[derive(Clone, Debug, Default)]
+pub struct About {
+    /// `results/NAME`.
+    pub name: String,
+    pub seed: u64,
+    /// What a better measurement has more of: rollouts times frames, games, updates.
+    pub effort: f64,
+    /// What it depends on, as that is now.
+    pub inputs: Inputs,
+}
+
 /// Something to measure.
 pub trait Experiment {
-    /// Name of its result: `results/NAME`.
-    fn name(&self) -> String;
-
-    /// Its seed.
-    fn seed(&self) -> u64;
-
-    /// What a better measurement has more of: rollouts times frames, games, updates.
-    fn effort(&self) -> f64;
-
-    /// What it depends on, as that is now.
-    fn inputs(&self) -> Result<Inputs>;
+    fn about(&self) -> Result<About>;
 
     /// Measures; progress goes to standard error.
     fn measure(&self) -> Result<Measured>;
 }
 
-/// What came out.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
     /// By name, as the result's file has it.
@@ -56,7 +57,6 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Of what serialises as an object.
     pub fn new(data: &impl Serialize, tables: Vec<Table>) -> Result<Self> {
         match serde_json::to_value(data)? {
             Value::Object(data) => Ok(Self { data, tables, figures: Vec::new() }),
@@ -72,17 +72,18 @@ impl Measured {
     }
 }
 
-/// Measures an experiment and writes its result into a folder. A result with more behind it is never overwritten
+/// Measures an experiment and writes its result into its own folder in `out`. A result with more behind it is never overwritten
 /// ([`may_write`]), which is checked before anything is measured.
 pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
-    let (name, provenance, effort) = (experiment.name(), Provenance::now(experiment.seed()), experiment.effort());
+    let About { name, seed, effort, inputs } = experiment.about()?;
+    let provenance = Provenance::now(seed);
     may_write(out, &name, &provenance, effort)?;
-    let inputs = experiment.inputs()?;
     let Measured { data, tables, figures } = experiment.measure()?;
     let artifact = Artifact { provenance, inputs, effort, tables, data };
     artifact.write(out, &name)?;
     for (file, figure) in figures {
         figure.save(&out.join(&name).join(file + ".svg"))?;
     }
+    eprintln!("written to {}", out.join(name).display());
     Ok(artifact)
 }

@@ -5,18 +5,14 @@ use nerd_train::settings::{Given, Key, Settings};
 use super::Experiment;
 use crate::error::{Result, refuse};
 
-/// One of them.
 #[derive(Debug)]
 pub struct Entry {
-    /// How a command line calls it.
     pub name: &'static str,
-    /// What it measures, in one line.
     pub about: &'static str,
     pub keys: fn() -> Vec<&'static Key>,
     make: fn(&Given) -> Result<Box<dyn Experiment>>,
 }
 
-/// All of them.
 pub static REGISTRY: [Entry; 5] = [
     entry::<super::ablations::Ablations>("ablations", "The paper's Figure A.2: NeRD with one design decision taken back at a time"),
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers, and how fast policies learn, on graphics cards (needs --features cuda)"),
@@ -40,7 +36,6 @@ fn settings<T: Settings>(given: &Given) -> Result<T> {
 }
 
 impl Entry {
-    /// The experiment of this name.
     pub fn named(name: &str) -> Result<&'static Self> {
         match REGISTRY.iter().find(|entry| entry.name == name) {
             Some(entry) => Ok(entry),

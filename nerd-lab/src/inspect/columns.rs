@@ -27,7 +27,6 @@ impl Kind {
         Self { name, columns: 0, count: 0, min: f64::MAX, max: f64::MIN, mean: 0.0, square: 0.0 }
     }
 
-    /// Takes a number into range, mean and spread.
     pub(super) fn add(&mut self, x: f64) {
         self.count += 1;
         (self.min, self.max) = (self.min.min(x), self.max.max(x));
@@ -37,12 +36,10 @@ impl Kind {
         self.square += gap * (x - self.mean);
     }
 
-    /// Standard deviation of those that are there.
     pub fn std(&self) -> f64 {
         (self.square / self.count.max(1) as f64).sqrt()
     }
 
-    /// Whether nothing can be learned from it.
     pub fn constant(&self) -> bool {
         self.max - self.min <= 1e-6 * self.max.abs().max(1.0)
     }

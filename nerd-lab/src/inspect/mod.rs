@@ -20,19 +20,15 @@ use crate::report::table::digits;
 
 pub use columns::Kind;
 
-/// What a data set holds.
 #[derive(Clone, Debug)]
 pub struct Inspection {
     pub robot: String,
-    /// Largest number that a state may hold.
     pub bound: f64,
-    /// What is counted beside the columns.
     pub counts: Counts,
     /// Those of a token, then those of a target.
     pub kinds: Vec<Kind>,
 }
 
-/// What is counted beside the columns.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
     pub trajectories: u64,
@@ -94,7 +90,6 @@ impl Inspection {
         Ok(Self { robot: system.name.clone(), bound, counts, kinds })
     }
 
-    /// The counts in words.
     pub fn words(&self) -> String {
         let Self { robot, counts, kinds, bound } = self;
         let of =
@@ -130,7 +125,6 @@ impl Inspection {
         text
     }
 
-    /// Range, mean and spread.
     pub fn table(&self) -> Table {
         let rows = self.kinds.iter().filter(|kind| kind.count > 0).map(|kind| {
             let name = if kind.columns > 1 { format!("{} ({})", kind.name, kind.columns) } else { kind.name.clone() };

@@ -4,6 +4,6 @@ mod referee;
 mod solver;
 mod state;
 
-pub use referee::{GONE, Played, Referee, Scheme};
+pub use referee::{Referee, Scheme};
 pub use solver::Mujoco;
 pub use state::{from_mujoco, to_mujoco};

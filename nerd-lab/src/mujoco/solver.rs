@@ -36,10 +36,6 @@ struct Stepped {
 }
 
 impl Mujoco {
-    /// Starts `python` on `system` in `scene`.
-    ///
-    /// # Errors
-    /// As [`Referee::new`].
     pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<Self> {
         Ok(Self { referee: Referee::new(python, system, scene, &[], 0)?, next: Vec::new(), faults: Vec::new() })
     }
@@ -55,7 +51,7 @@ impl Solver for Mujoco {
             forces: sound.iter().map(|env| &torques[env * joints..(env + 1) * joints]).collect(),
             substeps: SUBSTEPS,
         };
-        let Stepped { states } = self.referee.ask(&asked).map_err(|e| StepError::Solver(format!("{e:#}")))?;
+        let Stepped { states } = self.referee.python.ask(&asked).map_err(|e| StepError::Solver(format!("{e:#}")))?;
         if states.len() != sound.len() {
             return Err(StepError::Solver(format!("MuJoCo moved {} environments of {}", states.len(), sound.len())));
         }

@@ -6,7 +6,6 @@ use crate::report::artifact::Artifact;
 use crate::report::{Provenance, Table};
 use nerd_train::replay::{Replay, escape, script};
 
-/// A part of the page under a heading.
 pub struct Section {
     title: &'static str,
     lead: &'static str,
@@ -14,7 +13,6 @@ pub struct Section {
 }
 
 impl Section {
-    /// Without a body yet.
     pub fn new(title: &'static str, lead: &'static str) -> Self {
         Self { title, lead, body: String::new() }
     }
@@ -23,12 +21,10 @@ impl Section {
         self.title.to_lowercase().replace(' ', "-")
     }
 
-    /// For the line of links.
     pub fn link(&self) -> String {
         format!("<a href=\"#{}\">{}</a>", self.anchor(), self.title)
     }
 
-    /// With its heading.
     pub fn html(&self) -> String {
         format!("<section id=\"{}\"><h2>{}</h2><p>{}</p>{}</section>\n", self.anchor(), self.title, self.lead, self.body)
     }
@@ -55,12 +51,10 @@ pub fn result(results: &Path, name: &str, tables: &[&str]) -> String {
     shown + &from(name, &result.provenance)
 }
 
-/// A part that opens when it is clicked.
 pub fn folded(title: &str, body: &str) -> String {
     format!("<details><summary>{title}</summary>{body}</details>")
 }
 
-/// A picture of a result, if it is there.
 pub fn picture(results: &Path, file: &str) -> String {
     let svg = std::fs::read_to_string(results.join(file)).unwrap_or_default();
     if svg.is_empty() { svg } else { format!("<div class=picture>{svg}</div>") }

@@ -19,7 +19,6 @@ const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// Robots that are shown, each with what moves it.
 const ROBOTS: [(&str, Cause); 6] = [
     ("pendulum", Cause::Release("ground1")),
     ("cube", Cause::Release("ground")),
@@ -29,7 +28,6 @@ const ROBOTS: [(&str, Cause); 6] = [
     ("anymal", Cause::Release("ground")),
 ];
 
-/// Tasks whose shipped policy is shown.
 const TASKS: [&str; 8] =
     ["cartpole-swingup", "franka-reach", "ant-run", "anymal-forward", "franka-reach-torque", "ant-spin", "ant-spin-track", "anymal-side"];
 

@@ -28,7 +28,6 @@ fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>)
     ])
 }
 
-/// What moves a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// Nothing: it is let go in this scene.

@@ -11,7 +11,6 @@ use crate::report::table::digits;
 use crate::report::{Artifact, Manifest};
 use nerd_train::replay::{Replay, escape};
 
-/// What the paper reports, beside ours.
 pub fn scorecard(results: &Path) -> Section {
     let mut section = Section::new(
         "Scorecard",
@@ -73,7 +72,6 @@ pub fn stability(manifest: &Manifest, results: &Path) -> Section {
     section
 }
 
-/// A row of a map.
 fn row(line: &Line) -> String {
     let cell = |c: &nerd_sim::suite::Cell| {
         let class = match c.verdict {

@@ -15,39 +15,32 @@ use crate::error::{self, Result, refuse};
 pub struct Artifact {
     /// Commit, command, seed, machine, date.
     pub provenance: Provenance,
-    /// What was measured.
     #[serde(default)]
     pub inputs: Inputs,
     /// Rollouts times frames, or whatever a better measurement has more of. A result gives way to none with less.
     #[serde(default)]
     pub effort: f64,
-    /// As people read it.
     #[serde(default)]
     pub tables: Vec<Table>,
-    /// Everything else.
     #[serde(flatten)]
     pub data: Map<String, Value>,
 }
 
-/// The file of a result in a folder of results.
 pub fn file(folder: &Path, name: &str) -> PathBuf {
     folder.join(name).join("result.json")
 }
 
 impl Artifact {
-    /// Reads `FOLDER/NAME/result.json`.
     pub fn read(folder: &Path, name: &str) -> Result<Self> {
         let path = file(folder, name);
         let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
         serde_json::from_str(&text).map_err(error::format(&path))
     }
 
-    /// Its data as one experiment has them.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T> {
         Ok(serde_json::from_value(Value::Object(self.data.clone()))?)
     }
 
-    /// Its table of that name.
     pub fn table(&self, name: &str) -> Option<&Table> {
         self.tables.iter().find(|table| table.name == name)
     }

@@ -30,7 +30,6 @@ const COLOURS: [RGBColor; 9] = [
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>>;
 
-/// A picture.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
     pub title: String,
@@ -38,7 +37,6 @@ pub struct Figure {
     pub panels: Vec<Panel>,
 }
 
-/// One pair of axes.
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
     pub title: String,
@@ -50,11 +48,9 @@ pub struct Panel {
     pub levels: Vec<(f64, String)>,
 }
 
-/// What an axis shows.
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
     pub label: String,
-    /// Whether it is logarithmic.
     pub log: bool,
     /// Names of 0, 1, 2, .. in place of numbers.
     pub names: Vec<String>,
@@ -70,16 +66,12 @@ pub struct Series {
     pub style: Style,
 }
 
-/// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// A line.
     Line,
-    /// A dashed line.
     Dashed,
     /// A line with a mark at each point.
     Marked,
-    /// Marks alone.
     Marks,
     /// A closed outline, filled.
     Band,
@@ -88,7 +80,6 @@ pub enum Style {
 }
 
 impl Axis {
-    /// A linear one.
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), ..Self::default() }
     }
@@ -98,7 +89,6 @@ impl Axis {
         Self { label: label.into(), log: true, ..Self::default() }
     }
 
-    /// Places with names.
     pub fn named(names: Vec<String>) -> Self {
         Self { names, ..Self::default() }
     }
@@ -140,39 +130,56 @@ impl Axis {
 }
 
 impl Series {
-    /// A series of points without words.
     pub fn new(name: impl Into<String>, style: Style, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self { name: name.into(), style, points: points.into_iter().map(|(x, y)| (x, y, String::new())).collect() }
     }
 }
 
-/// Adds a marked point to the series of its name, or begins that.
-pub fn push(series: &mut Vec<Series>, name: &str, point: (f64, f64, String)) {
-    match series.iter_mut().find(|s| s.name == name) {
-        Some(s) => s.points.push(point),
-        None => series.push(Series { name: name.into(), points: vec![point], style: Style::Marked }),
-    }
+/// One solver at one setting in a picture of speed against accuracy.
+pub struct Mark<'a> {
+    /// Name in the legend.
+    pub series: &'a str,
+    /// Cost and error.
+    pub at: (f64, f64),
+    pub word: String,
+    /// Whether none beats it in both.
+    pub front: bool,
 }
 
-/// The staircase along a front: to be better one must pay up to the next point.
-pub fn front(mut points: Vec<(f64, f64)>) -> Series {
-    points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let stairs = points.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]).chain(points.last().copied());
-    Series::new("", Style::Line, stairs.collect::<Vec<_>>())
+/// Which of these (cost, error) no other beats in both; none of what is not in the race.
+pub fn unbeaten(race: &[Option<(f64, f64)>]) -> Vec<bool> {
+    let beats = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
+    race.iter().map(|own| own.is_some_and(|own| !race.iter().flatten().any(|other| beats(*other, own)))).collect()
 }
 
 impl Figure {
-    /// Of one panel, with its title.
     pub fn single(title: String, panel: Panel) -> Self {
         Self { title, columns: 1, panels: vec![panel] }
     }
 
-    /// Writes it as an SVG file.
+    /// Error over cost, `axes` their labels: a line a series, and the staircase along the front, on which to be better one must pay up to
+    /// the next point.
+    pub fn speed<'a>(title: String, axes: [String; 2], marks: impl IntoIterator<Item = Mark<'a>>, levels: Vec<(f64, String)>) -> Self {
+        let (mut front, mut series): (Vec<(f64, f64)>, Vec<Series>) = (Vec::new(), Vec::new());
+        for Mark { series: name, at, word, front: on } in marks {
+            front.extend(on.then_some(at));
+            let point = (at.0, at.1, word);
+            match series.iter_mut().find(|s| s.name == name) {
+                Some(s) => s.points.push(point),
+                None => series.push(Series { name: name.into(), points: vec![point], style: Style::Marked }),
+            }
+        }
+        front.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let stairs = front.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]).chain(front.last().copied());
+        series.insert(0, Series::new("", Style::Line, stairs));
+        let [x, y] = axes.map(Axis::log);
+        Self::single(title, Panel { x, y, series, levels, ..Panel::default() })
+    }
+
     pub fn save(&self, path: &Path) -> Result<()> {
         write(path, self.svg()?.as_bytes())
     }
 
-    /// Its SVG.
     pub fn svg(&self) -> Result<String> {
         let columns = self.columns.clamp(1, self.panels.len().max(1));
         let rows = self.panels.len().div_ceil(columns);
@@ -205,7 +212,6 @@ impl Figure {
         Ok(svg)
     }
 
-    /// What the legend says.
     fn names(&self) -> Vec<&str> {
         let mut names: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|p| &p.series) {
@@ -284,5 +290,16 @@ impl Panel {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unbeaten;
+
+    #[test]
+    fn the_front_is_what_nothing_else_of_the_race_beats() {
+        let race = [Some((4.0, 0.1)), Some((1.0, 0.5)), Some((2.0, 0.6)), None, Some((1.0, 0.7))];
+        assert_eq!(unbeaten(&race), [true, true, false, false, false], "neither the beaten nor what is not in the race");
     }
 }

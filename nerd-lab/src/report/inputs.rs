@@ -21,7 +21,6 @@ const FRAMES: usize = 40;
 /// How far apart (relative to the largest coordinate) two machines' roundings may bring it.
 const SAME: f64 = 1e-6;
 
-/// One of the things a result was measured on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Input {
@@ -38,17 +37,14 @@ pub enum Input {
 }
 
 impl Input {
-    /// A robot as it is now.
     pub fn robot(system: &System) -> Self {
         Self::Robot { name: system.name.clone(), sha256: system.sha256() }
     }
 
-    /// A model as it is now.
     pub fn model(folder: &Path) -> Result<Self> {
         Ok(Self::Model { folder: from_root(folder), sha256: ModelConfig::read(folder)?.model_sha256 })
     }
 
-    /// A policy as it is now.
     pub fn policy(folder: &Path) -> Result<Self> {
         let files = ["config.json", "policy.safetensors"].map(|file| folder.join(file));
         Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
@@ -59,7 +55,6 @@ impl Input {
         Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
     }
 
-    /// A solver as it steps now.
     pub fn motion(robot: &str, scene: &str, solver: &Setting) -> Result<Self> {
         let system = System::named(robot)?;
         let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
@@ -94,7 +89,6 @@ impl Input {
         }
     }
 
-    /// In words.
     pub fn name(&self) -> String {
         match self {
             Self::Robot { name, .. } => format!("robot {name}"),
@@ -111,7 +105,6 @@ impl Input {
 pub struct Inputs(pub Vec<Input>);
 
 impl Inputs {
-    /// With another one, unless it is there.
     pub fn add(&mut self, input: Input) {
         if !self.0.contains(&input) {
             self.0.push(input);
@@ -128,7 +121,6 @@ impl Inputs {
         Ok(())
     }
 
-    /// Those that have changed, as text.
     pub fn changed(&self) -> Vec<String> {
         let changed = self.0.iter().filter_map(|then| match then.now() {
             Ok(None) => None,

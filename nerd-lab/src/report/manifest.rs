@@ -7,14 +7,12 @@ use serde::{Deserialize, Serialize};
 use super::artifact::{Artifact, file};
 use crate::error::{self, Result, refuse};
 
-/// All results that the repository keeps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     pub artefact: Vec<Entry>,
 }
 
-/// One of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -43,7 +41,6 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether nothing is to be done.
     pub fn holds(&self) -> bool {
         !matches!(self, Self::Wrong(_))
     }
@@ -60,7 +57,6 @@ impl std::fmt::Display for Status {
 }
 
 impl Manifest {
-    /// That of a folder of results.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("manifest.toml");
         let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
@@ -83,7 +79,6 @@ impl Manifest {
 }
 
 impl Entry {
-    /// Whether the result in a folder holds.
     pub fn status(&self, folder: &Path) -> Status {
         let wrong = |reason: &str| Status::Wrong(reason.into());
         if !file(folder, &self.name).exists() {

@@ -19,7 +19,6 @@ use crate::error::{self, Result, refuse};
 const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
 const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");
 
-/// Fills documents from the results of a folder.
 #[derive(Debug)]
 pub struct Marks {
     folder: PathBuf,
@@ -27,7 +26,6 @@ pub struct Marks {
 }
 
 impl Marks {
-    /// From the results of a folder.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.into(), read: BTreeMap::new() }
     }
@@ -109,7 +107,6 @@ fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -
     Ok(done + rest)
 }
 
-/// The documents of a workspace.
 pub fn documents(root: &Path) -> Vec<PathBuf> {
     let mut found = vec![root.join("README.md"), root.join("ARCHITECTURE.md")];
     let mut folders = vec![root.join("docs")];

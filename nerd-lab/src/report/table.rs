@@ -16,18 +16,15 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without rows.
     pub fn new(name: &str, header: &[&str]) -> Self {
         Self { name: name.into(), header: header.iter().map(ToString::to_string).collect(), ..Self::default() }
     }
 
-    /// With these rows.
     pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
         self.rows = rows.into_iter().collect();
         self
     }
 
-    /// With this note.
     pub fn noted(mut self, note: &str) -> Self {
         self.note = note.into();
         self
@@ -58,6 +55,11 @@ pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let rule = widths.iter().map(|w| "-".repeat(w + 2)).collect::<Vec<_>>().join("|");
     let body: String = rows.iter().map(|r| line(r.iter().map(String::as_str).collect())).collect();
     format!("{}|{rule}|\n{body}", line(header.to_vec()))
+}
+
+/// A cell, or a dash where there is nothing.
+pub fn or_dash(cell: Option<impl ToString>) -> String {
+    cell.map_or_else(|| "-".into(), |cell| cell.to_string())
 }
 
 /// `a / b` with three significant digits each.

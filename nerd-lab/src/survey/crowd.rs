@@ -4,67 +4,67 @@
 use std::path::Path;
 use std::time::Instant;
 
-use anyhow::Error;
+use anyhow::{Error, bail};
 use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
 use nerd_sim::sampling::stream;
 use nerd_sim::vary::{self, VarySpec};
+use nerd_train::progress::bar;
 use rand::RngExt;
 
 use super::file::{Found, reason};
 use super::stand::{lowest, ready};
 use crate::error::Result;
+use crate::experiments::cost::on_one_core;
 use crate::mujoco::{Referee, Scheme};
+use crate::report::Table;
+use crate::report::table::{digits, or_dash};
 
 /// Frames of a rollout: half a second.
 pub const CROWD: usize = 30;
-/// Numbers of substeps that are tried.
-pub const SETTINGS: usize = 6;
 /// Robots whose errors are looked at.
 const JUDGED: usize = 256;
 /// Substeps that are tried, and those of what their error is measured from.
-const TRIED: [usize; SETTINGS] = [1, 2, 4, 8, 16, 32];
+const TRIED: [usize; 6] = [1, 2, 4, 8, 16, 32];
 const FINE: usize = 256;
-/// Name of our engine.
+/// Our engine; then MuJoCo with elliptic cones and an impratio of 100, and with its default friction, pyramids and 1.
 const OURS: &str = "articulated";
-/// Name of MuJoCo with its default friction.
-const PLAIN: &str = "MuJoCo, default friction";
+const THEIRS: [(bool, &str); 2] = [(false, "MuJoCo"), (true, "MuJoCo, default friction")];
 /// How far (rad or m) joints begin from where their drives hold them, at most, and how high the feet are (m).
 const SHAKEN: f64 = 0.3;
 const HIGH: f64 = 0.02;
 
-/// One engine at one number of substeps.
-#[derive(Clone, Debug)]
-pub struct Pace {
-    /// `articulated`; `MuJoCo`, with elliptic cones and an impratio of 100; or that with its default friction, pyramids and 1.
-    pub engine: &'static str,
-    /// Substeps of a frame.
-    pub substeps: usize,
-    /// Mean distance of joints (rad or m) from the same engine at fine substeps, over all frames and joints.
-    pub joints: f64,
-    /// Mean distance of the root from there (m).
-    pub root: f64,
+/// States of all robots by frame.
+type Frames = Vec<Vec<f64>>;
+
+struct Pace {
+    engine: &'static str,
+    substeps: usize,
+    /// Mean distances of joints (rad or m) and of the root (m) from the same engine at fine substeps.
+    errors: [f64; 2],
     /// Frames of one robot in a second, on one core.
-    pub frames: f64,
+    frames: f64,
 }
 
-/// What came of it.
-#[derive(Clone, Debug)]
-pub struct Crowd {
-    /// MuJoCo's version.
-    pub version: String,
-    /// Both engines, by substeps.
-    pub paces: Vec<Pace>,
-    /// Mean distance (rad or m) between the joints of the two engines at fine substeps: they differ in their contacts.
-    pub apart: f64,
+/// A table of each robot; and why some cannot be measured.
+pub fn crowds(files: &[Found], mujoco: &Path, n: usize) -> Result<(Vec<Table>, Vec<String>)> {
+    let (mut tables, mut failed) = (Vec::new(), Vec::new());
+    for file in files {
+        // One that cannot be measured ends no other's turn.
+        match crowd(file, mujoco, n, 0) {
+            Ok(table) => tables.push(table),
+            Err(reason) => failed.push(format!("{}: {reason}", file.name)),
+        }
+    }
+    if tables.is_empty() {
+        bail!(failed.join("; "));
+    }
+    Ok((tables, failed))
 }
 
 /// `n` of a robot, masses of links times U(0.8, 1.2) each and frictions from U(0.3, 1.0), fall 2 cm onto a plane, each joint off by up to
 /// 0.3 rad from where its drive holds it.
-///
-/// # Errors
-/// If it cannot be read or stepped, or MuJoCo does not answer.
-pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut dyn FnMut(usize)) -> Result<Crowd> {
+fn crowd(found: &Found, python: &Path, n: usize, seed: u64) -> Result<Table> {
     let mut ready = ready(found)?;
     let spec = VarySpec { mass: Some(Range { low: 0.8, high: 1.2 }), friction: Some(Range { low: 0.3, high: 1.0 }), ..Default::default() };
     std::sync::Arc::make_mut(&mut ready.system).spec.vary = Some(spec);
@@ -81,28 +81,47 @@ pub fn crowd(found: &Found, python: &Path, n: usize, seed: u64, progress: &mut d
     }
     all.drives = ready.drives.repeat(n);
     let judged = first(&all, JUDGED.min(n));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let ours = |batch: &Batch, substeps| pool.install(|| roll(batch, substeps));
+    let ours = |batch: &Batch, substeps| on_one_core(|| roll(batch, substeps));
     let (mut few, mut many) = (Referee::of(python, &judged, CROWD)?, Referee::of(python, &all, CROWD)?);
-    let mut fine = |plain: bool| -> Result<_> {
+    let truth = ours(&judged, FINE)?.0;
+    let mut fine = |plain: bool| -> Result<Frames> {
         few.plain = plain;
         Ok(few.play(Scheme::ImplicitFast, FINE, false)?.frames)
     };
-    let (truth, theirs) = (ours(&judged, FINE)?.0, [fine(false)?, fine(true)?]);
-    let mut paces = Vec::new();
+    let theirs = [fine(false)?, fine(true)?];
+    let pace = |engine, substeps, seconds: f64, states: &Frames, truth: &Frames| Pace {
+        engine,
+        substeps,
+        errors: distance(system, states, truth),
+        frames: (n * CROWD) as f64 / seconds,
+    };
+    let (mut paces, bar) = (Vec::new(), bar("settings", TRIED.len() as u64));
     for (k, substeps) in TRIED.into_iter().enumerate() {
-        let frames = (n * CROWD) as f64;
-        let (states, seconds) = (ours(&judged, substeps)?.0, ours(&all, substeps)?.1);
-        paces.push(pace(system, OURS, substeps, frames / seconds, &states, &truth));
-        for ((plain, name), truth) in [(false, "MuJoCo"), (true, PLAIN)].into_iter().zip(&theirs) {
+        bar.set(k as u64);
+        paces.push(pace(OURS, substeps, ours(&all, substeps)?.1, &ours(&judged, substeps)?.0, &truth));
+        for ((plain, name), truth) in THEIRS.into_iter().zip(&theirs) {
             (few.plain, many.plain) = (plain, plain);
-            let (states, seconds) = (few.play(Scheme::ImplicitFast, substeps, false)?.frames, many.time(Scheme::ImplicitFast, substeps)?);
-            paces.push(pace(system, name, substeps, frames / seconds, &states, truth));
+            let states = few.play(Scheme::ImplicitFast, substeps, false)?.frames;
+            paces.push(pace(name, substeps, many.time(Scheme::ImplicitFast, substeps)?, &states, truth));
         }
-        progress(k + 1);
     }
-    let apart = distance(system, &truth, &theirs[0])[0];
-    Ok(Crowd { version: few.version.clone(), paces, apart })
+    bar.finish();
+    let note = format!(
+        "{n} of the robot, masses of links times U(0.8, 1.2), frictions from U(0.3, 1.0), fall 2 cm onto a plane, joints up to 0.3 rad from \
+         where drives hold them; {CROWD} frames of 1/60 s, one core, MuJoCo {} (IMPLICITFAST, its default contacts; elliptic cones and an \
+         impratio of 100, so that feet do not creep, or its default friction). Errors: mean distance from the same engine at {FINE} substeps, \
+         of the first {JUDGED} robots. Last column: frames/s of ours over MuJoCo's, at ours' fewest substeps that err by no more than that row \
+         in joints and in root. At {FINE} substeps the engines' joints are {} apart.",
+        few.version,
+        digits(distance(system, &truth, &theirs[0])[0])
+    );
+    let row = |p: &Pace| {
+        let beside = cheapest(&paces, p).map(|(substeps, ratio)| format!("{} ({substeps} substeps)", digits(ratio)));
+        let [joints, root] = p.errors.map(digits);
+        vec![p.engine.into(), p.substeps.to_string(), joints, root, digits(p.frames), or_dash(beside)]
+    };
+    let header = ["engine", "substeps", "joints (rad or m)", "root (m)", "frames/s", "ours over MuJoCo, errors no larger"];
+    Ok(Table::new(&format!("crowd of {}", found.name), &header).with(paces.iter().map(row)).noted(&note))
 }
 
 /// The first environments of a batch.
@@ -118,7 +137,7 @@ fn first(all: &Batch, n: usize) -> Batch {
 }
 
 /// States by frame, and the seconds it took; the first frame, in which memory is made, is not among them.
-fn roll(begun: &Batch, substeps: usize) -> Result<(Vec<Vec<f64>>, f64)> {
+fn roll(begun: &Batch, substeps: usize) -> Result<(Frames, f64)> {
     let (mut solver, mut batch) = (Articulated::new(ArticulatedConfig::implicit(substeps, Friction::Coulomb)), begun.clone());
     let tau = vec![0.0; batch.len() * batch.system.robot.joint_count()];
     solver.step(&mut batch, &tau)?;
@@ -133,13 +152,8 @@ fn roll(begun: &Batch, substeps: usize) -> Result<(Vec<Vec<f64>>, f64)> {
     Ok((states, seconds))
 }
 
-fn pace(system: &System, engine: &'static str, substeps: usize, frames: f64, states: &[Vec<f64>], truth: &[Vec<f64>]) -> Pace {
-    let [joints, root] = distance(system, states, truth);
-    Pace { engine, substeps, joints, root, frames }
-}
-
-/// Mean distances of joints and of the root.
-fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> [f64; 2] {
+/// Mean distances of joints and of the root, over all frames and robots.
+fn distance(system: &System, a: &Frames, b: &Frames) -> [f64; 2] {
     let (d, coords, nq) = (system.robot.state_dim(), system.robot.root_coords(), system.robot.nq());
     let pairs = a.iter().flat_map(|f| f.chunks(d)).zip(b.iter().flat_map(|f| f.chunks(d)));
     let (mut sums, mut count) = ([0.0, 0.0], 0);
@@ -152,11 +166,9 @@ fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> [f64; 2] {
     sums.map(|sum| sum / f64::from(count.max(1)))
 }
 
-impl Crowd {
-    /// Of a row of MuJoCo's: our fewest substeps that err by no more, and by how much those are faster.
-    pub fn cheapest(&self, other: &Pace) -> Option<(usize, f64)> {
-        let fits = |p: &&Pace| p.engine == OURS && p.joints <= other.joints && p.root <= other.root;
-        let best = self.paces.iter().filter(fits).min_by_key(|p| p.substeps).filter(|_| other.engine != OURS)?;
-        Some((best.substeps, best.frames / other.frames))
-    }
+/// Of a row of MuJoCo's: our fewest substeps that err by no more, and by how much those are faster.
+fn cheapest(paces: &[Pace], other: &Pace) -> Option<(usize, f64)> {
+    let fits = |p: &&Pace| p.engine == OURS && p.errors[0] <= other.errors[0] && p.errors[1] <= other.errors[1];
+    let best = paces.iter().filter(fits).min_by_key(|p| p.substeps).filter(|_| other.engine != OURS)?;
+    Some((best.substeps, best.frames / other.frames))
 }

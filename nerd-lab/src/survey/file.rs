@@ -4,19 +4,14 @@ use std::path::{Path, PathBuf};
 
 use nerd_sim::system::SystemError;
 
-/// A file that may be a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// The file.
     pub path: PathBuf,
     /// Its path from the folder asked for.
     pub name: String,
 }
 
 /// `path`, or the .urdf files below it by name; also a folder below it that cannot be read. No link is followed.
-///
-/// # Errors
-/// If `path` is not there.
 pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
     let above = if path.metadata()?.is_dir() { path } else { path.parent().unwrap_or(path) };
     let mut files = Vec::new();

@@ -14,51 +14,50 @@ mod crowd;
 mod file;
 mod pinocchio;
 mod stand;
-pub mod tables;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::Arc;
 
 use nerd_core::robot::{Robot, UrdfError};
 use nerd_sim::prelude::*;
+use nerd_train::progress::bar;
 
-pub use crowd::{CROWD, Crowd, Pace, SETTINGS, crowd};
+pub use crowd::{CROWD, crowds};
 pub use file::{Found, find};
 use file::{reason, text};
-pub use pinocchio::{Differences, PinocchioError, differences};
-pub use stand::{Course, Limp, STANDING, Standing, stand};
+pub use stand::{STANDING, stand, standing};
 
-/// Frames rolled out.
-pub const FRAMES: usize = 10;
+use crate::error::Result;
+use crate::report::Table;
+use crate::report::table::digits;
+
+const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it
 /// moves.
 const SUBSTEPS: [usize; 2] = [4, 64];
 
-/// What came of a file.
 #[derive(Clone, Debug)]
 pub struct Surveyed {
-    /// The file's name.
     pub name: String,
-    /// Of the robot, where it can be read.
     pub sizes: Option<Sizes>,
     /// Whether it moves on a fixed base: substeps a frame, 0 where it has nothing to move, or why not.
     pub fixed: Result<usize, String>,
-    /// Whether it moves on a free base.
+    /// The same on a free base.
     pub floating: Result<usize, String>,
     /// The robots themselves, on a fixed and on a free base, where they can be read.
-    pub robots: [Option<Robot>; 2],
+    robots: [Option<Robot>; 2],
     /// What was taken for granted, on the first of them.
-    pub notes: Vec<String>,
+    notes: Vec<String>,
 }
 
-/// Of a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sizes {
     /// Links that move.
     pub links: usize,
     /// Joints, of one degree of freedom each.
     pub joints: usize,
-    /// Mass (kg).
+    /// kg.
     pub mass: f64,
     /// Meshes that were passed over.
     pub meshes: usize,
@@ -67,38 +66,26 @@ pub struct Sizes {
 /// Reads a file on both bases and rolls what it holds out.
 pub fn survey(Found { path, name }: &Found) -> Surveyed {
     let text = text(path);
-    let read = |floating| -> Result<System, Unread> {
-        let text = text.as_ref().map_err(|e| Unread::Because(e.clone()))?;
-        let read = || match System::bare_at(name, text, floating, Some(path)) {
+    // None where nothing of it moves.
+    let read = |floating| -> Result<Option<System>, String> {
+        let text = text.as_ref().map_err(String::clone)?;
+        caught(|| match System::bare_at(name, text, floating, Some(path)) {
             Err(SystemError::Urdf(_, UrdfError::Still)) => Ok(None),
             other => other.map(Some).map_err(|e| reason(&e, name)),
-        };
-        caught(read).map_err(Unread::Because)?.ok_or(Unread::Still)
+        })
     };
     let tries = [false, true].map(read);
-    let sizes = tries.iter().flatten().next().map(|System { robot, meshes, .. }| Sizes {
+    let first = tries.iter().flatten().flatten().next();
+    let sizes = first.map(|System { robot, meshes, .. }| Sizes {
         links: robot.links.len(),
         joints: robot.joint_count(),
         mass: robot.mass(),
         meshes: meshes.len(),
     });
-    let notes = tries.iter().flatten().next().map(|system| system.notes.clone()).unwrap_or_default();
-    let roll = |system: Result<System, Unread>| match system {
-        Ok(system) => caught(|| roll(system, name)),
-        Err(Unread::Still) => Ok(0),
-        Err(Unread::Because(reason)) => Err(reason),
-    };
-    let robots = [0, 1].map(|k: usize| tries[k].as_ref().ok().map(|system| system.robot.clone()));
-    let [fixed, floating] = tries.map(roll);
+    let notes = first.map(|system| system.notes.clone()).unwrap_or_default();
+    let robots = tries.each_ref().map(|tried| tried.as_ref().ok()?.as_ref().map(|system| system.robot.clone()));
+    let [fixed, floating] = tries.map(|tried| tried?.map_or(Ok(0), |system| caught(|| roll(system, name))));
     Surveyed { name: name.clone(), sizes, fixed, floating, robots, notes }
-}
-
-/// Why there is no robot to roll out.
-enum Unread {
-    /// Nothing of it moves.
-    Still,
-    /// A line.
-    Because(String),
 }
 
 /// What came of a robot; a panic is our fault, and says so.
@@ -109,7 +96,6 @@ fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     })
 }
 
-/// Rolls a robot out at the fewest substeps that do.
 fn roll(system: System, name: &str) -> Result<usize, String> {
     let system = Arc::new(system);
     let scene = system.scene("free").map_err(|e| reason(&e, name))?;
@@ -120,4 +106,55 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
         (0..FRAMES).try_for_each(|_| solver.step(&mut batch, &torques)).map(|()| substeps).map_err(|e| e.to_string())
     };
     frames(SUBSTEPS[0]).or_else(|_| frames(SUBSTEPS[1]))
+}
+
+/// Each file read and rolled out, a line each; with a Python that has Pinocchio, at so many states beside it. And notes of a robot that is
+/// alone.
+pub fn read(files: &[Found], pinocchio: Option<(&Path, usize)>) -> Result<(Vec<Table>, Vec<String>)> {
+    // A panic has a line in the table; elsewhere it would tear the bar.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| ()));
+    let robots = each(files, survey);
+    std::panic::set_hook(hook);
+    let header = ["file", "links", "joints", "mass (kg)", "meshes passed over", "fixed base", "floating base"];
+    let sum = format!(
+        "{} files: {} move on a fixed base, {} on a floating one. `ok`: {FRAMES} frames from zero coordinates under gravity, \
+         `articulated`, preset `converged`, finite; else what is missing. Links and joints are those that move on a fixed base; \
+         a joint has one DoF, a floating base six more.",
+        files.len(),
+        robots.iter().filter(|r| r.fixed.is_ok()).count(),
+        robots.iter().filter(|r| r.floating.is_ok()).count()
+    );
+    let mut tables = vec![Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum)];
+    if let Some((python, states)) = pinocchio {
+        tables.push(pinocchio::beside(python, states, files, &robots)?);
+    }
+    let notes = if let [robot] = &robots[..] { robot.notes.clone() } else { Vec::new() };
+    Ok((tables, notes))
+}
+
+fn row(robot: &Surveyed) -> Vec<String> {
+    let sizes = robot
+        .sizes
+        .map_or(["-"; 4].map(String::from), |s| [s.links.to_string(), s.joints.to_string(), digits(s.mass), s.meshes.to_string()]);
+    let found = |moves: &Result<usize, String>| match moves {
+        Ok(0) => "ok: nothing to move".into(),
+        Ok(4) => "ok".into(),
+        Ok(substeps) => format!("ok at {substeps} substeps"),
+        Err(reason) => reason.clone(),
+    };
+    let floating = if robot.fixed.is_err() && robot.fixed == robot.floating { "the same".into() } else { found(&robot.floating) };
+    [robot.name.clone()].into_iter().chain(sizes).chain([found(&robot.fixed), floating]).collect()
+}
+
+/// What came of each file, under a bar.
+fn each<T>(files: &[Found], mut of: impl FnMut(&Found) -> T) -> Vec<T> {
+    let bar = bar("robots", files.len() as u64);
+    let one = |(k, file)| {
+        bar.set(k as u64);
+        of(file)
+    };
+    let all = files.iter().enumerate().map(one).collect();
+    bar.finish();
+    all
 }

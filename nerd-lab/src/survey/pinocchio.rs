@@ -2,39 +2,33 @@
 //! states and our results, and returns the differences from its own.
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Write};
+use std::io;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
+use anyhow::{Context, Result, bail};
 use nalgebra::{DMatrix, Vector3};
-use nerd_core::dynamics::{Data, Factor, kinematics};
-use nerd_core::dynamics::{Derivatives, aba, bias, crba, jacobian, rnea};
-use nerd_core::robot::Robot;
+use nerd_core::dynamics::{Data, Derivatives, Factor, aba, bias, crba, jacobian, kinematics, rnea};
+use nerd_core::robot::{JointKind, Robot};
 use nerd_core::state::write_quaternion;
 use nerd_sim::sampling::stream;
+use nerd_train::progress::bar;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
+
+use super::{Found, Surveyed};
+use crate::python::{Python, Version};
+use crate::report::Table;
+use crate::report::table::or_dash;
 
 const REFEREE: &str = include_str!("pinocchio.py");
 /// That of Pinocchio's models.
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 /// Frames whose Jacobians are compared, evenly chosen.
 const FRAMES: usize = 8;
-
-/// Largest relative differences by quantity: `mass`, `bias`, `inverse`, `forward`, `inverse_q` (derivative by q) and so on, `jacobian`.
-pub type Differences = BTreeMap<String, f64>;
-
-/// Why nothing was compared; one line.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PinocchioError {
-    /// No robot can be.
-    #[error("{0}")]
-    Absent(String),
-    /// This robot cannot be.
-    #[error("{0}")]
-    Robot(String),
-}
+/// What is compared: the mass matrix, torques at rest, inverse and forward dynamics, their derivatives by q and qd, Jacobians of frames.
+const QUANTITIES: [&str; 9] = ["mass", "bias", "inverse", "forward", "inverse_q", "inverse_qd", "forward_q", "forward_qd", "jacobian"];
+/// Closer than this, two dynamics are the same.
+const SAME: f64 = 1e-9;
 
 #[derive(Serialize)]
 struct Request<'a> {
@@ -47,47 +41,43 @@ struct Request<'a> {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged)]
-enum Said {
-    Error { error: String },
-    Version { version: String },
-    Worst { worst: Differences },
+struct Differences {
+    worst: BTreeMap<String, f64>,
 }
 
-/// How far a robot's dynamics are from Pinocchio's at random states, and Pinocchio's version. Turns are up to pi, slides up to 0.5 m,
-/// rates and accelerations up to 1, torques up to 10.
-///
-/// # Errors
-/// If `python` cannot be started or has no Pinocchio, or what either side says of the robot.
-pub fn differences(python: &Path, urdf: &Path, robot: &Robot, states: usize, seed: u64) -> Result<(Differences, String), PinocchioError> {
-    let mut command = Command::new(python);
-    let child = command.args(["-c", REFEREE]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-    let mut child = child.spawn().map_err(|e| PinocchioError::Absent(format!("cannot start `{}`: {e}", python.display())))?;
-    let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-        return Err(PinocchioError::Absent("no pipe to Python".into()));
-    };
-    let asked = request(urdf, robot, states);
-    // Its own output has the reason, not the broken pipe.
-    let sent = ask(&mut input, &asked, robot, states, seed);
-    drop(input);
-    let mut version = None;
-    let mut found = Err("Python ended without an answer".to_string());
-    for line in BufReader::new(output).lines() {
-        let said = line.map_err(|e| e.to_string()).and_then(|line| serde_json::from_str(&line).map_err(|e| e.to_string()));
-        match said {
-            Ok(Said::Version { version: said }) => version = Some(said),
-            Ok(Said::Worst { worst }) => found = Ok(worst),
-            Ok(Said::Error { error }) | Err(error) => found = Err(error),
+/// Largest relative differences from Pinocchio's dynamics, of both bases of each robot.
+pub(super) fn beside(python: &Path, states: usize, files: &[Found], robots: &[Surveyed]) -> Result<Table> {
+    let bar = bar("robots", robots.len() as u64);
+    let (mut rows, mut version, mut same) = (Vec::new(), String::new(), 0);
+    for (k, (file, robot)) in files.iter().zip(robots).enumerate() {
+        let path = std::fs::canonicalize(&file.path).with_context(|| format!("cannot read {}", file.path.display()))?;
+        bar.set(k as u64);
+        for (base, robot) in ["fixed", "floating"].into_iter().zip(&robot.robots) {
+            let Some(robot) = robot else { continue };
+            let mut cells = vec![file.name.clone(), base.to_string()];
+            let mut started = Python::start(python, REFEREE, "Pinocchio").context("--pinocchio")?;
+            Version { version } = started.ask(&request(&path, robot, states)).context("--pinocchio")?;
+            match differences(&mut started, robot, states, 0) {
+                Ok(Differences { worst }) => {
+                    same += usize::from(worst.values().all(|x| *x < SAME));
+                    cells.extend(QUANTITIES.map(|q| or_dash(worst.get(q).map(|x| format!("{x:.0e}")))));
+                }
+                Err(reason) => {
+                    cells.push(reason.to_string().replace('|', "/"));
+                    cells.resize(2 + QUANTITIES.len(), String::new());
+                }
+            }
+            rows.push(cells);
         }
     }
-    let _ = child.wait();
-    match (version, found, sent) {
-        (Some(version), Ok(worst), Ok(())) => Ok((worst, version)),
-        (None, Err(said), _) => Err(PinocchioError::Absent(said)),
-        (_, Ok(_), Err(error)) => Err(PinocchioError::Robot(error)),
-        (_, Err(said), sent) => Err(PinocchioError::Robot(sent.err().filter(|e| !e.contains("pipe")).unwrap_or(said))),
-        (None, Ok(_), Ok(())) => Err(PinocchioError::Absent("Python names no Pinocchio".into())),
-    }
+    bar.finish();
+    let header: Vec<&str> = ["file", "base"].into_iter().chain(QUANTITIES).collect();
+    let note = format!(
+        "Dynamics beside Pinocchio {version} at {states} random states: largest entry of the difference over the largest of Pinocchio's \
+         (or over 1e-6, where that is more), the worst state. {same} of {} rows are below {SAME:.0e} in everything.",
+        rows.len()
+    );
+    Ok(Table::new("pinocchio", &header).with(rows).noted(&note))
 }
 
 fn request<'a>(urdf: &'a Path, robot: &'a Robot, states: usize) -> Request<'a> {
@@ -109,9 +99,16 @@ fn chosen(robot: &Robot) -> Vec<(&str, usize, Vector3<f64>)> {
     all.into_iter().step_by(step).collect()
 }
 
-fn ask(input: &mut impl Write, asked: &Request, robot: &Robot, states: usize, seed: u64) -> Result<(), String> {
-    let said = |e: std::io::Error| e.to_string();
-    writeln!(input, "{}", serde_json::to_string(asked).map_err(|e| e.to_string())?).map_err(said)?;
+/// How far a robot's dynamics are from Pinocchio's at random states: turns are up to pi, slides up to 0.5 m, rates and accelerations up to
+/// 1, torques up to 10. What it has said of a robot counts before a pipe that broke then.
+fn differences(python: &mut Python, robot: &Robot, states: usize, seed: u64) -> Result<Differences> {
+    match send(python, robot, states, seed) {
+        Err(error) if !error.is::<io::Error>() => Err(error),
+        _ => python.answer(),
+    }
+}
+
+fn send(python: &mut Python, robot: &Robot, states: usize, seed: u64) -> Result<()> {
     let (mut rng, mut data, mut factor) = (stream(seed, 0), Data::new(robot), Factor::new(robot));
     let nv = robot.nv();
     let (mut inverse, mut forward) = (Derivatives::new(robot), Derivatives::new(robot));
@@ -120,7 +117,7 @@ fn ask(input: &mut impl Write, asked: &Request, robot: &Robot, states: usize, se
         let mut draw = |n: usize, most: f64| (0..n).map(|_| rng.random_range(-most..most)).collect::<Vec<f64>>();
         let mut q = draw(robot.nq(), std::f64::consts::PI);
         for (joint, q) in robot.joints().zip(&mut q[robot.root_coords()..]) {
-            *q *= if joint.kind == nerd_core::robot::JointKind::Prismatic { 0.5 / std::f64::consts::PI } else { 1.0 };
+            *q *= if joint.kind == JointKind::Prismatic { 0.5 / std::f64::consts::PI } else { 1.0 };
         }
         if robot.floating() {
             let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::from_column_slice(&draw(3, 2.0)));
@@ -136,13 +133,13 @@ fn ask(input: &mut impl Write, asked: &Request, robot: &Robot, states: usize, se
         let told = data.tau.clone();
         inverse.inverse(robot, &qd, &qdd, &GRAVITY, &mut data);
         if !aba(robot, &qd, &tau, &GRAVITY, &mut data) {
-            return Err("a subtree has no inertia to accelerate".into());
+            bail!("a subtree has no inertia to accelerate");
         }
         let found: Vec<f64> = data.qdd.iter().copied().collect();
         if !forward.forward(robot, &qd, &found, &GRAVITY, &mut data, &mut factor) {
-            return Err(factor.fault(robot));
+            bail!(factor.fault(robot));
         }
-        let mut send = |numbers: &[f64]| input.write_all(&numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()).map_err(said);
+        let mut send = |numbers: &[f64]| python.send(numbers);
         [&q, &qd, &qdd, &tau].into_iter().try_for_each(|x| send(x))?;
         // Theirs are row by row.
         send(mass.transpose().as_slice())?;

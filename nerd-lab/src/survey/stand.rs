@@ -7,48 +7,41 @@ use std::sync::Arc;
 use anyhow::Error;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::dynamics::{Data, point_position, totals};
+use nerd_core::dynamics::{Data, kinematics, point_position, totals};
 use nerd_core::state::quaternion;
 use nerd_sim::drive::holding;
 use nerd_sim::prelude::*;
 use nerd_sim::system::pose_of;
 
+use super::each;
 use super::file::{Found, reason, text};
 use crate::error::{Result, refuse};
 use crate::mujoco::{Referee, Scheme};
+use crate::report::Table;
+use crate::report::table::{digits, or_dash};
 
 /// Frames of a rollout: ten seconds at sixty a second.
 pub const STANDING: usize = 600;
+/// Every 100th frame is in the table of courses.
+const EVERY: usize = 100;
 
-/// The robot's root over the frames of a rollout.
-#[derive(Clone, Debug, Default)]
-pub struct Course {
-    /// Height over the plane (m).
-    pub height: Vec<f64>,
-    /// Angle (rad) between its up axis and where that was at the start.
-    pub tilt: Vec<f64>,
-}
+/// The root by frame: its height over the plane (m), and the angle (rad) between its up axis and where that was at the start.
+pub type Course = Vec<[f64; 2]>;
 
-/// What came of a file.
 #[derive(Clone, Debug)]
 pub struct Standing {
-    /// Where its pose is from.
     pub pose: String,
-    /// Contact points.
     pub points: usize,
     /// Stiffness of the drives (N m/rad or N/m).
-    pub kp: f64,
+    kp: f64,
     /// Height of the root at the start (m), its lowest contact point on the plane.
     pub start: f64,
-    /// In `articulated`.
     pub ours: Course,
     /// In MuJoCo, on the same bodies, points and drives.
     pub mujoco: Option<Course>,
-    /// With nothing held.
     pub limp: Limp,
 }
 
-/// A fall.
 #[derive(Clone, Copy, Debug)]
 pub struct Limp {
     /// Energy lost from the first frame to the last (J).
@@ -61,12 +54,11 @@ pub struct Limp {
 
 /// A robot at the start of the standing test.
 pub(super) struct Ready {
-    pub(super) system: Arc<System>,
+    pub system: Arc<System>,
     /// At rest, its lowest contact point on the plane.
-    pub(super) state: Vec<f64>,
-    /// Where its pose is from.
-    pub(super) pose: String,
-    pub(super) drives: Vec<Drive>,
+    pub state: Vec<f64>,
+    pose: String,
+    pub drives: Vec<Drive>,
 }
 
 /// Reads a robot and puts it on its feet.
@@ -77,51 +69,39 @@ pub(super) fn ready(found: &Found) -> Result<Ready> {
         refuse!("has nothing to touch the ground with");
     }
     let (mut state, pose) = pose_of(&system.robot, Some(&found.path));
-    let low = lowest(&system, &state);
-    state[2] -= low;
+    state[2] -= lowest(&system, &state);
     let drives = holding(&system, &state);
     Ok(Ready { system, state, pose, drives })
 }
 
 /// Lets a robot stand, and fall. Its pose is that of an SRDF in `../srdf` (`standing` or `half_sitting`), else zero within the limits.
-///
-/// # Errors
-/// If it cannot be read, touches nothing, cannot be stepped, or MuJoCo does not answer.
 pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing> {
     let Ready { system, state, pose, drives } = ready(found)?;
     let scene = system.scene("plane").map_err(|e| Error::msg(reason(&e, &found.name)))?;
-    let roll = |drives: &[Drive]| -> Result<Vec<Vec<f64>>> {
+    let batch = |drives: &[Drive]| {
         let mut batch = Batch::new(&system, &scene, 1);
         batch.reset(0, &state);
         batch.drives = drives.to_vec();
-        let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+        batch
+    };
+    let roll = |drives: &[Drive]| -> Result<Vec<Vec<f64>>> {
+        let (mut batch, mut solver) = (batch(drives), Articulated::new(ArticulatedConfig::accurate(&system)));
         let tau = vec![0.0; system.robot.joint_count()];
         let mut frame = || solver.step(&mut batch, &tau).map(|()| batch.states.clone()).map_err(Error::from);
         (0..STANDING).map(|_| frame()).collect()
     };
-    let ours = roll(&drives)?;
-    let limp = limp(&system, &state, &roll(&[])?);
+    let (ours, limp) = (course(&state, &roll(&drives)?), limp(&system, &state, &roll(&[])?));
     let mujoco = python.map(|python| -> Result<_> {
-        let mut batch = Batch::new(&system, &scene, 1);
-        batch.reset(0, &state);
-        batch.drives.clone_from(&drives);
-        let mut referee = Referee::of(python, &batch, STANDING)?;
+        let mut referee = Referee::of(python, &batch(&drives), STANDING)?;
         Ok(course(&state, &referee.play(Scheme::ImplicitFast, 2 * system.spec.substeps, false)?.frames))
     });
-    Ok(Standing {
-        pose,
-        points: system.robot.contact_points.len(),
-        kp: drives.first().map_or(0.0, |d| d.kp),
-        start: state[2],
-        ours: course(&state, &ours),
-        mujoco: mujoco.transpose()?,
-        limp,
-    })
+    let (points, kp) = (system.robot.contact_points.len(), drives.first().map_or(0.0, |d| d.kp));
+    Ok(Standing { pose, points, kp, start: state[2], ours, mujoco: mujoco.transpose()?, limp })
 }
 
 fn course(start: &[f64], frames: &[Vec<f64>]) -> Course {
     let up = |state: &[f64]| quaternion(&state[3..7]) * (quaternion(&start[3..7]).inverse() * Vector3::z());
-    Course { height: frames.iter().map(|state| state[2]).collect(), tilt: frames.iter().map(|state| up(state).angle(&up(start))).collect() }
+    frames.iter().map(|state| [state[2], up(state).angle(&up(start))]).collect()
 }
 
 /// What the springs of contacts and limits hold (J); `data` has the kinematics.
@@ -140,7 +120,7 @@ fn held(system: &System, state: &[f64], data: &Data) -> f64 {
 /// Height of the lowest contact point (m).
 pub(super) fn lowest(system: &System, state: &[f64]) -> f64 {
     let (robot, mut data) = (&system.robot, Data::new(&system.robot));
-    nerd_core::dynamics::kinematics(robot, state, &mut data);
+    kinematics(robot, state, &mut data);
     let heights = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local).z - p.radius);
     heights.fold(f64::INFINITY, f64::min)
 }
@@ -159,4 +139,64 @@ fn limp(system: &System, start: &[f64], frames: &[Vec<f64>]) -> Limp {
     });
     let deepest = frames.iter().map(|state| -lowest(system, state)).fold(0.0, f64::max);
     Limp { lost: energies[0] - energies[energies.len() - 1], rise, deepest }
+}
+
+/// Each robot stands and falls; what cannot has a line.
+pub fn standing(files: &[Found], mujoco: Option<&Path>) -> Vec<Table> {
+    let header = [
+        "file",
+        "pose",
+        "points",
+        "kp (N m/rad)",
+        "height at the start (m)",
+        "after ten seconds (m)",
+        "MuJoCo (m)",
+        "tilt (deg)",
+        "MuJoCo (deg)",
+        "limp: lost (J)",
+        "energy rose by (J)",
+        "deepest point (mm)",
+    ];
+    let mut courses = Vec::new();
+    let rows = each(files, |file| match stand(file, mujoco) {
+        Ok(standing) => {
+            courses.extend((EVERY - 1..STANDING).step_by(EVERY).map(|frame| {
+                let seconds = format!("{:.1}", (frame + 1) as f64 / 60.0);
+                [vec![file.name.clone(), seconds], standing.at(frame)].concat()
+            }));
+            standing.row(&file.name)
+        }
+        Err(reason) => {
+            let mut line = vec![file.name.clone(), reason.to_string().replace('|', "/")];
+            line.resize(header.len(), String::new());
+            line
+        }
+    });
+    let note = "Ten seconds on the plane `plane`, preset `accurate`, contact at points of the robot's own collision shapes. Each joint is held \
+        by a drive inside the substep, `kp = m g L` with its mass and extent, `kd = kp / 20`, efforts as in its URDF; MuJoCo has the same \
+        bodies, points and drives as MJCF, its own contacts (impratio 100, so that feet do not creep), IMPLICITFAST, 32 steps a frame. \
+        Height of the root, tilt from the start. Limp: the same without drives; how much the energy, with what springs of contacts and \
+        limits hold, rose at most over that of any earlier frame.";
+    let over_time = ["file", "seconds", "height (m)", "MuJoCo (m)", "tilt (deg)", "MuJoCo (deg)"];
+    vec![
+        Table::new("standing", &header).with(rows).noted(note),
+        Table::new("courses", &over_time).with(courses).noted("The same over time."),
+    ]
+}
+
+impl Standing {
+    fn row(&self, name: &str) -> Vec<String> {
+        let Self { pose, points, kp, start, limp, .. } = self;
+        let head = vec![name.into(), pose.clone(), points.to_string(), digits(*kp), format!("{start:.4}")];
+        let fall = vec![digits(limp.lost), digits(limp.rise), format!("{:.2}", 1e3 * limp.deepest)];
+        [head, self.at(STANDING - 1), fall].concat()
+    }
+
+    /// Heights, then tilts, at a frame, ours before MuJoCo's.
+    fn at(&self, frame: usize) -> Vec<String> {
+        let courses = [Some(&self.ours), self.mujoco.as_ref()].map(|course| course.and_then(|course| course.get(frame)));
+        let heights = courses.map(|at| or_dash(at.map(|at| format!("{:.4}", at[0]))));
+        let tilts = courses.map(|at| or_dash(at.map(|at| format!("{:.2}", at[1].to_degrees()))));
+        [heights, tilts].concat()
+    }
 }

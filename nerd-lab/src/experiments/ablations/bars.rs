@@ -2,11 +2,9 @@
 
 use nerd_train::run::{RunConfig, Variant};
 
-/// One bar.
 #[derive(Clone, Copy, Debug)]
 pub struct Bar {
     pub name: &'static str,
-    /// How its training differs from NeRD's.
     change: fn(&mut RunConfig),
     /// Error divided by NeRD's, read off the paper's bars: double pendulum, Ant.
     pub paper: Option<[f64; 2]>,

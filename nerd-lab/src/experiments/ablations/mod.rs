@@ -7,7 +7,6 @@
 //!
 //! A finished variant is kept in `out/ablations` and not trained again. About half an hour on two cores.
 
-mod asked;
 mod bars;
 mod rows;
 
@@ -17,34 +16,60 @@ use std::path::{Path, PathBuf};
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
+use nerd_train::bounds::{SEEDS, STARTS, TRANSITIONS, UPDATES};
+use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
 use nerd_train::ppo::{Arena, folder};
 use nerd_train::run::{Run, RunConfig};
+use nerd_train::settings::settings;
 use nerd_train::shipped::{policies, root};
 
 use super::games::{Reward, games, gap};
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::report::{Input, Inputs};
-use asked::{BATCH, frames};
 use bars::{BARS, Bar, NERD};
 use rows::{Measurement, Row};
 
-pub use asked::Ablations;
-
-/// Where trained variants are kept.
 const RUNS: &str = "out/ablations";
 /// Seed of the starts of rollouts and games, and the task that policies run.
 const STARTED: u64 = 500;
 const TASK: &str = "ant-run";
 
-/// The running policies that come with the project.
-fn runners() -> Result<Vec<PathBuf>> {
-    let found = policies(&format!("{TASK}-neural-"))?;
-    if found.is_empty() {
-        refuse!("models/policies has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`");
+/// Windows in an update of NeRD.
+const BATCH: usize = 64;
+
+settings! {
+    /// The paper's ablations (Figure A.2).
+    pub struct Ablations {
+        /// Robots, comma-separated [default: pendulum,ant]
+        robot: Vec<String> = vec!["pendulum".into(), "ant".into()], Texts;
+        /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
+        only: Vec<String> = Vec::new(), Texts;
+        /// Optimiser updates of each variant
+        updates: u64 = 1200, Whole(UPDATES);
+        /// Transitions of the training data
+        transitions: usize = 200_000, Whole(TRANSITIONS);
+        /// Trajectories of the evaluation (the paper: 2048)
+        starts: usize = 256, Whole(STARTS);
+        /// Games of each running policy (the paper: 2048)
+        games: usize = 128, Whole(STARTS);
+        /// Seeds of data, weights and windows, comma-separated; bars are means over them [default: 0]
+        seed: Vec<u64> = vec![0], Wholes(SEEDS);
+        /// Where to compute: cpu or cuda
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
-    Ok(found)
+}
+
+/// Frames of a rollout: those of the paper's first test case; of the Ant, which sooner knows no more than one who repeats the
+/// start after so short a training, a third of a second.
+fn frames(robot: &str) -> usize {
+    if robot == "ant" { 20 } else { 100 }
+}
+
+/// The scene of a robot's rollouts.
+fn first_scene(system: &System) -> &str {
+    system.usual_scenes().first().copied().unwrap_or("free")
 }
 
 impl Ablations {
@@ -64,8 +89,16 @@ impl Ablations {
         }
     }
 
-    fn running(&self) -> bool {
-        self.robot.iter().any(|robot| robot == "ant")
+    /// The running policies that come with the project, where the Ant is asked for.
+    fn runners(&self) -> Result<Vec<PathBuf>> {
+        if self.robot.iter().all(|robot| robot != "ant") {
+            return Ok(Vec::new());
+        }
+        let found = policies(&format!("{TASK}-neural-"))?;
+        if found.is_empty() {
+            refuse!("models/policies has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`");
+        }
+        Ok(found)
     }
 
     fn bars(&self) -> impl Iterator<Item = &'static Bar> {
@@ -82,7 +115,6 @@ impl Ablations {
         Ok(run)
     }
 
-    /// A running policy's mean reward: in a model, or in the truth.
     fn reward(&self, policy: &Path, arena: &Arena) -> Result<f64> {
         Ok(Reward::of(&games(TASK, arena, &folder::load(policy)?.1, self.games, STARTED)?).mean)
     }
@@ -97,7 +129,7 @@ impl Ablations {
         let model = Model::load(&folder, &system, Some(&run.record.truth(&system).name()))?;
         let mut learned = run.device.solver(model, &system, self.starts, |network| network)?;
         let protocol = PassiveConfig { starts: self.starts, steps: frames(&run.robot), seed: STARTED, action: Action::Zero };
-        let scene = system.scene(system.usual_scenes().first().copied().unwrap_or("free"))?;
+        let scene = system.scene(first_scene(&system))?;
         let report = passive(&system, &scene, &mut *system.spec.truth.solver(&system), &mut learned, protocol, &mut |_| ())?;
         let arena = Arena::Model { folder: folder.clone(), device: run.device };
         let share = |(policy, real): &(PathBuf, f64)| Ok(gap(*real, self.reward(policy, &arena)?).abs() / 100.0);
@@ -115,37 +147,23 @@ impl Ablations {
 }
 
 impl Experiment for Ablations {
-    fn name(&self) -> String {
-        "ablations".into()
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed.first().copied().unwrap_or_default()
-    }
-
-    fn effort(&self) -> f64 {
-        (self.robot.len() * self.seed.len() * self.bars().count()) as f64 * self.updates as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+    fn about(&self) -> Result<About> {
         self.check()?;
         let mut inputs = Inputs::default();
         for robot in &self.robot {
             let system = System::named(robot)?;
             inputs.add(Input::robot(&system));
-            inputs.add(Input::motion(robot, system.usual_scenes().first().copied().unwrap_or("free"), &system.spec.truth.into())?);
+            inputs.add(Input::motion(robot, first_scene(&system), &system.spec.truth.into())?);
         }
-        if self.running() {
-            runners()?.iter().try_for_each(|path| Input::policy(path).map(|policy| inputs.add(policy)))?;
-        }
-        Ok(inputs)
+        self.runners()?.iter().try_for_each(|path| Input::policy(path).map(|policy| inputs.add(policy)))?;
+        let effort = (self.robot.len() * self.seed.len() * self.bars().count()) as f64 * self.updates as f64;
+        Ok(About { name: "ablations".into(), seed: self.seed.first().copied().unwrap_or_default(), effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
         self.check()?;
-        let paths = if self.running() { runners()? } else { Vec::new() };
         let real = |path: PathBuf| self.reward(&path, &Arena::Truth(Truth::Articulated)).map(|reward| (path, reward));
-        let truth = paths.into_iter().map(real).collect::<Result<Vec<_>>>()?;
+        let truth = self.runners()?.into_iter().map(real).collect::<Result<Vec<_>>>()?;
         let mut rows = Vec::new();
         for robot in &self.robot {
             for bar in self.bars() {

@@ -3,14 +3,13 @@
 use nerd_model::folder::ModelConfig;
 use serde::{Deserialize, Serialize};
 
-use super::asked::{Ablations, BATCH, frames};
 use super::bars::{Bar, NERD};
+use super::{Ablations, BATCH, frames};
 use crate::error::{Result, refuse};
 use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, Series, Style};
 use crate::report::table::{digits, pair};
 
-/// Errors of one trained model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Measurement {
     /// Seed of data, weights and windows.
@@ -27,12 +26,10 @@ pub(super) struct Measurement {
     pub hold: Vec<f64>,
 }
 
-/// One variant of one robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Row {
     pub robot: String,
     pub name: String,
-    /// Parameters of its network.
     parameters: usize,
     /// Windows of an update, and tokens of a window.
     windows: [usize; 2],
@@ -43,7 +40,6 @@ pub(super) struct Row {
     pub paper: Option<f64>,
 }
 
-/// Which errors of a measurement.
 type Errors = fn(&Measurement) -> Option<&[f64]>;
 
 const ROLLED: Errors = |m| Some(&m.error);
@@ -53,7 +49,6 @@ const ONE_FRAME: Errors = |m| Some(std::slice::from_ref(&m.one_frame));
 const HOLD: Errors = |m| Some(&m.hold);
 
 impl Row {
-    /// Of trainings that differ in their seeds.
     pub fn new(robot: &str, bar: &Bar, trained: &[(ModelConfig, Measurement)]) -> Option<Self> {
         let (config, _) = trained.first()?;
         Some(Self {
@@ -96,7 +91,6 @@ pub(super) fn check(rows: &[Row]) -> Result<()> {
     Ok(())
 }
 
-/// Every variant of a robot.
 pub(super) fn table(rows: &[Row], robot: &str, asked: &Ablations) -> Table {
     let running = robot == "ant";
     let mut header =
@@ -139,7 +133,6 @@ pub(super) fn table(rows: &[Row], robot: &str, asked: &Ablations) -> Table {
     Table::new(robot, &header).with(lines).noted(&note)
 }
 
-/// Ours and the paper's, a panel for each robot.
 pub(super) fn figure(rows: &[Row], robots: &[String]) -> Figure {
     let panel = |robot: &String| {
         let rows_of: Vec<&Row> = rows.iter().filter(|r| r.robot == *robot).collect();

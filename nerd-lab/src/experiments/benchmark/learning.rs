@@ -16,7 +16,6 @@ use crate::report::table::digits;
 /// Iterations that are timed, after two that are not.
 const ITERATIONS: usize = 8;
 
-/// One task in one solver.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Learning {
     task: String,
@@ -58,7 +57,6 @@ fn measure(task: &str, arena: &Arena, environments: usize, seed: u64) -> Result<
     Ok(Learning { task: task.into(), solver: arena.title()?, sizes, steps, shares, memory })
 }
 
-/// All of them.
 pub(super) fn table(rows: &[Learning]) -> Table {
     let header = ["task", "solver", "environments", "steps an iteration", "steps/s", "rollout (%)", "update (%)", "memory (GiB)"];
     let lines = rows.iter().map(|row| {

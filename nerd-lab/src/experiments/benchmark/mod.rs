@@ -1,27 +1,51 @@
 //! Solvers on a graphics card beside the CPU's: errors and frames a second of the articulated solver and of models, whose batch
 //! never leaves the card, and of MuJoCo Warp where a Python has it; and how fast policies learn there.
 
-mod asked;
 #[cfg(feature = "cuda")]
 mod learning;
 #[cfg(feature = "cuda")]
 mod pace;
 
-use crate::choice::Choice;
+use std::path::PathBuf;
+
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
+use nerd_train::bounds::{SEEDS, STARTS, SUBSTEPS};
+use nerd_train::settings::settings;
 use nerd_train::shipped;
 
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
+use crate::choice::Choice;
 use crate::error::Result;
 #[cfg(not(feature = "cuda"))]
 use crate::error::refuse;
 use crate::report::{Input, Inputs};
 
-pub use asked::Benchmark;
+settings! {
+    /// Solvers and training on a graphics card.
+    pub struct Benchmark {
+        /// Name of the result
+        name: String = "benchmark".into(), Text;
+        /// Robots with their scenes, ROBOT:SCENE, comma-separated
+        robots: Vec<String> = ["pendulum:ground1", "cube:ground", "ant:ground", "anymal:ground", "franka:free"].map(String::from).into(), Texts;
+        /// Rollouts whose error is measured
+        rollouts: usize = 256, Whole(STARTS);
+        /// Environments of the timed batch, and of training
+        environments: usize = 8192, Whole(STARTS);
+        /// Substeps of the implicit step, comma-separated
+        substeps: Vec<usize> = vec![1, 2, 4, 8, 16, 32], Wholes(SUBSTEPS);
+        /// Substeps of the explicit step, of Runge-Kutta where nothing touches, comma-separated
+        explicit: Vec<usize> = vec![16, 64, 256], Wholes(SUBSTEPS);
+        /// Tasks whose training is timed, in the models of their robots and in four implicit substeps, comma-separated [default: none]
+        tasks: Vec<String> = Vec::new(), Texts;
+        /// Python that has MuJoCo Warp, to measure that engine too [default: none]
+        warp: Option<PathBuf> = None, Text;
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+    }
+}
 
 impl Benchmark {
-    /// Robots and scenes.
     fn pairs(&self) -> Result<Vec<(&str, &str)>> {
         let wrong = |text: &str| anyhow::anyhow!("robots {text}: write ROBOT:SCENE, for example ant:ground");
         self.robots.iter().map(|text| text.split_once(':').ok_or_else(|| wrong(text))).collect()
@@ -37,19 +61,7 @@ impl Benchmark {
 }
 
 impl Experiment for Benchmark {
-    fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        (self.robots.len() * (self.rollouts + self.environments) + self.tasks.len()) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+    fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
         for (robot, scene) in self.pairs()? {
             inputs.add(Input::robot(&*System::named(robot)?));
@@ -62,7 +74,8 @@ impl Experiment for Benchmark {
             inputs.add(Input::robot(&*System::named(robot)?));
             inputs.add(Input::model(&shipped::model_of_task(task, robot))?);
         }
-        Ok(inputs)
+        let effort = (self.robots.len() * (self.rollouts + self.environments) + self.tasks.len()) as f64;
+        Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
     }
 
     #[cfg(not(feature = "cuda"))]
@@ -77,19 +90,20 @@ impl Experiment for Benchmark {
         for (k, (robot, scene)) in self.pairs()?.into_iter().enumerate() {
             bar.set(k as u64);
             let course = pace::Course::new(robot, scene, self)?;
-            paces.extend(course.ours(&self.settings(robot, course.touching()))?);
+            let mut own = course.ours(&self.settings(robot, course.touching()))?;
             if let Some(python) = &self.warp {
                 let (found, guests) = course.warp(python)?;
                 version = Some(found);
-                paces.extend(guests);
+                own.extend(guests);
             }
+            pace::mark(&mut own);
+            paces.extend(own);
         }
         for (k, task) in self.tasks.iter().enumerate() {
             bar.set((self.robots.len() + k) as u64);
             learning.extend(learning::both(task, self.environments, self.seed)?);
         }
         bar.finish();
-        pace::mark(&mut paces);
         let mut tables = vec![pace::table(&paces, self, version.as_deref())];
         tables.extend((!learning.is_empty()).then(|| learning::table(&learning)));
         let mut measured = Measured::new(&serde_json::json!({ "paces": &paces, "learning": &learning, "warp": version }), tables)?;

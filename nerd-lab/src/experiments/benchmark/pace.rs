@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::mujoco::{Referee, Scheme};
 use nerd_core::state::difference;
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::Real;
@@ -14,11 +13,13 @@ use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
 use serde::Serialize;
 
-use super::asked::Benchmark;
+use super::Benchmark;
 use crate::error::Result;
+use crate::experiments::cost::powers;
+use crate::mujoco::{Referee, Scheme};
 use crate::report::Table;
-use crate::report::figure::{Axis, Figure, Panel, front, push};
-use crate::report::table::digits;
+use crate::report::figure::{Figure, Mark, unbeaten};
+use crate::report::table::{digits, or_dash};
 
 /// Frames after which most robots touch something: there rollouts begin.
 const FALL: usize = 25;
@@ -28,10 +29,8 @@ const LOOK: usize = 10;
 /// Most steps of MuJoCo Warp in a frame; its reference has four times as many.
 const STEPS: usize = 32;
 
-/// One setting.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Pace {
-    /// Robot and scene.
     of: String,
     /// The solver, as a legend has it, and which of the series.
     series: String,
@@ -46,7 +45,6 @@ pub(super) struct Pace {
     front: bool,
 }
 
-/// A robot in a scene, and the starts of its rollouts.
 pub(super) struct Course<'a> {
     of: String,
     system: Arc<System>,
@@ -65,12 +63,10 @@ impl<'a> Course<'a> {
         Ok(Self { of: format!("{robot}, {scene}"), system, batch, asked })
     }
 
-    /// Whether the robot can touch something.
     pub fn touching(&self) -> bool {
         !self.system.robot.contact_points.is_empty() && !self.batch.scenes[0].colliders.is_empty()
     }
 
-    /// Our solvers, analytic and learned.
     pub fn ours(&self, settings: &[Setting]) -> Result<Vec<Pace>> {
         let (system, n) = (&self.system, self.asked.environments);
         let truth = states(&mut Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)), self.batch.clone())?;
@@ -118,7 +114,7 @@ impl<'a> Course<'a> {
         for (plain, series) in [(false, "MuJoCo Warp"), (true, "MuJoCo Warp, its default friction")] {
             warp.plain = plain;
             let truth = looks(warp.play(Scheme::Euler, 4 * STEPS, false)?.frames);
-            for steps in std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= STEPS) {
+            for steps in powers(STEPS) {
                 let played = warp.play(Scheme::Euler, steps, true)?;
                 let errors = [None, Some(distance(&self.system, &truth, &looks(played.frames)))];
                 let frames = [None, Some((self.asked.environments * FRAMES) as f64 / played.seconds)];
@@ -138,20 +134,12 @@ impl<'a> Course<'a> {
     }
 }
 
-/// Marks what nothing else of the same robot beats in both.
+/// Marks what nothing else of one robot beats in both.
 pub(super) fn mark(paces: &mut [Pace]) {
-    for i in 0..paces.len() {
-        let beaten = |p: &Pace| match (p.errors[1], p.frames[1], paces[i].errors[1], paces[i].frames[1]) {
-            (Some(e), Some(f), Some(own), Some(fast)) => {
-                p.lost == 0 && p.of == paces[i].of && e <= own && f >= fast && (e < own || f > fast)
-            }
-            _ => false,
-        };
-        paces[i].front = paces[i].lost == 0 && !paces.iter().any(beaten);
-    }
+    let race: Vec<_> = paces.iter().map(|p| p.microseconds().zip(p.errors[1]).filter(|_| p.lost == 0)).collect();
+    paces.iter_mut().zip(unbeaten(&race)).for_each(|(p, front)| p.front = front);
 }
 
-/// No torques.
 fn idle(batch: &Batch) -> Vec<f64> {
     vec![0.0; batch.len() * batch.system.robot.joint_count()]
 }
@@ -161,7 +149,6 @@ fn left(stepped: Result<(), StepError>) -> Result<usize> {
     Ok(stepped.err().map_or(Ok(Vec::new()), StepError::faults)?.len())
 }
 
-/// So much work a second.
 fn rate(work: usize, run: impl FnOnce() -> Result<()>) -> Result<f64> {
     let began = Instant::now();
     run()?;
@@ -198,9 +185,8 @@ impl Pace {
     }
 }
 
-/// All settings.
 pub(super) fn table(paces: &[Pace], asked: &Benchmark, warp: Option<&str>) -> Table {
-    let cell = |x: Option<f64>| x.map_or_else(|| "-".into(), digits);
+    let cell = |x: Option<f64>| or_dash(x.map(digits));
     let lines = paces.iter().map(|p| {
         let [[on_cpu, on_card], [slow, fast]] = [p.errors, p.frames].map(|pair| pair.map(cell));
         let front = if p.front { "*" } else { "" }.into();
@@ -231,15 +217,15 @@ pub(super) fn table(paces: &[Pace], asked: &Benchmark, warp: Option<&str>) -> Ta
     Table::new("pace", &header).with(lines).noted(&note)
 }
 
-/// Error against time of a robot's settings, and the front.
 pub(super) fn figure(paces: &[Pace], of: &str, environments: usize) -> Figure {
-    // What has no error to draw, or one of a rollout that left, is in the table.
-    let shown =
-        || paces.iter().filter(|p| p.of == of).filter_map(|p| Some((p, p.microseconds()?, p.errors[1].filter(|e| *e > 0.0 && *e < 10.0)?)));
-    let mut series = vec![front(shown().filter(|(p, ..)| p.front).map(|(_, time, error)| (time, error)).collect())];
-    shown().for_each(|(p, time, error)| push(&mut series, &p.series, (time, error, p.label.clone())));
-    let x = Axis::log(format!("microseconds a frame and environment, of {environments}"));
-    let y = Axis::log(format!("mean |dq| over {FRAMES} frames (rad or m)"));
-    let title = format!("{of} on a GPU: speed against accuracy (x4: four substeps a frame)");
-    Figure::single(title, Panel { x, y, series, ..Panel::default() })
+    let marks = paces.iter().filter(|p| p.of == of).filter_map(|p| {
+        // What has no error to draw, or one of a rollout that left, is in the table.
+        let at = (p.microseconds()?, p.errors[1].filter(|e| *e > 0.0 && *e < 10.0)?);
+        Some(Mark { series: &p.series, at, word: p.label.clone(), front: p.front })
+    });
+    let axes = [
+        format!("microseconds a frame and environment, of {environments}"),
+        format!("mean |dq| over {FRAMES} frames (rad or m)"),
+    ];
+    Figure::speed(format!("{of} on a GPU: speed against accuracy (x4: four substeps a frame)"), axes, marks, Vec::new())
 }

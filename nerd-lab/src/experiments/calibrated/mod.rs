@@ -6,7 +6,7 @@ mod tables;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use nerd_model::pick;
+use nerd_model::pick::Setting;
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::{Log, Published, specified};
 use nerd_sim::prelude::*;
@@ -16,7 +16,7 @@ use nerd_train::settings::settings;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::report::figure::{Axis, Figure, Panel, Series, Style};
 use crate::report::{Input, Inputs};
@@ -58,7 +58,6 @@ settings! {
     }
 }
 
-/// One solver, calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibrated {
     pub solver: String,
@@ -69,10 +68,8 @@ pub struct Calibrated {
     pub profiles: Vec<Vec<[f64; 2]>>,
 }
 
-/// All of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibratedAll {
-    /// What was asked for.
     #[serde(flatten)]
     pub settings: Calibration,
     pub robot: String,
@@ -82,7 +79,6 @@ pub struct CalibratedAll {
     pub sizes: [usize; 2],
     /// Predicting that nothing moves, on the judged part of every split.
     pub still: Vec<Scored>,
-    /// What others published.
     #[serde(default)]
     pub published: Vec<Published>,
     pub fitted: Vec<Calibrated>,
@@ -145,7 +141,6 @@ impl Calibration {
         Ok(Calibrated { solver, parameters, splits, profiles })
     }
 
-    /// Calibrates all solvers.
     pub fn all(&self) -> Result<CalibratedAll> {
         let log = Log::read(&self.log, self.data.as_deref())?;
         log.notes.iter().for_each(|note| eprintln!("{note}"));
@@ -161,45 +156,32 @@ impl Calibration {
 }
 
 impl Experiment for Calibration {
-    fn name(&self) -> String {
+    fn about(&self) -> Result<About> {
         let stem = self.log.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string());
-        if self.name.is_empty() { format!("calibrate-{}", stem.unwrap_or_default()) } else { self.name.clone() }
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        (self.splits * self.solvers.len() * self.evaluations * self.trials) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+        let name = if self.name.is_empty() { format!("calibrate-{}", stem.unwrap_or_default()) } else { self.name.clone() };
         let (spec, system) = specified(&self.log)?;
         let table = self.data.clone().unwrap_or_else(|| self.log.with_file_name(spec.file));
-        let mut inputs = Inputs(vec![Input::files(&self.name(), &[self.log.clone(), table])?]);
+        let mut inputs = Inputs(vec![Input::files(&name, &[self.log.clone(), table])?]);
         inputs.add(Input::Data { name: system.name.clone(), sha256: system.sha256() });
         // Of every robot: what is hashed is how the solver steps.
         for solver in &self.solvers {
-            let setting = if solver == "rapier" { pick::Setting::RapierSteps(1) } else { pick::Setting::Implicit(self.substeps) };
+            let setting = if solver == "rapier" { Setting::RapierSteps(1) } else { Setting::Implicit(self.substeps) };
             inputs.add(Input::motion("cube", "ground", &setting)?);
         }
-        Ok(inputs)
+        let effort = (self.splits * self.solvers.len() * self.evaluations * self.trials) as f64;
+        Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
         let found = self.all()?;
-        let measured = Measured::new(&found, vec![found.errors(), found.parameters()])?;
-        Ok(found
-            .fitted
-            .first()
-            .filter(|solver| !solver.profiles.is_empty())
-            .map_or(measured.clone(), |s| measured.with("figure", s.figure())))
+        let mut measured = Measured::new(&found, vec![found.errors(), found.parameters()])?;
+        let first = found.fitted.first().filter(|solver| !solver.profiles.is_empty());
+        measured.figures.extend(first.map(|solver| ("figure".into(), solver.figure())));
+        Ok(measured)
     }
 }
 
 impl Calibrated {
-    /// The objective along each parameter, and where the fit is.
     fn figure(&self) -> Figure {
         let panel = |k: usize| {
             let (profile, (name, _, unit), at) = (&self.profiles[k], &self.parameters[k], self.splits[0].fit.values[k]);

@@ -17,7 +17,6 @@ pub(super) struct Parts {
     judged: Vec<Trial>,
     /// Whole trajectories of the judged part.
     whole: Vec<Trial>,
-    /// Trajectories that are judged on.
     ids: Vec<u64>,
 }
 
@@ -29,12 +28,9 @@ pub struct Scored {
     pub high: Distance,
 }
 
-/// One split.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Split {
-    /// Trajectories that are judged on.
     pub judged: Vec<u64>,
-    /// What was found on the others.
     pub fit: FitOf,
     /// Without the fit, on the judged part.
     pub before: Scored,
@@ -44,7 +40,6 @@ pub struct Split {
     pub whole_after: Scored,
 }
 
-/// Values of the parameters, and the objective on what they were fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitOf {
     pub values: Vec<f64>,
@@ -81,7 +76,6 @@ impl Parts {
         Ok(parts)
     }
 
-    /// A subject before and after its fit.
     pub fn split(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
         let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
         Ok(Split {
@@ -94,7 +88,6 @@ impl Parts {
         })
     }
 
-    /// Predicting that nothing moves.
     pub fn still(&self, log: &Log, seed: u64) -> Scored {
         let none = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
         Scored::new(&self.judged, &self.judged.iter().map(none).collect::<Vec<_>>(), seed)

@@ -10,7 +10,6 @@ use crate::report::table::digits;
 const FLAT: f64 = 0.01;
 
 impl CalibratedAll {
-    /// Errors on what nothing was fitted to.
     pub(super) fn errors(&self) -> Table {
         let joints = self.still.iter().any(|s| s.mean.joints > 0.0);
         let mut rows = vec![line("no motion", joints, &self.still.iter().collect::<Vec<_>>(), None)];
@@ -40,7 +39,6 @@ impl CalibratedAll {
         ))
     }
 
-    /// What was found, by solver.
     pub(super) fn parameters(&self) -> Table {
         let rows = self.fitted.iter().flat_map(|solver| {
             solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
@@ -72,7 +70,6 @@ impl CalibratedAll {
     }
 }
 
-/// Mean and standard deviation of a parameter over splits.
 fn over_splits(solver: &Calibrated, k: usize) -> [f64; 2] {
     let x: Vec<f64> = solver.splits.iter().map(|s| s.fit.values[k]).collect();
     let mean = x.iter().sum::<f64>() / x.len() as f64;

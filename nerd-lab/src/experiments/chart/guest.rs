@@ -4,7 +4,6 @@
 
 use std::path::Path;
 
-use crate::mujoco::{Referee, Scheme};
 use nerd_sim::instruments::Replay;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::evaluate::{PassiveReport, passive};
@@ -12,10 +11,12 @@ use nerd_train::progress;
 use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Plan, Point, powers};
+use super::plan::Plan;
+use super::shown::Point;
 use crate::error::Result;
+use crate::experiments::cost::powers;
+use crate::mujoco::{Referee, Scheme};
 
-/// What MuJoCo was compared with.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Against {
     pub version: String,
@@ -25,7 +26,6 @@ pub(super) struct Against {
     pub reference_error: Option<f64>,
 }
 
-/// MuJoCo at the starts of an evaluation.
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
     let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
     Referee::new(python, system, scene, &starts, config.steps)
@@ -63,17 +63,8 @@ pub(super) fn points(mujoco: &mut Referee, plan: &Plan, most: usize, truth: &[Ve
         bar.set(k as u64);
         let played = mujoco.play(scheme, substeps, true)?;
         let report = errors(if contact { &own } else { truth }, &played.frames)?;
-        points.push(Point {
-            series: name.into(),
-            setting: None,
-            substeps: Some(substeps),
-            microseconds: played.seconds * 1e6 / (config.starts * config.steps) as f64,
-            error: mean(&report.error),
-            by_coordinate: report.error,
-            diverged: report.diverged,
-            front: false,
-            own: contact,
-        });
+        let microseconds = played.seconds * 1e6 / (config.starts * config.steps) as f64;
+        points.push(Point::new(name.into(), None, Some(substeps), microseconds, report, contact));
     }
     bar.finish();
     Ok((points, against))

@@ -3,16 +3,15 @@
 use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Recorder, Replay};
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::{PassiveReport, passive};
+use nerd_train::evaluate::passive;
 use nerd_train::stats::mean;
 use nerd_train::{bounds, progress};
 
-use super::plan::{Method, Plan, Point, only_implicit};
-use super::shown::ChartData;
+use super::plan::{Method, Plan, only_implicit};
+use super::shown::{ChartData, Point};
 use crate::error::Result;
 use crate::experiments::cost::timed;
 
-/// States by frame.
 type Frames = Vec<Vec<f64>>;
 
 /// Every method's point, and the frames of the reference.
@@ -34,7 +33,12 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         bar.say(&method.setting.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
         match timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol) {
-            Ok((report, microseconds)) => points.push(point(method, report, microseconds)?),
+            Ok((report, microseconds)) => {
+                let Method { series, setting, own } = method;
+                let point = Point::new(series.clone(), Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());
+                bounds::figures(&format!("{setting}: its mean error"), &[point.error])?;
+                points.push(point);
+            }
             Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
         }
     }
@@ -58,20 +62,4 @@ fn recorded(plan: &Plan, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Fr
     let mut truth = Recorder::new(truth);
     passive(&plan.system, &plan.scene, &mut truth, &mut Replay::new(idle), plan.protocol, &mut |_| ())?;
     Ok(truth.frames)
-}
-
-fn point(method: &Method, report: PassiveReport, microseconds: f64) -> Result<Point> {
-    let error = mean(&report.error);
-    bounds::figures(&format!("{}: its mean error", method.setting), &[error])?;
-    Ok(Point {
-        series: method.series.clone(),
-        substeps: method.setting.substeps(),
-        setting: Some(method.setting.clone()),
-        microseconds,
-        error,
-        by_coordinate: report.error,
-        diverged: report.diverged,
-        front: false,
-        own: method.own.is_some(),
-    })
 }

@@ -11,11 +11,9 @@ mod measure;
 mod plan;
 mod shown;
 
-use crate::choice::Choice;
-use nerd_sim::prelude::System;
-
 use super::cost::on_one_core;
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
+use crate::choice::Choice;
 use crate::error::Result;
 use crate::report::{Input, Inputs};
 use plan::Plan;
@@ -23,24 +21,12 @@ use plan::Plan;
 pub use plan::Chart;
 
 impl Experiment for Chart {
-    fn name(&self) -> String {
-        format!("chart-{}-{}", System::named(&self.robot).map_or_else(|_| self.robot.clone(), |system| system.name.clone()), self.scene)
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        let marks =
-            |plan: Plan| plan.methods.len() + self.mujoco.as_ref().map_or(0, |_| guest::settings(plan.contact(), self.substeps).len());
-        self.plan().map_or(0, marks) as f64 * (self.starts * self.frames) as f64
-    }
-
-    /// Of each solver one setting: whatever changes the others changes it.
-    fn inputs(&self) -> Result<Inputs> {
-        let Plan { system, scene, methods, .. } = self.plan()?;
-        let mut inputs = Inputs(vec![Input::robot(&system)]);
+    fn about(&self) -> Result<About> {
+        let plan = self.plan()?;
+        let Plan { system, scene, methods, .. } = &plan;
+        let guests = self.mujoco.as_ref().map_or(0, |_| guest::settings(plan.contact(), self.substeps).len());
+        // Of each solver one setting: whatever changes the others changes it.
+        let mut inputs = Inputs(vec![Input::robot(system)]);
         for (k, method) in methods.iter().enumerate() {
             let next = methods.get(k + 1).is_some_and(|next| next.series == method.series);
             if method.setting.substeps().is_none_or(|n| n == 4 || (n < 4 && !next)) {
@@ -50,7 +36,8 @@ impl Experiment for Chart {
                 inputs.add(Input::motion(&self.robot, &scene.name, &own.into())?);
             }
         }
-        Ok(inputs)
+        let effort = ((methods.len() + guests) * self.starts * self.frames) as f64;
+        Ok(About { name: format!("chart-{}-{}", system.name, scene.name), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
@@ -63,7 +50,7 @@ impl Experiment for Chart {
             data.points.extend(points);
             data.mujoco = Some(against);
         }
-        shown::mark(&mut data.points);
-        Ok(Measured::new(&data, vec![data.table(&plan.system, &self.name())])?.with("figure", data.figure()))
+        data.mark();
+        Ok(Measured::new(&data, vec![data.table(&plan.system)])?.with("figure", data.figure()))
     }
 }

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::choice::describe;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
@@ -12,9 +11,10 @@ use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 use nerd_train::evaluate::{Action, PassiveConfig};
 use nerd_train::settings::settings;
 use nerd_train::shipped;
-use serde::{Deserialize, Serialize};
 
+use crate::choice::describe;
 use crate::error::Result;
+use crate::experiments::cost::powers;
 
 settings! {
     /// Speed against accuracy.
@@ -46,42 +46,15 @@ pub(super) struct Plan {
     pub protocol: PassiveConfig,
 }
 
-/// One of its solvers.
 pub(super) struct Method {
     pub setting: Setting,
-    /// Name in the legend.
     pub series: String,
     /// What it is compared with, if that is not the chart's reference.
     pub own: Option<Truth>,
 }
 
-/// One mark on the chart; [`nerd_model::pick`] reads it.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Point {
-    /// Name in the legend.
-    pub series: String,
-    /// The solver; none of another engine.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub setting: Option<Setting>,
-    /// Substeps a frame.
-    pub substeps: Option<usize>,
-    /// Frame of one environment on one core: the fastest of a few runs.
-    pub microseconds: f64,
-    /// Mean over coordinates.
-    pub error: f64,
-    /// Mean |difference| of each.
-    pub by_coordinate: Vec<f64>,
-    /// Rollouts that left.
-    pub diverged: usize,
-    /// Whether no other point beats it in both.
-    pub front: bool,
-    /// Whether its error is against a reference of its own, so that it competes with no other series.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub own: bool,
-}
-
 impl Chart {
-    /// Refuses more than can be borne, and what is not there.
+    /// Refuses more than can be borne.
     pub(super) fn plan(&self) -> Result<Plan> {
         let system = System::named(&self.robot)?;
         let scene = system.scene(&self.scene)?;
@@ -113,11 +86,6 @@ impl Plan {
 /// Whether a robot is stepped by the implicit step, whatever is asked for.
 pub(super) fn only_implicit(system: &System) -> bool {
     system.robot.sprung() || system.robot.dry()
-}
-
-/// 1, 2, 4, .. up to `last`.
-pub(super) fn powers(last: usize) -> impl Iterator<Item = usize> {
-    std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last)
 }
 
 /// Analytic solvers at powers of two of substeps.

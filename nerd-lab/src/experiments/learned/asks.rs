@@ -16,7 +16,6 @@ use crate::error::Result;
 
 const STARTS: usize = 32;
 
-/// A robot in the scene it is judged in.
 pub(super) struct Case {
     pub system: Arc<System>,
     pub scene: Arc<Scene>,
@@ -24,7 +23,6 @@ pub(super) struct Case {
     pub truth: Truth,
 }
 
-/// What is asked.
 pub(super) struct Ask {
     pub name: &'static str,
     pub figure: &'static str,
@@ -85,7 +83,6 @@ pub(super) static ASKS: [Ask; 11] = [
     },
 ];
 
-/// Passive motion beside the truth's.
 fn rolled(case: &Case, maker: &Maker, steps: usize) -> Result<PassiveReport> {
     let config = PassiveConfig { starts: STARTS, steps, seed: 21, action: Action::Zero };
     let (mut truth, mut solver) = (case.truth.solver(&case.system), maker(&case.system)?);
@@ -195,7 +192,6 @@ fn flight(case: &Case, maker: &Maker) -> Result<f64> {
     Ok(shares.sum::<f64>() / STARTS as f64)
 }
 
-/// A batch from the training box.
 fn starts(system: &Arc<System>, scene: &Arc<Scene>) -> Batch {
     let mut batch = Batch::new(system, scene, STARTS);
     (0..STARTS).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(24, env as u64))));

@@ -15,14 +15,13 @@ use nerd_sim::truth::Truth;
 use nerd_train::progress::bar;
 
 use super::stability::StabilityMap;
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
 use crate::error::Result;
 use crate::report::{Input, Inputs};
 use asks::{ASKS, Ask, Case, Maker};
 
 mod asks;
 
-/// A model asked where it holds.
 pub struct Learned {
     case: Case,
     asks: Vec<&'static Ask>,
@@ -39,7 +38,6 @@ impl Learned {
         Ok(Self { case, asks: ASKS.iter().filter(|a| words.is_empty() || words.iter().any(|w| a.name.contains(w.as_str()))).collect() })
     }
 
-    /// The model, its scene and its truth, in words.
     pub fn title(&self) -> String {
         let Case { scene, model, truth, .. } = &self.case;
         format!("{} in {}, learned from {}", model.display(), scene.name, truth.name())
@@ -47,24 +45,13 @@ impl Learned {
 }
 
 impl Experiment for Learned {
-    fn name(&self) -> String {
-        let folder = self.case.model.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
-        format!("stability-{folder}")
-    }
-
-    fn seed(&self) -> u64 {
-        0
-    }
-
-    fn effort(&self) -> f64 {
-        self.asks.len() as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+    fn about(&self) -> Result<About> {
         let Case { system, scene, model, truth } = &self.case;
-        let truth = Setting::from(*truth);
+        let folder = model.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
         let motion = |setting| Input::motion(&system.name, &scene.name, setting);
-        Ok(Inputs(vec![Input::robot(system), Input::model(model)?, motion(&truth)?, motion(&Setting::RapierSteps(4))?]))
+        let motions = [motion(&Setting::from(*truth))?, motion(&Setting::RapierSteps(4))?];
+        let inputs = Inputs([vec![Input::robot(system), Input::model(model)?], motions.into()].concat());
+        Ok(About { name: format!("stability-{folder}"), seed: 0, effort: self.asks.len() as f64, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {

@@ -30,9 +30,9 @@ use nerd_train::stats::mean;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::cost::{each, on_one_core};
-use super::{Experiment, Measured};
-use crate::choice::{Choice, describe};
+use super::cost::{each, on_one_core, powers};
+use super::{About, Experiment, Measured};
+use crate::choice::describe;
 use crate::error::{Result, refuse};
 use crate::report::{Input, Inputs};
 
@@ -58,7 +58,6 @@ settings! {
     }
 }
 
-/// What was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Moved {
     pub robot: String,
@@ -66,11 +65,9 @@ pub struct Moved {
     pub rows: Vec<Row>,
 }
 
-/// One solver.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     pub series: String,
-    /// Substeps a frame, of an analytic one.
     pub substeps: Option<usize>,
     /// Frame of one environment on one core; none of what knows no dynamics.
     pub microseconds: Option<f64>,
@@ -95,8 +92,9 @@ type Places = Vec<Vec<Vec<Vector3<f64>>>>;
 type Rolled = (Places, f64, Vec<bool>);
 
 impl Motions {
-    fn config(&self) -> GenerateConfig {
-        GenerateConfig { transitions: self.starts * self.frames, frames: self.frames, seed: self.seed, ..GenerateConfig::default() }
+    fn name(&self) -> String {
+        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
+        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
     }
 
     /// At every how many frames places are looked at.
@@ -104,7 +102,6 @@ impl Motions {
         if self.device == Device::Cuda { LOOK } else { 1 }
     }
 
-    /// Environments that move together.
     fn together(&self) -> usize {
         self.environments.unwrap_or(CROWD).max(self.starts)
     }
@@ -124,8 +121,7 @@ impl Motions {
 
     /// What is compared with the reference, beside two predictors that know no dynamics.
     fn settings(&self) -> Vec<Setting> {
-        let powers = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n <= self.substeps);
-        powers.map(Setting::Implicit).chain(self.model.iter().cloned().map(Setting::Neural)).collect()
+        powers(self.substeps).map(Setting::Implicit).chain(self.model.iter().cloned().map(Setting::Neural)).collect()
     }
 
     /// Rolls a solver out under recorded torques `[motion][frame][joint]`, so many frames of all environments at a time by `roll`:
@@ -167,7 +163,6 @@ impl Motions {
         Ok((places, each(spent, n * looks * look), lost))
     }
 
-    /// The same of a solver on the CPU.
     fn stepped(&self, start: &Batch, mut solver: Box<dyn Solver>, torques: &[f64]) -> Result<Rolled> {
         fn steps(solver: &mut Box<dyn Solver>, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
             let width = torques.len() / frames;
@@ -207,28 +202,28 @@ impl Motions {
         Ok(vec![self.row(&series, Some(setting), self.stepped(start, setting.solver(&start.system)?, torques)?, truth)?])
     }
 
-    /// Rolls all out.
     pub fn moved(&self) -> Result<Moved> {
         self.fits()?;
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
             refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
         }
-        let (config, settings) = (self.config(), self.settings());
-        bounds::memory(&[("--starts", self.starts), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
-        bounds::time(&[("--starts", self.starts), ("--frames", self.frames), ("4 x --substeps", 4 * self.substeps)])?;
+        let (Self { starts, frames, seed, .. }, settings) = (self.clone(), self.settings());
+        let config = GenerateConfig { transitions: starts * frames, frames, seed, ..GenerateConfig::default() };
         let finest = 4 * self.substeps;
+        bounds::memory(&[("--starts", starts), ("--frames", frames)], 64 * system.robot.state_dim())?;
+        bounds::time(&[("--starts", starts), ("--frames", frames), ("4 x --substeps", finest)])?;
         let bar = progress::bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
         // One by one: a batch of a few motions would keep a core or two busy.
         let one = |env: usize| Ok(record(&system, &mut *Setting::Implicit(finest).solver(&system)?, &config, env as u64, 1)?);
-        let recordings: Vec<Recording> = (0..self.starts).into_par_iter().map(one).collect::<Result<_>>()?;
+        let recordings: Vec<Recording> = (0..starts).into_par_iter().map(one).collect::<Result<_>>()?;
         let torques: Vec<f64> = recordings.iter().flat_map(|own| own.torques.iter().copied()).collect();
-        let start = begin(&system, &config, 0, self.starts)?;
+        let start = begin(&system, &config, 0, starts)?;
         let d = system.robot.state_dim();
         let at = |frame: usize, env: usize| points(&system, &recordings[env].states[(frame + 1) * d..][..d]);
-        let looked = (1..=self.frames / self.look()).map(|k| k * self.look() - 1);
-        let truth: Places = looked.map(|frame| (0..self.starts).map(|env| at(frame, env)).collect()).collect();
+        let looked = (1..=frames / self.look()).map(|k| k * self.look() - 1);
+        let truth: Places = looked.map(|frame| (0..starts).map(|env| at(frame, env)).collect()).collect();
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
             for (k, setting) in settings.iter().enumerate() {
@@ -277,27 +272,13 @@ fn points(system: &System, state: &[f64]) -> Vec<Vector3<f64>> {
 }
 
 impl Experiment for Motions {
-    fn name(&self) -> String {
-        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
-        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        ((self.settings().len() + 2) * self.starts * self.frames) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+    fn about(&self) -> Result<About> {
         let system = System::named(&self.robot)?;
         let scene = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
         let mut inputs = Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &Setting::Implicit(4))?]);
-        for model in &self.model {
-            inputs.solver(&Choice::model(model.clone()), &self.robot, &scene)?;
-        }
-        Ok(inputs)
+        self.model.iter().try_for_each(|model| Input::model(model).map(|model| inputs.add(model)))?;
+        let effort = ((self.settings().len() + 2) * self.starts * self.frames) as f64;
+        Ok(About { name: self.name(), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {

@@ -4,13 +4,11 @@ use nerd_train::device::Device;
 use nerd_train::stats::{mean, percentile};
 
 use super::{LOOK, Motions, Moved};
-use crate::experiments::Experiment;
 use crate::report::Table;
-use crate::report::figure::{Axis, Figure, Panel, Series, push};
-use crate::report::table::digits;
+use crate::report::figure::{Figure, Mark};
+use crate::report::table::{digits, or_dash};
 
 impl Motions {
-    /// The table.
     pub fn table(&self, data: &Moved) -> Table {
         let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
         let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
@@ -19,8 +17,8 @@ impl Motions {
             let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
             let first = [
                 row.series.clone(),
-                row.substeps.map_or_else(|| "-".into(), |n| n.to_string()),
-                row.microseconds.map_or_else(|| "-".into(), digits),
+                or_dash(row.substeps),
+                or_dash(row.microseconds.map(digits)),
                 millimetres(mean(&row.motions)),
                 of(0.95),
                 of(1.0),
@@ -44,14 +42,11 @@ impl Motions {
         Table::new(&self.name(), &header).with(rows).noted(&(note + &left))
     }
 
-    /// Error against time.
     pub(super) fn figure(&self, data: &Moved) -> Figure {
-        let mut series: Vec<Series> = Vec::new();
-        for row in &data.rows {
-            let Some(microseconds) = row.microseconds.filter(|_| !row.motions.is_empty()) else { continue };
+        let marks = data.rows.iter().filter(|row| !row.motions.is_empty()).filter_map(|row| {
             let word = row.substeps.map_or_else(String::new, |n| format!("x{n}"));
-            push(&mut series, &row.series, (microseconds, mean(&row.motions), word));
-        }
+            Some(Mark { series: &row.series, at: (row.microseconds?, mean(&row.motions)), word, front: false })
+        });
         let mut levels: Vec<(f64, String)> = Vec::new();
         for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {
             let error = mean(&row.motions);
@@ -61,16 +56,14 @@ impl Motions {
                 None => levels.push((error, row.series.clone())),
             }
         }
-        let x = Axis::log(match self.device {
+        let x = match self.device {
             Device::Cpu => "microseconds a frame, one environment, one core".into(),
             _ => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
-        });
-        let y = Axis::log(format!("mean distance of contact points over {} frames (m)", self.frames));
-        let title = format!("{}: motions that no solver has seen", data.robot);
-        Figure::single(title, Panel { x, y, series, levels, ..Panel::default() })
+        };
+        let y = format!("mean distance of contact points over {} frames (m)", self.frames);
+        Figure::speed(format!("{}: motions that no solver has seen", data.robot), [x, y], marks, levels)
     }
 
-    /// What a table says of a card.
     fn crowded(&self) -> String {
         if self.device == Device::Cpu {
             return String::new();

@@ -10,7 +10,6 @@ mod rows;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::choice::Choice;
 use nerd_model::folder::ModelConfig;
 use nerd_sim::instruments::Shaken;
 use nerd_sim::prelude::*;
@@ -19,7 +18,8 @@ use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::{bounds, progress, shipped};
 
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
+use crate::choice::Choice;
 use crate::error::{Result, refuse};
 use crate::paper;
 use crate::report::{Input, Inputs};
@@ -29,7 +29,6 @@ pub use rows::{Row, Rows};
 /// One solver of one robot in some of its scenes.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Robot, as [`System::named`] knows it.
     pub robot: String,
     /// Scenes [default: all of the robot's].
     pub scenes: Vec<String>,
@@ -87,7 +86,6 @@ impl Case {
     }
 }
 
-/// Some solvers' errors.
 pub struct Passive {
     name: String,
     seed: u64,
@@ -110,10 +108,11 @@ impl Passive {
         let mut asked = Vec::new();
         for case in cases {
             let system = System::named(&case.robot)?;
-            let usual = || system.usual_scenes().into_iter().map(String::from).collect();
-            let scenes: Vec<String> = if case.scenes.is_empty() { usual() } else { case.scenes.clone() };
-            let learned = case.solver.learned()?;
-            let truth = case.truth.or(learned).unwrap_or(system.spec.truth);
+            let mut scenes: Vec<&str> = case.scenes.iter().map(String::as_str).collect();
+            if scenes.is_empty() {
+                scenes = system.usual_scenes();
+            }
+            let truth = case.truth.or(case.solver.learned()?).unwrap_or(system.spec.truth);
             let steps = case.steps.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
             let protocol = PassiveConfig { starts: case.starts, steps, seed, action: case.action };
             let method = match case.shake {
@@ -131,7 +130,6 @@ impl Passive {
         Ok(Self { name: name.into(), seed, asked })
     }
 
-    /// Rolls all out.
     pub fn rows(&self) -> Result<Rows> {
         let bar = progress::bar("rollout frames", self.asked.iter().map(|a| a.work() as u64).sum());
         let (mut done, mut rows) = (0, Vec::new());
@@ -176,22 +174,11 @@ impl Asked {
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
         bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
         bounds::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
+        let (robot, scene) = (system.name.clone(), scene.name.clone());
         // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
-        let comparable = *truth == Truth::Paper && !case.control;
-        let folder = match &case.solver {
-            Choice::Neural { folder, .. } => Some(shipped::from_root(folder)),
-            _ => None,
-        };
-        Ok(Row {
-            robot: system.name.clone(),
-            method: method.clone(),
-            model: folder,
-            scene: scene.name.clone(),
-            truth: truth.name(),
-            protocol: *protocol,
-            report,
-            paper: paper::passive_error(&system.name, &scene.name).filter(|_| comparable),
-        })
+        let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper && !case.control);
+        let model = if let Choice::Neural { folder, .. } = &case.solver { Some(shipped::from_root(folder)) } else { None };
+        Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper })
     }
 
     fn work(&self) -> usize {
@@ -200,26 +187,15 @@ impl Asked {
 }
 
 impl Experiment for Passive {
-    fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        self.asked.iter().map(|a| a.work() as f64).sum()
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+    fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
         for Asked { case, system, scene, truth, .. } in &self.asked {
             inputs.add(Input::robot(system));
             inputs.add(Input::motion(&case.robot, &scene.name, &(*truth).into())?);
             inputs.solver(&case.solver, &case.robot, &scene.name)?;
         }
-        Ok(inputs)
+        let effort = self.asked.iter().map(|a| a.work() as f64).sum();
+        Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {

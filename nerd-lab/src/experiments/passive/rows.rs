@@ -11,13 +11,11 @@ use crate::report::Table;
 use crate::report::figure::{Axis, Figure, Panel, Series, Style};
 use crate::report::table::{digits, pair};
 
-/// What was measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rows {
     pub rows: Vec<Row>,
 }
 
-/// One scene's errors.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     pub robot: String,
@@ -35,7 +33,6 @@ pub struct Row {
 }
 
 impl Rows {
-    /// All of it.
     pub fn table(&self) -> Table {
         let errors = ["error (rad or m)", "standard error", "paper", "hold last", "constant velocity"];
         let header = [&["robot", "method", "scene", "starts x steps"], &errors[..], &["diverged"]].concat();

@@ -8,13 +8,11 @@ use nerd_train::ppo::{Arena, PolicyRun, folder};
 
 use super::Policies;
 use crate::error::{Result, refuse};
-use crate::experiments::games::truth_of;
 use crate::paper::policy_reward;
-use crate::report::{Input, Inputs};
+use crate::report::Inputs;
 
 impl Policies {
-    /// The runs of all policies.
-    pub(super) fn plan(&self) -> Result<Vec<PolicyRun>> {
+    fn plan(&self) -> Result<Vec<PolicyRun>> {
         if !self.policy.is_empty() {
             refuse!("--fresh trains its own policies: leave --policy out");
         }
@@ -36,17 +34,11 @@ impl Policies {
         Ok(runs)
     }
 
-    /// What the protocol depends on: its policies are its own.
-    pub(super) fn frozen(&self) -> Result<Inputs> {
-        let mut inputs = Inputs::default();
-        for run in self.plan()? {
-            let robot = nerd_tasks::named(&run.task)?.robot();
-            let (model, truth) = self.host(&run.task)?;
-            inputs.add(Input::robot(&*System::named(robot)?));
-            inputs.add(truth_of(&run.task, truth)?);
-            inputs.add(Input::model(&model)?);
-        }
-        Ok(inputs)
+    /// How many policies the protocol has, and what it depends on: they are its own.
+    pub(super) fn frozen(&self) -> Result<(usize, Inputs)> {
+        let (runs, mut inputs) = (self.plan()?, Inputs::default());
+        runs.iter().try_for_each(|run| self.played(&run.task, true, &mut inputs))?;
+        Ok((runs.len(), inputs))
     }
 
     /// Folders of all policies, trained now unless they are there.

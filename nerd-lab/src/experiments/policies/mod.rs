@@ -16,7 +16,7 @@ use nerd_train::shipped::{self, from_root};
 use rayon::prelude::*;
 
 use super::games::{Reward, games, gap, gap_error, truth_of};
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::report::{Input, Inputs};
 
@@ -60,7 +60,6 @@ settings! {
 pub use tables::{Row, short};
 
 impl Policies {
-    /// Folders of the policies.
     pub fn folders(&self) -> Result<Vec<PathBuf>> {
         if !self.policy.is_empty() {
             return Ok(self.policy.clone());
@@ -79,6 +78,27 @@ impl Policies {
         let alone = self.truth_only && self.model.is_none() && !folder.exists();
         let truth = if alone { Truth::default() } else { ModelConfig::truth_of(&folder)? };
         Ok((folder, truth))
+    }
+
+    /// Policies that are played, and what their games depend on.
+    fn given(&self) -> Result<(usize, Inputs)> {
+        let (folders, mut inputs) = (self.folders()?, Inputs::default());
+        for path in &folders {
+            self.played(&folder::load(path)?.0.task, !self.truth_only, &mut inputs)?;
+            inputs.add(Input::policy(path)?);
+        }
+        Ok((folders.len(), inputs))
+    }
+
+    /// Adds what a task's games depend on, in the truth and `learned`.
+    fn played(&self, task: &str, learned: bool, inputs: &mut Inputs) -> Result<()> {
+        let (model, truth) = self.host(task)?;
+        inputs.add(Input::robot(&*System::named(nerd_tasks::named(task)?.robot())?));
+        inputs.add(truth_of(task, truth)?);
+        if learned {
+            inputs.add(Input::model(&model)?);
+        }
+        Ok(())
     }
 
     fn row(&self, path: &Path) -> Result<Row> {
@@ -107,43 +127,17 @@ impl Policies {
 }
 
 impl Experiment for Policies {
-    fn name(&self) -> String {
+    fn about(&self) -> Result<About> {
+        let (policies, inputs) = if self.fresh.is_empty() { self.given()? } else { self.frozen()? };
+        let effort = (self.games * policies * if self.truth_only { 1 } else { 2 }) as f64;
         let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
-        match one {
+        let name = match one {
             _ if !self.name.is_empty() => self.name.clone(),
             Some(name) => name.to_string_lossy().into_owned(),
             None if !self.fresh.is_empty() => "fresh".into(),
             None => "policies".into(),
-        }
-    }
-
-    fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn effort(&self) -> f64 {
-        let policies =
-            if self.fresh.is_empty() { self.folders().map_or(0, |all| all.len()) } else { self.plan().map_or(0, |all| all.len()) };
-        (self.games * policies * if self.truth_only { 1 } else { 2 }) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
-        if !self.fresh.is_empty() {
-            return self.frozen();
-        }
-        let mut inputs = Inputs::default();
-        for path in &self.folders()? {
-            let task = folder::load(path)?.0.task;
-            let robot = nerd_tasks::named(&task)?.robot();
-            let (model, truth) = self.host(&task)?;
-            inputs.add(Input::robot(&*System::named(robot)?));
-            inputs.add(truth_of(&task, truth)?);
-            if !self.truth_only {
-                inputs.add(Input::model(&model)?);
-            }
-            inputs.add(Input::policy(path)?);
-        }
-        Ok(inputs)
+        };
+        Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {

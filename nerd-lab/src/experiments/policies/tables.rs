@@ -6,7 +6,6 @@ use crate::experiments::games::{Reward, gap};
 use crate::paper::policy_reward;
 use crate::report::Table;
 
-/// One policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub task: String,
@@ -39,7 +38,6 @@ pub fn short(policy: &str) -> String {
     policy.strip_suffix("/policy").unwrap_or(policy).rsplit('/').next().unwrap_or_default().into()
 }
 
-/// Every policy, beside the paper's figures.
 pub fn each(rows: &[Row]) -> Table {
     let reward = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.spread);
     let lines = rows.iter().map(|r| {

@@ -1,15 +1,14 @@
 //! What is broken on purpose, to show that a row can go red: [`Fault::of`] breaks any method.
 
-use std::fmt;
-use std::str::FromStr;
 use std::sync::Arc;
 
 use nerd_core::state::{quaternion, vector};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::Method;
+use serde::Deserialize;
 
-/// A defect, put around a solver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Fault {
     /// Gravity at half its strength.
     HalfGravity,
@@ -89,39 +88,42 @@ const REDDENED: [(&str, &[Fault]); 49] = [
 ];
 
 impl Fault {
-    /// All ten.
     pub const ALL: [Self; 10] = [
-        Self::HalfGravity,
-        Self::NoFloor,
-        Self::DroppedVelocity,
-        Self::BodyAngularVelocity,
-        Self::FrozenWorld,
-        Self::PumpedVelocity,
-        Self::HiddenClock,
-        Self::SinglePrecision,
-        Self::SwallowedErrors,
-        Self::StrongMotors,
+        HalfGravity,
+        NoFloor,
+        DroppedVelocity,
+        BodyAngularVelocity,
+        FrozenWorld,
+        PumpedVelocity,
+        HiddenClock,
+        SinglePrecision,
+        SwallowedErrors,
+        StrongMotors,
     ];
 
-    /// Its name, as on a command line.
+    /// Their names, as on a command line and as serde has them.
+    pub const NAMES: &[&str] = &[
+        "half-gravity",
+        "no-floor",
+        "dropped-velocity",
+        "body-angular-velocity",
+        "frozen-world",
+        "pumped-velocity",
+        "hidden-clock",
+        "single-precision",
+        "swallowed-errors",
+        "strong-motors",
+    ];
+
     pub fn name(self) -> &'static str {
-        match self {
-            Self::HalfGravity => "half-gravity",
-            Self::NoFloor => "no-floor",
-            Self::DroppedVelocity => "dropped-velocity",
-            Self::BodyAngularVelocity => "body-angular-velocity",
-            Self::FrozenWorld => "frozen-world",
-            Self::PumpedVelocity => "pumped-velocity",
-            Self::HiddenClock => "hidden-clock",
-            Self::SinglePrecision => "single-precision",
-            Self::SwallowedErrors => "swallowed-errors",
-            Self::StrongMotors => "strong-motors",
-        }
+        Self::NAMES[self as usize]
     }
 
     /// A method whose solver is broken.
     pub fn of(self, method: Method) -> Method {
-        method.around(move |solver| self.around(solver))
+        method.around(move |solver| {
+            Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
+        })
     }
 
     /// Names of the rows of the suite that it must turn red; all others must stay green.
@@ -129,47 +131,20 @@ impl Fault {
         REDDENED.iter().filter(|(_, faults)| faults.contains(&self)).map(|(row, _)| *row).collect()
     }
 
-    /// The solver, broken.
-    fn around(self, solver: Box<dyn Solver>) -> Box<dyn Solver> {
-        Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
-    }
-
-    /// What it makes of a scene.
     fn scene(self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         match self {
-            Self::HalfGravity => scene.gravity *= 0.5,
-            Self::NoFloor => scene.colliders.clear(),
+            HalfGravity => scene.gravity *= 0.5,
+            NoFloor => scene.colliders.clear(),
             _ => {}
         }
         scene
     }
 }
 
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// No fault has that name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no fault is called `{0}`; choose from {known}", known = Fault::ALL.map(Fault::name).join(", "))]
-pub struct UnknownFault(pub String);
-
-impl FromStr for Fault {
-    type Err = UnknownFault;
-
-    fn from_str(name: &str) -> Result<Self, UnknownFault> {
-        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| UnknownFault(name.into()))
-    }
-}
-
-/// A solver with a fault.
 struct Broken {
     solver: Box<dyn Solver>,
     fault: Fault,
-    /// Frames stepped.
     frame: u64,
     /// States before the frame.
     before: Vec<f64>,
@@ -180,16 +155,16 @@ struct Broken {
 }
 
 impl Broken {
-    /// The scenes that the solver is shown.
     fn shown(&mut self, scenes: &[Arc<Scene>]) -> Vec<Arc<Scene>> {
-        let mut shown = Vec::with_capacity(scenes.len());
-        for scene in scenes {
-            if !self.scenes.iter().any(|[known, _]| Arc::ptr_eq(known, scene)) {
-                self.scenes.push([scene.clone(), Arc::new(self.fault.scene(scene))]);
+        let one = |scene: &Arc<Scene>| {
+            if let Some([_, broken]) = self.scenes.iter().find(|[known, _]| Arc::ptr_eq(known, scene)) {
+                return broken.clone();
             }
-            shown.extend(self.scenes.iter().find(|[known, _]| Arc::ptr_eq(known, scene)).map(|[_, broken]| broken.clone()));
-        }
-        shown
+            let broken = Arc::new(self.fault.scene(scene));
+            self.scenes.push([scene.clone(), broken.clone()]);
+            broken
+        };
+        scenes.iter().map(one).collect()
     }
 }
 
@@ -200,23 +175,23 @@ impl Solver for Broken {
         let shown = self.shown(&batch.scenes);
         let scenes = std::mem::replace(&mut batch.scenes, shown);
         self.torques.clear();
-        let strength = if self.fault == Fault::StrongMotors { 1.1 } else { 1.0 };
+        let strength = if self.fault == StrongMotors { 1.1 } else { 1.0 };
         self.torques.extend(torques.iter().map(|t| t * strength));
         let done = self.solver.step(batch, &self.torques);
         batch.scenes = scenes;
-        if self.fault != Fault::SwallowedErrors {
+        if self.fault != SwallowedErrors {
             done?;
         }
         let system = batch.system.clone();
         let (d, nq, floating) = (system.robot.state_dim(), system.robot.nq(), system.robot.floating());
         for (state, before) in batch.states.chunks_exact_mut(d).zip(self.before.chunks_exact(d)) {
             match self.fault {
-                Fault::DroppedVelocity => state[nq..].fill(0.0),
-                Fault::PumpedVelocity => state[nq..].iter_mut().for_each(|v| *v *= 1.02),
-                Fault::HiddenClock => state[nq..].iter_mut().for_each(|v| *v += 1e-9 * self.frame as f64),
-                Fault::SinglePrecision => state.iter_mut().for_each(|x| *x = f64::from(*x as f32)),
-                Fault::FrozenWorld => state.copy_from_slice(before),
-                Fault::BodyAngularVelocity if floating => into_body_axes(state, nq),
+                DroppedVelocity => state[nq..].fill(0.0),
+                PumpedVelocity => state[nq..].iter_mut().for_each(|v| *v *= 1.02),
+                HiddenClock => state[nq..].iter_mut().for_each(|v| *v += 1e-9 * self.frame as f64),
+                SinglePrecision => state.iter_mut().for_each(|x| *x = f64::from(*x as f32)),
+                FrozenWorld => state.copy_from_slice(before),
+                BodyAngularVelocity if floating => into_body_axes(state, nq),
                 _ => {}
             }
         }

@@ -30,7 +30,6 @@ pub fn accurate() -> Method {
     Method::new("accurate", move |system| accurate(system, 1)).finer(move |system| accurate(system, 4))
 }
 
-/// As accurate as can be.
 pub fn converged() -> Method {
     Method::new("converged", |_| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))))
         .finer(|_| Box::new(Articulated::new(ArticulatedConfig::implicit(512, Friction::Coulomb))))

@@ -16,14 +16,13 @@ use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
 use nerd_train::progress::bar;
 use serde::{Deserialize, Serialize};
 
-use super::{Experiment, Measured};
+use super::{About, Experiment, Measured};
 use crate::error::Result;
 use crate::report::table::digits;
 use crate::report::{Input, Inputs, Table};
-pub use fault::{Fault, UnknownFault};
+pub use fault::Fault;
 pub use methods::{accurate, converged, known, paper};
 
-/// Columns, and rows with a cell for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StabilityMap {
     pub methods: Vec<String>,
@@ -31,7 +30,6 @@ pub struct StabilityMap {
 }
 
 impl StabilityMap {
-    /// With its table.
     pub(super) fn measured(self) -> Result<Measured> {
         let table = self.table();
         Measured::new(&self, vec![table])
@@ -95,26 +93,17 @@ impl Stability {
         Ok(Self { name: "stability-device".into(), suite: Suite::new().only(words)?, methods })
     }
 
-    /// Names of the rows that a fault must turn red.
+    fn cells(&self) -> usize {
+        self.suite.rows().len() * self.methods.len()
+    }
+
     pub fn reddened(&self, fault: Fault) -> Vec<&'static str> {
         self.suite.rows().iter().map(|r| r.name).filter(|name| fault.reddened().contains(name)).collect()
     }
 }
 
 impl Experiment for Stability {
-    fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    fn seed(&self) -> u64 {
-        0
-    }
-
-    fn effort(&self) -> f64 {
-        (self.suite.rows().len() * self.methods.len()) as f64
-    }
-
-    fn inputs(&self) -> Result<Inputs> {
+    fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
         for robot in ["pendulum", "franka", "ant", "anymal"] {
             inputs.add(Input::robot(&*System::named(robot)?));
@@ -126,11 +115,11 @@ impl Experiment for Stability {
             }
             inputs.add(Input::motion(&format!("{robot}-paper"), scene, &Setting::Paper)?);
         }
-        Ok(inputs)
+        Ok(About { name: self.name.clone(), seed: 0, effort: self.cells() as f64, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
-        let bar = bar("cells", self.effort() as u64);
+        let bar = bar("cells", self.cells() as u64);
         let rows = self.suite.run(&self.methods, |done| bar.set(done as u64));
         bar.finish();
         StabilityMap { methods: self.methods.iter().map(|m| m.name().to_string()).collect(), rows }.measured()
