@@ -20,7 +20,11 @@ pub enum Choice {
     /// `articulated` at settings that may have no such name.
     Articulated(ArticulatedConfig),
     /// A model, which must have learned `truth` if one is asked for.
-    Neural { folder: PathBuf, truth: Option<String>, device: Device },
+    Neural {
+        folder: PathBuf,
+        truth: Option<String>,
+        device: Device,
+    },
     /// The cheapest that a scene's chart in `results/` found to be so near to a converged motion (mean |dq|, rad or m).
     Within(f64),
 }

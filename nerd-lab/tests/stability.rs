@@ -27,7 +27,8 @@ fn every_row_can_go_red() {
         .filter_map(|(row, fault)| {
             let cell = row.cell(&fault.of(method.clone()));
             let red = cell.verdict != Verdict::Pass;
-            (red != fault.reddened().contains(&row.name)).then(|| format!("{} under {}: {:?}", row.name, fault.name(), (cell.figure, cell.lost)))
+            (red != fault.reddened().contains(&row.name))
+                .then(|| format!("{} under {}: {:?}", row.name, fault.name(), (cell.figure, cell.lost)))
         })
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

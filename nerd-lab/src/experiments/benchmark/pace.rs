@@ -223,9 +223,6 @@ pub(super) fn figure(paces: &[Pace], of: &str, environments: usize) -> Figure {
         let at = (p.microseconds()?, p.errors[1].filter(|e| *e > 0.0 && *e < 10.0)?);
         Some(Mark { series: &p.series, at, word: p.label.clone(), front: p.front })
     });
-    let axes = [
-        format!("microseconds a frame and environment, of {environments}"),
-        format!("mean |dq| over {FRAMES} frames (rad or m)"),
-    ];
+    let axes = [format!("microseconds a frame and environment, of {environments}"), format!("mean |dq| over {FRAMES} frames (rad or m)")];
     Figure::speed(format!("{of} on a GPU: speed against accuracy (x4: four substeps a frame)"), axes, marks, Vec::new())
 }

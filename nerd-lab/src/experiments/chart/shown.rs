@@ -52,7 +52,14 @@ pub(super) struct Point {
 
 impl Point {
     /// One that was measured; `own` if against a reference of its own.
-    pub fn new(series: String, setting: Option<Setting>, substeps: Option<usize>, microseconds: f64, report: PassiveReport, own: bool) -> Self {
+    pub fn new(
+        series: String,
+        setting: Option<Setting>,
+        substeps: Option<usize>,
+        microseconds: f64,
+        report: PassiveReport,
+        own: bool,
+    ) -> Self {
         let (error, diverged) = (mean(&report.error), report.diverged);
         Self { series, setting, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own }
     }
@@ -94,10 +101,8 @@ impl ChartData {
         let least = self.points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
         let mut levels = vec![(self.hold, "hold last".to_string())];
         levels.extend((self.reference_error > 0.1 * least).then(|| (self.reference_error, "error of the reference".into())));
-        let axes = [
-            "microseconds a frame, one environment, one core".into(),
-            format!("mean |dq| over {} frames (rad or m)", self.protocol.steps),
-        ];
+        let axes =
+            ["microseconds a frame, one environment, one core".into(), format!("mean |dq| over {} frames (rad or m)", self.protocol.steps)];
         let title = format!("{}, {}: speed against accuracy (x4: four substeps a frame)", self.robot, self.scene);
         Figure::speed(title, axes, marks, levels)
     }
