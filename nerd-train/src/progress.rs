@@ -2,7 +2,7 @@
 
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -43,6 +43,7 @@ pub struct Bar {
     bar: Option<ProgressBar>,
     what: String,
     total: u64,
+    done: AtomicU64,
     /// Units and time the estimate of the time left starts from.
     origin: (u64, Instant),
     printed: Mutex<Instant>,
@@ -69,12 +70,22 @@ pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
         bar.with_message(what.to_string())
     });
     let now = Instant::now();
-    Bar { bar, what: what.into(), total, origin: (done, now), printed: Mutex::new(now), inner, said: Mutex::default() }
+    Bar { bar, what: what.into(), total, done: done.into(), origin: (done, now), printed: Mutex::new(now), inner, said: Mutex::default() }
 }
 
 impl Bar {
     /// `done` units are done, with those of before.
     pub fn set(&self, done: u64) {
+        self.done.store(done, Ordering::Relaxed);
+        self.show(done);
+    }
+
+    /// So many more are done.
+    pub fn add(&self, more: u64) {
+        self.show(self.done.fetch_add(more, Ordering::Relaxed) + more);
+    }
+
+    fn show(&self, done: u64) {
         if let Some(bar) = &self.bar {
             return bar.set_position(done);
         }

@@ -36,9 +36,6 @@ pub struct Record {
 impl Record {
     /// Opens or creates the metrics of the run in a folder that has done `step` updates, and drops the lines beyond, and one that was cut
     /// short by a killed process.
-    ///
-    /// # Errors
-    /// If the file cannot be read or written.
     pub fn metrics(folder: &Path, step: u64) -> Result<Self> {
         let path = folder.join("metrics.jsonl");
         if path.exists() {

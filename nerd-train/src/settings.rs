@@ -109,9 +109,6 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
     }
 
     /// These settings, but for those that are given.
-    ///
-    /// # Errors
-    /// A key that there is not, or what a value must be.
     fn with(&self, given: &Given) -> Result<Self, String> {
         let mut all = self.given();
         for (name, value) in given {

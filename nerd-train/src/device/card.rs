@@ -18,9 +18,6 @@ pub(super) fn network(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>>
 }
 
 /// A solver at one setting whose batch stays on a GPU.
-///
-/// # Errors
-/// A solver that has no kernels; those of [`Model::load`].
 pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
     if let Setting::Neural(folder) = setting {
         let whole = cuda::resident(Model::load(folder, system, None)?, system, real, precision);

@@ -76,9 +76,6 @@ impl Device {
     }
 
     /// A network on this device, for so many environments.
-    ///
-    /// # Errors
-    /// If this build or machine has no such device, or it computes no such network.
     pub fn network(self, weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
         self.check()?;
         match self {

@@ -20,9 +20,6 @@ use crate::tensors::Tensors;
 
 impl Trainer {
     /// Writes where the run is; `run` is whatever else the caller wants to find again. Of several ranks all call it, and the first writes.
-    ///
-    /// # Errors
-    /// If the file cannot be written, or a rank is lost.
     pub fn save(&self, path: &Path, run: &str) -> Result<()> {
         let (state, team) = (&self.state, Team::new(&self.ranks, self.config.environments));
         let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use nerd_tasks::StepResult;
 use rayon::prelude::*;
 
 use super::config::PpoConfig;
 use super::engine::Engine;
-use super::gae::{Transitions, advantages};
+use super::gae::advantages;
 use super::loss::surprise;
 use super::noise::{StreamKey, drawn};
 use super::policy::{Actor, Policy};
@@ -24,9 +23,6 @@ pub struct OnCpu {
     pub rollout: Rollout,
     team: Team,
     actor: Option<Actor>,
-    rewards: Vec<f64>,
-    terminated: Vec<bool>,
-    truncated: Vec<bool>,
     /// Values of the states reached where time ran out, in their order.
     cut: Vec<f64>,
 }
@@ -42,8 +38,7 @@ impl Engine for OnCpu {
     fn begin(&mut self, policy: &Policy) -> Result<()> {
         self.actor = Some(Actor::new(policy.clone()));
         self.rollout.clear();
-        [&mut self.rewards, &mut self.cut].into_iter().for_each(Vec::clear);
-        [&mut self.terminated, &mut self.truncated].into_iter().for_each(Vec::clear);
+        self.cut.clear();
         Ok(())
     }
 
@@ -63,26 +58,16 @@ impl Engine for OnCpu {
         Ok(())
     }
 
-    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<()> {
+    fn arrive(&mut self, reached: &[f64], _: &[bool]) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         self.cut.extend(actor.policy.values(&actor.answer(reached)));
-        self.rewards.extend_from_slice(&result.rewards);
-        self.terminated.extend_from_slice(&result.terminated);
-        self.truncated.extend_from_slice(&result.truncated);
         Ok(())
     }
 
-    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<()> {
+    fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         let last = actor.policy.values(&actor.answer(rows));
-        let (n, values) = (last.len(), &self.rollout.values);
-        let mut next: Vec<f64> = values.iter().skip(n).chain(&last).copied().collect();
-        // Where time ran out, the state reached is not the one that the next answer is about.
-        let over = next.iter_mut().zip(&self.truncated).filter_map(|(value, over)| over.then_some(value));
-        over.zip(&self.cut).for_each(|(value, cut)| *value = *cut);
-        let Self { rewards, terminated, truncated, .. } = self;
-        let steps = Transitions { rewards, values, next: &next, terminated, truncated };
-        self.rollout.advantages = advantages(&steps, n, config.gamma, config.lambda);
+        self.rollout.advantages = advantages((rewards, ends), (&self.rollout.values, &last, &self.cut), config.gamma, config.lambda);
         Ok(())
     }
 

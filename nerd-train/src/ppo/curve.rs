@@ -9,9 +9,6 @@ use crate::error::{Error, Result};
 const POINTS: usize = 100;
 
 /// Lines of a run's `metrics.jsonl`.
-///
-/// # Errors
-/// If they cannot be read.
 pub fn lines(out: &Path) -> Result<Vec<Iteration>> {
     let path = out.join("metrics.jsonl");
     let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;

@@ -1,12 +1,13 @@
 //! What a policy answers on, keeps the steps of a rollout in and learns from them: `OnCpu`, or a GPU in `CudaEngine`.
 
 use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot, StepResult};
+use nerd_tasks::{Episodes, Snapshot};
 
 use super::config::PpoConfig;
+use super::gae::{TERMINATED, TRUNCATED};
 use super::noise::StreamKey;
 use super::policy::Policy;
-use super::rollout::{Ended, Running, Taken};
+use super::rollout::{Ended, Running, Stepped, Taken};
 use super::update::{Adam, Updated};
 use crate::error::Result;
 
@@ -42,16 +43,20 @@ pub trait Engine: Send {
             return Ok(taken);
         }
         let (mut taken, mut actions, mut reached) = (Taken::default(), Vec::new(), Vec::new());
+        let (mut rewards, mut ends) = (Vec::new(), Vec::new());
         self.begin(policy)?;
         for t in 0..config.horizon {
             let noise = StreamKey { number: noise.number + t as u64, ..noise };
             self.act(&running.stack.rows, noise, &mut actions)?;
-            let stepped = running.step(episodes, &actions, &mut reached)?;
-            taken.ended.extend(stepped.ended.into_iter().map(|ended| Ended { step: t, ..ended }));
-            taken.failed += stepped.result.failed;
-            self.arrive(&stepped.result, &reached)?;
+            let Stepped { result, ended } = running.step(episodes, &actions, &mut reached)?;
+            taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
+            taken.failed += result.failed;
+            let both = result.terminated.iter().zip(&result.truncated);
+            ends.extend(both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) }));
+            rewards.extend(result.rewards);
+            self.arrive(&reached, &result.truncated)?;
         }
-        self.finish(&running.stack.rows, config)?;
+        self.finish(&running.stack.rows, &rewards, &ends, config)?;
         Ok(taken)
     }
 
@@ -62,11 +67,12 @@ pub trait Engine: Send {
     /// its own.
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()>;
 
-    /// What came of them; `reached` are the rows seen where time ran out, in the order of the environments.
-    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<()>;
+    /// They were taken; `reached` are the rows seen where time ran out, of these environments, in their order.
+    fn arrive(&mut self, reached: &[f64], truncated: &[bool]) -> Result<()>;
 
-    /// The rollout ends where these rows are seen; its advantages are made.
-    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<()>;
+    /// The rollout ends where these rows are seen; of what came of its steps, `[step][env]`, advantages are made. A step ends no episode (0),
+    /// or in [`TERMINATED`] or [`TRUNCATED`].
+    fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()>;
 
     /// All passes over the rollout, by the policy that made it. The order of steps in pass e of iteration i is drawn from a stream of its
     /// own; `orders` are their seed and the iteration.

@@ -8,28 +8,30 @@
 //! `V(s_{t+1})` is that of the state reached, also where the episode was cut off by time and another one began (time-out
 //! bootstrapping); only a terminal state has none.
 
-/// What happened, `[step][env]`.
-pub(super) struct Transitions<'a> {
-    /// Rewards.
-    pub rewards: &'a [f64],
-    /// Values of the states acted in.
-    pub values: &'a [f64],
-    /// Values of the states reached.
-    pub next: &'a [f64],
-    /// Whether the episode ended in a terminal state.
-    pub terminated: &'a [bool],
-    /// Whether it ran out of time.
-    pub truncated: &'a [bool],
-}
+/// A step ended its episode in a terminal state.
+pub const TERMINATED: u8 = 1;
+/// A step was its episode's last because time ran out.
+pub const TRUNCATED: u8 = 2;
 
-/// Advantages `[step][env]` of n environments; returns are these plus the values.
-pub(super) fn advantages(steps: &Transitions, n: usize, gamma: f64, lambda: f64) -> Vec<f64> {
-    let mut out = vec![0.0; steps.rewards.len()];
+/// Advantages `[step][env]`; returns are these plus the values. `values` are of the states acted in, and of the `last` ones, those reached by
+/// the last step; `cut` those of the states reached where time ran out, in their order.
+pub(super) fn advantages(
+    (rewards, ends): (&[f64], &[u8]),
+    (values, last, cut): (&[f64], &[f64], &[f64]),
+    gamma: f64,
+    lambda: f64,
+) -> Vec<f64> {
+    let (n, mut cut) = (last.len(), cut.iter().rev());
+    let mut out = vec![0.0; rewards.len()];
     for i in (0..out.len()).rev() {
-        let beyond = if steps.terminated[i] { 0.0 } else { gamma * steps.next[i] };
-        let delta = steps.rewards[i] + beyond - steps.values[i];
-        let ended = steps.terminated[i] || steps.truncated[i] || i + n >= out.len();
-        out[i] = delta + if ended { 0.0 } else { gamma * lambda * out[i + n] };
+        let later = (i + n).checked_sub(out.len());
+        let mut next = later.map_or_else(|| values[i + n], |env| last[env]);
+        if ends[i] == TRUNCATED {
+            next = cut.next().copied().unwrap_or(next);
+        }
+        let beyond = if ends[i] == TERMINATED { 0.0 } else { gamma * next };
+        let delta = rewards[i] + beyond - values[i];
+        out[i] = delta + if ends[i] > 0 || later.is_some() { 0.0 } else { gamma * lambda * out[i + n] };
     }
     out
 }
@@ -41,14 +43,9 @@ mod tests {
     #[test]
     fn advantages_end_where_episodes_do() {
         // One environment, four steps: the second is cut off by time, the third is terminal.
-        let steps = Transitions {
-            rewards: &[1.0, 2.0, 3.0, 4.0],
-            values: &[10.0, 20.0, 30.0, 40.0],
-            next: &[20.0, 25.0, 99.0, 50.0],
-            terminated: &[false, false, true, false],
-            truncated: &[false, true, false, false],
-        };
+        let came = (&[1.0, 2.0, 3.0, 4.0][..], &[0, TRUNCATED, TERMINATED, 0][..]);
+        let found = advantages(came, (&[10.0, 20.0, 30.0, 40.0], &[50.0], &[25.0]), 0.5, 0.5);
         // delta: 1 + 10 - 10, 2 + 12.5 - 20 (the value reached, not that of the next start), 3 - 30, 4 + 25 - 40.
-        assert_eq!(advantages(&steps, 1, 0.5, 0.5), [1.0 + 0.25 * -5.5, -5.5, -27.0, -11.0]);
+        assert_eq!(found, [1.0 + 0.25 * -5.5, -5.5, -27.0, -11.0]);
     }
 }

@@ -45,6 +45,7 @@ pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
 pub use cuda::CudaEngine;
 pub use engine::Engine;
+pub use gae::{TERMINATED, TRUNCATED};
 pub use loss::Terms;
 pub use noise::StreamKey;
 pub use normalizer::RunningMoments;

@@ -35,9 +35,6 @@ pub struct Policies {
 
 impl Policies {
     /// Policies with the names of built-in tasks.
-    ///
-    /// # Errors
-    /// If there is no such task.
     pub fn new(of: Vec<(String, Policy)>) -> Result<Self, TaskError> {
         let of = of.into_iter().map(|(task, policy)| Ok((Arc::from(named(&task)?), policy)));
         Ok(Self::of(of.collect::<Result<_, TaskError>>()?))

@@ -18,9 +18,6 @@ pub struct Game {
 }
 
 /// The first episode of every environment, which should have just begun. `progress` receives after each step how many have ended.
-///
-/// # Errors
-/// If the solver cannot step.
 pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
     let (mut running, actor) = (Running::new(episodes, policy.shape.stack), Actor::new(policy.clone()));
     let (mut games, mut reached) = (vec![None; episodes.len()], Vec::new());

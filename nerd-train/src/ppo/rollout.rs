@@ -75,9 +75,6 @@ impl Running {
     }
 
     /// One step. `out` gets the stacked observations that were reached where time ran out.
-    ///
-    /// # Errors
-    /// If the solver cannot step.
     pub fn step(&mut self, episodes: &mut Episodes, actions: &[f64], out: &mut Vec<f64>) -> Result<Stepped, StepError> {
         let result = episodes.step(actions)?;
         let over = |env: usize| result.terminated[env] || result.truncated[env];

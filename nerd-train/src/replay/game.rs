@@ -8,9 +8,6 @@ use crate::ppo::{Actor, Policy, Running};
 
 /// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
 /// step; and its whole reward. [`Replay::html`] is the page.
-///
-/// # Errors
-/// If the solver cannot step.
 pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);
@@ -20,9 +17,6 @@ pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<
 
 /// Adds such an episode under mean actions, or its first steps, to a page, with goals and rewards so far of the page's first one;
 /// its reward.
-///
-/// # Errors
-/// If the solver cannot step.
 pub fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episodes, steps: usize) -> Result<f64, StepError> {
     page.begin(name);
     let (mut running, mut reached, mut total) = (Running::new(episodes, actor.policy.shape.stack), Vec::new(), 0.0);

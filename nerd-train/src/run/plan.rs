@@ -153,9 +153,6 @@ impl RunConfig {
     }
 
     /// Shape of its network.
-    ///
-    /// # Errors
-    /// If there can be none of that shape.
     pub fn network(&self, system: &System, form: Form) -> Result<TransformerConfig> {
         if self.variant == Variant::Chain {
             return self.along(system);

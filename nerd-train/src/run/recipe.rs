@@ -50,17 +50,11 @@ impl Recipe {
     }
 
     /// One run: the paper's settings, but for what is given.
-    ///
-    /// # Errors
-    /// If a value makes no sense.
     pub fn plain(given: &Given) -> Result<Self> {
         Ok(Self { runs: vec![RunConfig::default().with(given).map_err(Error::Refused)?] })
     }
 
     /// A shipped one, but for what is given.
-    ///
-    /// # Errors
-    /// If there is none of that name, it is another robot's, or a value makes no sense.
     pub fn named(name: &str, given: &Given) -> Result<Self> {
         let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
             refuse!("--recipe {name}: choose from {}; of your own give the file", Self::names().collect::<Vec<_>>().join(", "));
@@ -139,9 +133,6 @@ impl Recipe {
 
 impl RunConfig {
     /// A shipped recipe of one run that leaves the robot open: `paper`, `small`, `quick`.
-    ///
-    /// # Errors
-    /// If there is no such recipe, or it is of several runs or another robot.
     pub fn recipe(name: &str, robot: &str, out: impl Into<PathBuf>) -> Result<Self> {
         let given = Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
         match &Recipe::named(name, &given)?.runs[..] {
@@ -151,9 +142,6 @@ impl RunConfig {
     }
 
     /// The folder of its model, if that is there and whole.
-    ///
-    /// # Errors
-    /// If there is no such robot.
     pub fn made(&self) -> Result<Option<PathBuf>> {
         let (done, system) = (self.out.join("model"), System::named(&self.robot)?);
         match Model::load(&done, &system, Some(&self.record.truth(&system).name())) {

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nerd_model::form::Form;
 use nerd_sim::dataset::{GenerateConfig, Manifest, Part, Pilot};
@@ -58,9 +57,6 @@ impl RecordConfig {
     }
 
     /// What the simulator is asked for, for so many transitions or up to a trajectory more; reads the policies.
-    ///
-    /// # Errors
-    /// If a policy cannot be read or acts on another robot, or a number means nothing for this robot.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
         if let Err(reason) = self.truth(system).check(&system.robot) {
             refuse!("--truth: {reason}");
@@ -95,9 +91,6 @@ impl RecordConfig {
 
     /// Who acts in which share of the trajectories, for a card: policies by the names of their folders and the first digits of
     /// their hashes.
-    ///
-    /// # Errors
-    /// If a policy cannot be read.
     pub(super) fn actors(&self) -> Result<String> {
         if self.policy.is_empty() || self.policy_share == 0.0 {
             return Ok("in none of the trajectories".into());
@@ -140,8 +133,7 @@ impl RecordConfig {
     /// Records in memory, as motions of a chain; on a card in 64 bits, some motions a thread.
     pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig, device: Device) -> Result<Motions> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
-        let done = AtomicUsize::new(0);
-        let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
+        let tell = |n: usize| bar.add(n as u64);
         let record = |on_card: bool| {
             let most = if on_card { ON_CARD } else { ON_CPU };
             let config = GenerateConfig { shard_trajectories: config.shard_trajectories.min(most), ..config.clone() };
@@ -153,7 +145,7 @@ impl RecordConfig {
             // What is too large for the card, or has no kernels; whatever else it was the CPU says again.
             Err(error) if on_card => {
                 eprintln!("{error}; it is recorded on the CPU");
-                done.store(0, Ordering::Relaxed);
+                bar.set(0);
                 record(false)?
             }
             recorded => recorded?,
@@ -172,8 +164,7 @@ impl RecordConfig {
         form: Form,
     ) -> Result<Prepared> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames / ranks.world()) as u64);
-        let done = AtomicUsize::new(0);
-        let tell = |n: usize| bar.set((done.fetch_add(n, Ordering::Relaxed) + n) as u64);
+        let tell = |n: usize| bar.add(n as u64);
         let prepared = generate(ranks, system, &|| self.truth(system).solver(system), config, (history, form), &tell)?;
         bar.finish();
         Ok(prepared)

@@ -60,9 +60,6 @@ impl Run {
     }
 
     /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
-    ///
-    /// # Errors
-    /// If the folder is another run's or in use, the truth cannot step, an update fails, or a file cannot be written.
     pub fn train(&self) -> Result<Option<PathBuf>> {
         if !self.ranks.leads() {
             return self.follow();

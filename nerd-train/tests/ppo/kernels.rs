@@ -2,7 +2,6 @@
 
 use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::{normal, stream};
-use nerd_tasks::StepResult;
 use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, PpoConfig, RunningMoments, StreamKey};
 
 use crate::cpp;
@@ -98,14 +97,14 @@ fn rolled() -> Rolled {
         for (row, env) in reached.iter().zip((0..N).filter(|env| ended[*env] == 2)) {
             cut[t * N + env] = policy.values(&policy.answer(row))[0];
         }
-        let is = |what: u8| ended.iter().map(|end| *end == what).collect();
-        let result = StepResult { rewards: draw(N, 1.0), terminated: is(1), truncated: is(2), ..StepResult::default() };
-        engine.arrive(&result, &reached.concat()).expect("the CPU");
-        rewards.extend(result.rewards);
+        let truncated: Vec<bool> = ended.iter().map(|end| *end == 2).collect();
+        rewards.extend(draw(N, 1.0));
+        engine.arrive(&reached.concat(), &truncated).expect("the CPU");
         ends.extend(ended);
     }
     let rows = draw(N * SEEN, 4.0);
-    engine.finish(&rows, &PpoConfig { gamma: LAW.0, lambda: LAW.1, ..PpoConfig::default() }).expect("the CPU");
+    let law = PpoConfig { gamma: LAW.0, lambda: LAW.1, ..PpoConfig::default() };
+    engine.finish(&rows, &rewards, &ends, &law).expect("the CPU");
     let last = policy.values(&policy.answer(&rows));
     Rolled { engine, rewards, ends, cut, last, kept, policy }
 }

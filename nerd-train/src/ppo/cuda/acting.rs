@@ -25,8 +25,6 @@ impl CudaEngine {
         self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
         self.net.device.write(&self.kept.seen[1], &inverse)?;
         (self.kept.step, self.kept.returns) = (0, units(policy));
-        self.kept.came.0.clear();
-        self.kept.came.1.clear();
         Ok(())
     }
 

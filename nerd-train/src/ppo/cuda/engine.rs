@@ -1,7 +1,7 @@
 //! A rollout by turns with episodes elsewhere, or on the card as a whole, and the update after it.
 
 use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot, StepResult};
+use nerd_tasks::{Episodes, Snapshot};
 
 use super::super::config::PpoConfig;
 use super::super::engine::Engine;
@@ -85,10 +85,10 @@ impl Engine for CudaEngine {
         Ok(())
     }
 
-    fn arrive(&mut self, result: &StepResult, reached: &[f64]) -> Result<()> {
+    fn arrive(&mut self, reached: &[f64], truncated: &[bool]) -> Result<()> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
-        let cut: Vec<u32> = (0..).zip(&result.truncated).filter_map(|(env, over)| over.then_some(env)).collect();
-        let right = result.rewards.len() == n && reached.len() == cut.len() * self.shape.inputs() && step < horizon;
+        let cut: Vec<u32> = (0..).zip(truncated).filter_map(|(env, over)| over.then_some(env)).collect();
+        let right = truncated.len() == n && reached.len() == cut.len() * self.shape.inputs() && step < horizon;
         self.fits("results of a step", right)?;
         if !cut.is_empty() {
             self.net.device.write(&self.kept.rows, reached)?;
@@ -96,19 +96,17 @@ impl Engine for CudaEngine {
             self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
             self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
         }
-        let ends = result.terminated.iter().zip(&result.truncated);
-        self.kept.came.0.extend_from_slice(&result.rewards);
-        self.kept.came.1.extend(ends.map(|(terminated, truncated)| if *terminated { 1 } else { 2 * u8::from(*truncated) }));
         self.kept.step += 1;
         Ok(())
     }
 
-    fn finish(&mut self, rows: &[f64], config: &PpoConfig) -> Result<()> {
+    fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
-        self.fits("rows", rows.len() == n * self.shape.inputs() && step == horizon)?;
+        let steps = [step * n, horizon * n, ends.len()];
+        self.fits("rows and rewards", rows.len() == n * self.shape.inputs() && steps.iter().all(|len| *len == rewards.len()))?;
         self.net.device.write(&self.kept.rows, rows)?;
-        self.net.device.write(&self.kept.rewards, &self.kept.came.0)?;
-        self.net.device.write(&self.kept.ends, &self.kept.came.1)?;
+        self.net.device.write(&self.kept.rewards, rewards)?;
+        self.net.device.write(&self.kept.ends, ends)?;
         Ok(self.finished(config)?)
     }
 

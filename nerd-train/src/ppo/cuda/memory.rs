@@ -23,8 +23,7 @@ pub(super) struct Kept {
     pub(super) cut: Buffer<f64>,
     /// Advantages and returns, by step.
     pub(super) both: Buffer<f64>,
-    /// What came of each step: rewards, and how it ended (0 not, 1 terminated, 2 truncated). Here until the rollout is over.
-    pub(super) came: (Vec<f64>, Vec<u8>),
+    /// What came of each step (`gae.rs`).
     pub(super) rewards: Buffer<f64>,
     pub(super) ends: Buffer<u8>,
     /// Rows outside of a step, raw and normalised, and their environments.
@@ -57,7 +56,6 @@ impl Kept {
             values: numbers(steps + n)?,
             cut: numbers(steps)?,
             both: numbers(2 * steps)?,
-            came: Default::default(),
             rewards: numbers(steps)?,
             ends: device.zeros(steps)?,
             rows: numbers(n * width)?,

@@ -88,9 +88,6 @@ pub struct CudaEngine {
 
 impl CudaEngine {
     /// Memory for a policy's rollouts and updates under these settings, of this rank's share of the environments.
-    ///
-    /// # Errors
-    /// If there is no GPU, a library is missing, memory runs out, or another rank is gone.
     pub fn new(shape: &Shape, config: &PpoConfig, ranks: &Arc<Ranks>) -> Result<Self> {
         let (team, sizes) = (Team::new(ranks, config.environments), sizes(config));
         let (own, rows) = (team.part.len(), room(&team, config));
