@@ -9,7 +9,7 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_train::Error;
 use nerd_train::bounds::{SEEDS, STARTS};
-use nerd_train::ppo::{Arena, Guest, folder};
+use nerd_train::ppo::{Arena, folder};
 use nerd_train::settings::settings;
 use nerd_train::shipped::from_root;
 use serde::{Deserialize, Serialize};
@@ -110,5 +110,5 @@ pub fn mujoco(python: PathBuf) -> Arena {
         let solver = crate::mujoco::Mujoco::new(&python, system, scene).map_err(|e| Error::Refused(format!("--mujoco: {e}")))?;
         Ok(Box::new(solver))
     };
-    Arena::Guest("MuJoCo".into(), Guest(Arc::new(make)))
+    Arena::Guest("MuJoCo".into(), Arc::new(make))
 }

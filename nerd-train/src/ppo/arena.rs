@@ -21,20 +21,10 @@ use crate::learner::cuda::Precision;
 use crate::ranks::Ranks;
 
 /// Makes a solver of the caller's own for a system in a scene.
-#[derive(Clone)]
-pub struct Guest(pub Arc<Make>);
-
-/// See [`Guest`].
 pub type Make = dyn Fn(&Arc<System>, &Arc<Scene>) -> Result<Box<dyn Solver>> + Send + Sync;
 
-impl std::fmt::Debug for Guest {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Guest")
-    }
-}
-
 /// What episodes run on.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub enum Arena {
     /// A solver that models are learned from.
     Truth(Truth),
@@ -51,7 +41,7 @@ pub enum Arena {
     #[cfg(feature = "cuda")]
     Card(Setting),
     /// A solver of the caller's own, by its name.
-    Guest(String, Guest),
+    Guest(String, Arc<Make>),
 }
 
 impl Arena {
@@ -161,7 +151,7 @@ impl Arena {
             Self::Judge(setting) => (setting.solver(&system)?, 0),
             #[cfg(feature = "cuda")]
             Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F32)?, 0),
-            Self::Guest(_, make) => ((make.0)(&system, &batch.scenes[0])?, 0),
+            Self::Guest(_, make) => (make(&system, &batch.scenes[0])?, 0),
         };
         let mut episodes = Episodes::part(task, Simulation { batch, solver }, seed, envs.start);
         episodes.remember(memory);

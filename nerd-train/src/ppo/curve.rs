@@ -8,18 +8,11 @@ use crate::error::{Error, Result};
 /// Points that a shipped curve has, about.
 const POINTS: usize = 100;
 
-/// Lines of a run's `metrics.jsonl`.
-pub fn lines(out: &Path) -> Result<Vec<Iteration>> {
-    let path = out.join("metrics.jsonl");
-    let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
-    let wrong = |k: usize| move |e: serde_json::Error| format!("line {}: {e}", k + 1);
-    let line = |(k, line)| serde_json::from_str(line).map_err(wrong(k)).map_err(Error::format(&path));
-    text.lines().enumerate().map(line).collect()
-}
-
 /// Writes `curve.csv` for a run's policy: steps, mean reward and mean length of episodes, thinned out.
 pub(super) fn write(out: &Path, folder: &Path) -> Result<()> {
-    let lines = lines(out)?;
+    let metrics = out.join("metrics.jsonl");
+    let lines = std::fs::read_to_string(&metrics).map_err(Error::file(&metrics))?;
+    let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::format(&metrics))?;
     let every = lines.len().div_ceil(POINTS).max(1);
     let mut text = String::from("steps,reward,length\n");
     for line in lines.iter().filter(|l| (l.step as usize).is_multiple_of(every)) {

@@ -20,7 +20,7 @@ mod config;
 mod cpu;
 #[cfg(feature = "cuda")]
 mod cuda;
-pub mod curve;
+mod curve;
 mod engine;
 pub mod folder;
 mod gae;
@@ -39,7 +39,7 @@ mod update;
 
 pub use nerd_model::program::Activation;
 
-pub use arena::{Arena, Guest};
+pub use arena::{Arena, Make};
 pub use config::PpoConfig;
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]

@@ -25,7 +25,7 @@ use crate::records::{Record, Session, claimed};
 const SAVE: Duration = Duration::from_secs(60);
 
 /// One run.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct PolicyRun {
     /// Its task.
     pub task: String,

@@ -15,10 +15,12 @@
 mod place;
 mod star;
 
+use std::net::TcpStream;
 use std::ops::Range;
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
 
 pub use place::{Place, RankError, bytes, floats};
-use star::Star;
 
 use crate::difference::between;
 
@@ -26,16 +28,14 @@ use crate::difference::between;
 #[derive(Debug, Default)]
 pub struct Ranks {
     place: Place,
-    star: Option<Star>,
+    /// Connections: of rank 0 to all others, of any other to rank 0.
+    ties: Vec<(usize, TcpStream)>,
+    /// The first rank that was lost, and its reason.
+    lost: OnceLock<(usize, String)>,
+    parted: AtomicBool,
 }
 
 impl Ranks {
-    /// Meets the others; waits for them up to a minute.
-    pub fn join(place: Place) -> Result<Self, RankError> {
-        let star = if place.world > 1 { Some(Star::join(&place)?) } else { None };
-        Ok(Self { place, star })
-    }
-
     /// Its number, from 0.
     pub fn rank(&self) -> usize {
         self.place.rank
@@ -62,36 +62,14 @@ impl Ranks {
         rank * n / world..(rank + 1) * n / world
     }
 
-    /// Adds up the vectors of all ranks, in rank order, so that all have the same bits after it.
-    pub fn sum(&self, values: &mut [f32]) -> Result<(), RankError> {
-        self.star.as_ref().map_or(Ok(()), |star| star.sum(values))
-    }
-
-    /// The same of a gradient and the loss that goes with it, so that all ranks stop where that is not a number.
+    /// [`Self::sum`] of a gradient and the loss that goes with it, so that all ranks stop where that is not a number.
     pub fn sum_with(&self, gradient: &mut Vec<f32>, loss: f32) -> Result<f32, RankError> {
-        if self.star.is_none() {
+        if self.ties.is_empty() {
             return Ok(loss);
         }
         gradient.push(loss);
         self.sum(gradient)?;
         Ok(gradient.pop().unwrap_or(f32::NAN))
-    }
-
-    /// What rank `from` has, on all ranks; only there is `make` called.
-    pub fn share(&self, from: usize, make: impl FnOnce() -> Vec<u8>) -> Result<Vec<u8>, RankError> {
-        let mine = (from == self.place.rank).then(make);
-        match &self.star {
-            None => Ok(mine.unwrap_or_default()),
-            Some(star) => star.share(from, mine),
-        }
-    }
-
-    /// What all ranks have, in their order, on rank 0; nothing on the others.
-    pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
-        match &self.star {
-            None => Ok(vec![mine]),
-            Some(star) => star.gather(mine),
-        }
     }
 
     /// Waits until all ranks have come to this point.
@@ -101,30 +79,17 @@ impl Ranks {
 
     /// Whether rank 0 says yes.
     pub fn decide(&self, mine: bool) -> Result<bool, RankError> {
-        if self.star.is_none() {
-            return Ok(mine);
-        }
         Ok(self.share(0, || vec![mine.into()])? == [1])
     }
 
     /// Refuses to go on where `mine` is not what rank 0 has: in what, and what to do, is said.
     pub fn agree(&self, what: &str, mine: &str, advice: &str) -> Result<(), RankError> {
-        if self.star.is_none() {
-            return Ok(());
-        }
         let theirs = String::from_utf8_lossy(&self.share(0, || mine.into())?).into_owned();
         if theirs == mine {
             return self.wait();
         }
         let (rank, apart) = (self.place.rank, between(&theirs, mine));
         Err(RankError(format!("rank {rank}: {what} differ from those of rank 0: {apart}; {advice}")))
-    }
-
-    /// Parts from the others: done, or for a reason that they will tell. Once is enough.
-    pub fn leave(&self, reason: Option<&str>) {
-        if let Some(star) = &self.star {
-            star.leave(reason);
-        }
     }
 }
 

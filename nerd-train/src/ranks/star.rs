@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
+use super::Ranks;
 use super::place::{Place, RankError, bytes, floats};
 
 /// Time for all to come.
@@ -28,29 +29,27 @@ const DATA: u8 = 0;
 const LOST: u8 = 1;
 const BYE: u8 = 2;
 
-/// The ties of a rank: of rank 0 to all others, of any other to rank 0.
-#[derive(Debug)]
-pub(super) struct Star {
-    place: Place,
-    ties: Vec<(usize, TcpStream)>,
-    /// The first rank that was lost, and its reason.
-    lost: OnceLock<(usize, String)>,
-    parted: AtomicBool,
-}
-
-impl Star {
-    /// Meets the others.
-    pub fn join(place: &Place) -> Result<Self, RankError> {
-        let ties = if place.rank == 0 { listen(place)? } else { vec![(0, call(place)?)] };
+impl Ranks {
+    /// Meets the others; waits for them up to a minute.
+    pub fn join(place: Place) -> Result<Self, RankError> {
+        let ties = match (place.world, place.rank) {
+            (1, _) => Vec::new(),
+            (_, 0) => listen(&place)?,
+            _ => vec![(0, call(&place)?)],
+        };
         let failed = |e: Error| RankError(format!("rank {}: its connections: {e}", place.rank));
         for (_, stream) in &ties {
             stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(None)).map_err(failed)?;
         }
-        Ok(Self { place: place.clone(), ties, lost: OnceLock::new(), parted: AtomicBool::new(false) })
+        Ok(Self { place, ties, lost: OnceLock::new(), parted: AtomicBool::new(false) })
     }
 
+    /// Adds up the vectors of all ranks, in rank order, so that all have the same bits after it.
     pub fn sum(&self, values: &mut [f32]) -> Result<(), RankError> {
-        if self.place.rank > 0 {
+        if self.ties.is_empty() {
+            return Ok(());
+        }
+        if !self.leads() {
             self.send(0, &bytes(values))?;
             values.copy_from_slice(&self.numbers(0, values.len())?);
             return Ok(());
@@ -62,30 +61,32 @@ impl Star {
         self.to_all(0, &bytes(values))
     }
 
-    pub fn share(&self, from: usize, mine: Option<Vec<u8>>) -> Result<Vec<u8>, RankError> {
-        let all = match mine {
-            Some(mine) if self.place.rank > 0 => {
+    /// What rank `from` has, on all ranks; only there is `make` called.
+    pub fn share(&self, from: usize, make: impl FnOnce() -> Vec<u8>) -> Result<Vec<u8>, RankError> {
+        let all = match (from == self.place.rank).then(make) {
+            Some(mine) if !self.leads() => {
                 self.send(0, &mine)?;
                 return Ok(mine);
             }
             Some(mine) => mine,
-            None => self.receive(if self.place.rank == 0 { from } else { 0 })?,
+            None => self.receive(if self.leads() { from } else { 0 })?,
         };
-        if self.place.rank == 0 {
+        if self.leads() {
             self.to_all(from, &all)?;
         }
         Ok(all)
     }
 
+    /// What all ranks have, in their order, on rank 0; nothing on the others.
     pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
-        if self.place.rank > 0 {
+        if !self.leads() {
             self.send(0, &mine)?;
             return Ok(Vec::new());
         }
         std::iter::once(Ok(mine)).chain((1..self.place.world).map(|rank| self.receive(rank))).collect()
     }
 
-    /// Parts from all, and waits a little for them to part, too.
+    /// Parts from the others: done, or for a reason that they will tell; waits a little for them to part, too. Once is enough.
     pub fn leave(&self, reason: Option<&str>) {
         if self.parted.swap(true, SeqCst) {
             return;

@@ -1,5 +1,5 @@
 // The painter of pictures in three dimensions. `replay(root, data)` puts a canvas with its controls into the element `root`;
-// `replay.painter(data)` paints single frames. `data` is what `nerd_lab::page::replay::Replay` serialises. The first track is
+// `replay.painter(data)` paints single frames. `data` is what `nerd_train::replay::Replay` serialises. The first track is
 // solid, the others are ghosts behind it.
 "use strict";
 const replay = (() => {

@@ -12,12 +12,13 @@ use nerd_model::form::Form;
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::memory;
 use super::settings::{BaseName, RunConfig};
 use super::variant::Variant;
 use crate::device::Device;
+use crate::difference::between;
 use crate::error::{Error, Result, refuse};
 use crate::learner::LearnerConfig;
 use crate::progress;
@@ -154,15 +155,17 @@ impl RunConfig {
 
     /// Shape of its network.
     pub fn network(&self, system: &System, form: Form) -> Result<TransformerConfig> {
-        if self.variant == Variant::Chain {
-            return self.along(system);
-        }
-        let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
         let Self { embedding, layers, history, .. } = *self;
-        let heads = (embedding / self.head_width.max(1)).max(1);
-        let paper = TransformerConfig::paper(inputs, outputs, embedding);
-        let mut network = TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper };
         let wrong = |reason: String| Error::Refused(format!("--embedding {embedding}, --layers {layers}: {reason}"));
+        let mut network = if self.variant == Variant::Chain {
+            let block = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?.rods;
+            let paper = TransformerConfig::paper(chain::INPUTS, chain::OUTPUTS, embedding);
+            TransformerConfig { layers, heads: 1, block, history: 1, head: 1, architecture: Architecture::Chain, ..paper }
+        } else {
+            let paper = TransformerConfig::paper(Features::inputs(system, form), Features::outputs(system), embedding);
+            let heads = (embedding / self.head_width.max(1)).max(1);
+            TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper }
+        };
         if self.stream {
             network.positions = Positions::Rotary;
             // All that a rollout's prediction will depend on, so that none has a longer past than training ever showed.
@@ -172,17 +175,6 @@ impl RunConfig {
         network.check().map_err(wrong)?;
         let network = self.variant.network(network);
         network.check().map_err(wrong)?;
-        Ok(network)
-    }
-
-    /// That along a chain.
-    fn along(&self, system: &System) -> Result<TransformerConfig> {
-        let chain = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?;
-        let Self { embedding, layers, .. } = *self;
-        let paper = TransformerConfig::paper(chain::INPUTS, chain::OUTPUTS, embedding);
-        let network =
-            TransformerConfig { layers, heads: 1, block: chain.rods, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
-        network.check().map_err(|reason| Error::Refused(format!("--embedding {embedding}, --layers {layers}: {reason}")))?;
         Ok(network)
     }
 
@@ -226,24 +218,11 @@ fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form
         parent.config.network.block = network.block;
         parent.weights.config.block = network.block;
     }
-    if parent.config.network != network || like(parent.config.form()) != like(form) {
-        let apart = apart((parent.config.form(), &parent.config.network), (form, &network));
+    let theirs = (parent.config.form(), parent.config.network);
+    if theirs.1 != network || like(theirs.0) != like(form) {
+        let settings = |(form, network): (Form, TransformerConfig)| json!({ "base": form.base, "view": form.view, "network": network });
+        let apart = between(&settings(theirs).to_string(), &settings((form, network)).to_string());
         refuse!("--from {}: its network is not as this run's: {apart}; give this run its settings", folder.display());
     }
     Ok(parent)
-}
-
-/// In which settings two networks differ, the second being this run's.
-fn apart(theirs: (Form, &TransformerConfig), ours: (Form, &TransformerConfig)) -> String {
-    let settings = |(form, network): (Form, &TransformerConfig)| {
-        let mut all = json!({ "base": form.base, "view": form.view });
-        if let (Some(all), Value::Object(network)) = (all.as_object_mut(), json!(network)) {
-            all.extend(network);
-        }
-        all
-    };
-    let (theirs, ours) = (settings(theirs), settings(ours));
-    let word = |value: &Value| value.to_string().replace(['"', '{', '}'], "").replace(':', " ");
-    let keys = theirs.as_object().into_iter().flatten().filter(|(key, value)| ours[*key] != **value);
-    keys.map(|(key, value)| format!("{key} is {}, here {}", word(value), word(&ours[key]))).collect::<Vec<_>>().join(", ")
 }

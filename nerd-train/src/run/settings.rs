@@ -10,7 +10,7 @@ use super::variant::Variant;
 use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
 use crate::device::Device;
 use crate::learner::Optimizer;
-use crate::settings::{Given, Settings, settings};
+use crate::settings::settings;
 
 settings! {
     /// One run of training. Files and command lines say it with these keys (`torque-scale` for `torque_scale`).
@@ -97,12 +97,6 @@ impl RunConfig {
     /// The paper's for a robot.
     pub fn new(robot: &str, out: impl Into<PathBuf>) -> Self {
         Self { robot: robot.into(), out: out.into(), ..Self::default() }
-    }
-
-    /// As a TOML file, without what is not set.
-    pub fn to_toml(&self) -> String {
-        let given: Given = self.given().into_iter().filter(|(_, value)| !value.is_null() && *value != "").collect();
-        toml::to_string(&given).unwrap_or_default()
     }
 }
 

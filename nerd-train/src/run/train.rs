@@ -59,48 +59,61 @@ impl Run {
         self
     }
 
-    /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
+    /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before. Rank 0 keeps
+    /// the folder and makes the model, for which the others wait.
     pub fn train(&self) -> Result<Option<PathBuf>> {
-        if !self.ranks.leads() {
-            return self.follow();
+        let (Self { plan, ranks, cache }, started) = (self, Instant::now());
+        let (config, out, leads) = (&plan.config, &plan.config.out, ranks.leads());
+        let _claim = leads.then(|| claimed(out)).transpose()?;
+        let mut identity = Identity::of(plan);
+        if leads {
+            resume(out, &identity)?;
+            if config.finish && !checkpoint::best(out).exists() {
+                refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
+            }
         }
-        let made = self.lead()?;
-        // The others have waited for it: the next run may begin with it.
-        self.ranks.decide(made.is_some())?;
-        Ok(made)
+        agree::settings(ranks, config, &identity)?;
+        let data = Data::of(plan, ranks, cache)?;
+        agree::data(ranks, config, &data.sha256)?;
+        (identity.transitions, identity.data_sha256) = (data.transitions, data.sha256.clone());
+        let first = || plan.parent.as_ref().map_or_else(|| Weights::init(plan.network, plan.learner.seed), |p| p.weights.clone());
+        let own = if leads { Some(resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()))) } else { None };
+        let state = agree::state(ranks, own, plan.network)?;
+        let made = match (config.finish, leads) {
+            (true, true) => Some(self.finish(&identity, data.judge, started)?),
+            (true, false) => None,
+            (false, _) => self.updates(&identity, data, state, started)?,
+        };
+        // The next run may begin with it.
+        Ok(ranks.decide(made.is_some())?.then(|| out.join("model")))
     }
 
-    /// Trains as rank 0.
-    fn lead(&self) -> Result<Option<PathBuf>> {
-        let (plan, started) = (&self.plan, Instant::now());
-        let (config, out) = (&plan.config, &plan.config.out);
-        let _claim = claimed(out)?;
-        let mut identity = Identity::of(plan);
-        resume(out, &identity)?;
-        if config.finish && !checkpoint::best(out).exists() {
-            refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
-        }
-        agree::settings(&self.ranks, config, &identity)?;
-        let Data { sha256, transitions, windows, judge, sets } = Data::of(plan, &self.ranks, &self.cache)?;
-        agree::data(&self.ranks, config, &sha256)?;
-        (identity.transitions, identity.data_sha256) = (transitions, sha256);
-        let first = || plan.parent.as_ref().map_or_else(|| Weights::init(plan.network, plan.learner.seed), |p| p.weights.clone());
-        let state = resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()));
-        let state = agree::state(&self.ranks, Some(state), plan.network)?;
-        let path = out.join("run.json");
-        let trainer = self.trainer(&serde_json::to_string(&identity).map_err(Error::format(&path))?, started);
-        if config.finish {
-            let Some(best) = trainer.best()? else { refuse!("{}: no validated weights of this very run", out.display()) };
-            let chosen = format!("{}; the run was ended there", self.averaged(&best));
-            return self.export(&identity, judge.normalizer, best.weights, chosen);
-        }
-        let text = serde_json::to_string_pretty(&identity).map_err(Error::format(&path))?;
-        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
-        eprintln!("{} parameters, {windows} windows, update {} of {}", plan.network.parameters(), state.step, plan.trainer.updates);
+    /// The best weights so far as a model.
+    fn finish(&self, identity: &Identity, judge: Judge, started: Instant) -> Result<()> {
+        let best = self.trainer(identity, started)?.best()?;
+        let Some(best) = best else { refuse!("{}: no validated weights of this very run", self.plan.config.out.display()) };
+        let chosen = format!("{}; the run was ended there", self.averaged(&best));
+        self.export(identity, judge.normalizer, best.weights, chosen)
+    }
 
-        let (step, fresh) = (state.step, self.supply(&judge.normalizer, state.step)?);
+    /// What is left of the updates, and then the model, if this rank is to make it and there was time for all of them.
+    fn updates(&self, identity: &Identity, data: Data, state: LearnerState, started: Instant) -> Result<Option<()>> {
+        let (plan, out) = (&self.plan, &self.plan.config.out);
+        let (Data { judge, sets, windows, .. }, step) = (data, state.step);
+        let trainer = self.trainer(identity, started)?;
+        if self.ranks.leads() {
+            let path = out.join("run.json");
+            let text = serde_json::to_string_pretty(identity).map_err(Error::format(&path))?;
+            nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
+            eprintln!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
+        }
+        let fresh = self.supply(&judge.normalizer, step)?;
         let mut engine = engine(plan, &self.ranks, state, sets)?;
-        let outcome = self.learn(&identity, &judge, &trainer, &mut *engine, fresh, (step, started))?;
+        if !self.ranks.leads() {
+            trainer.run(&mut *engine, fresh, &mut |_, _| Ok(None))?;
+            return Ok(None);
+        }
+        let outcome = self.learn(identity, &judge, &trainer, &mut *engine, fresh, (step, started))?;
         if !outcome.finished {
             self.say_stopped(&outcome, started);
             return Ok(None);
@@ -108,29 +121,15 @@ impl Run {
         let Some(best) = trainer.best()? else {
             refuse!("{}: in no validation did the rollouts end in numbers; give it more --updates", out.display());
         };
-        let (weights, chosen) = self.choose(&identity, &judge, best, &mut *engine)?;
-        self.export(&identity, judge.normalizer, weights, chosen)
+        let (weights, chosen) = self.choose(identity, &judge, best, &mut *engine)?;
+        self.export(identity, judge.normalizer, weights, chosen).map(Some)
     }
 
-    /// Trains as another rank than 0, and waits for the model that rank 0 makes.
-    fn follow(&self) -> Result<Option<PathBuf>> {
-        let (plan, started) = (&self.plan, Instant::now());
-        agree::settings(&self.ranks, &plan.config, &Identity::of(plan))?;
-        let Data { judge, sets, sha256, .. } = Data::of(plan, &self.ranks, &self.cache)?;
-        agree::data(&self.ranks, &plan.config, &sha256)?;
-        let state = agree::state(&self.ranks, None, plan.network)?;
-        if !plan.config.finish {
-            let fresh = self.supply(&judge.normalizer, state.step)?;
-            let mut engine = engine(plan, &self.ranks, state, sets)?;
-            self.trainer("", started).run(&mut *engine, fresh, &mut |_, _| Ok(None))?;
-        }
-        Ok(self.ranks.decide(false)?.then(|| plan.config.out.join("model")))
-    }
-
-    /// What makes its updates until the minutes are over; `run` is kept in its checkpoints.
-    fn trainer(&self, run: &str, started: Instant) -> Trainer {
-        let trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, run);
-        trainer.stop_at(self.left(started)).among(&self.ranks)
+    /// What makes its updates until the minutes are over.
+    fn trainer(&self, identity: &Identity, started: Instant) -> Result<Trainer> {
+        let run = serde_json::to_string(identity).map_err(Error::format(&self.plan.config.out))?;
+        let trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run);
+        Ok(trainer.stop_at(self.left(started)).among(&self.ranks))
     }
 
     /// What is left of its minutes, a second at least.
@@ -220,9 +219,9 @@ impl Run {
         Ok((best.weights, chosen))
     }
 
-    fn export(&self, identity: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<Option<PathBuf>> {
+    fn export(&self, identity: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<()> {
         let folder = export(&self.plan, identity, normalizer, weights, chosen)?;
         eprintln!("model written to {}", folder.display());
-        Ok(Some(folder))
+        Ok(())
     }
 }

@@ -3,17 +3,12 @@
 
 use std::sync::Arc;
 
-use nerd_sim::dataset::{GenerateConfig, record};
+use nerd_sim::dataset::{GenerateConfig, Recording, record};
 use nerd_sim::prelude::*;
 use nerd_train::ppo::{Activation, Policies, Policy};
 
-/// A policy that pulls all joints one way, hardly noisy.
-fn one_way(task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
-    by(0.25, task, observation, action, stack)
-}
-
-/// The same, so strongly.
-fn by(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
+/// A policy that pulls all joints so strongly one way, hardly noisy.
+fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
     let mut policy = crate::policy(observation, stack, action, &[4], Activation::Relu);
     policy.flat.fill(0.0);
     let (outputs, end) = (action + 1, policy.flat.len() - action);
@@ -22,39 +17,31 @@ fn by(pull: f32, task: &str, observation: usize, action: usize, stack: usize) ->
     (task.into(), policy)
 }
 
-fn recording(robot: &str, policy: (String, Policy), share: f64) -> (nerd_sim::dataset::Recording, usize) {
-    recorded(robot, vec![policy], share, (12, 40))
-}
-
-fn recorded(
-    robot: &str,
-    policies: Vec<(String, Policy)>,
-    share: f64,
-    (frames, trajectories): (usize, usize),
-) -> (nerd_sim::dataset::Recording, usize) {
-    let system = System::named(robot).unwrap();
+/// Trajectories of so many frames in which these policies act, and the robot's joints.
+fn recorded(robot: &str, policies: Vec<(String, Policy)>, share: f64, frames: usize, trajectories: usize) -> (Recording, usize) {
+    let system = System::named(robot).expect("built in");
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-    let pilot = Some((Arc::new(Policies::new(policies).unwrap()) as _, share));
+    let pilot = Some((Arc::new(Policies::new(policies).expect("known tasks")) as _, share));
     let config = GenerateConfig { frames, pilot, ..Default::default() };
-    (record(&system, &mut truth, &config, 0, trajectories).unwrap(), system.robot.joint_count())
+    (record(&system, &mut truth, &config, 0, trajectories).expect("recorded"), system.robot.joint_count())
 }
 
 #[test]
 fn policies_act_in_their_share_of_the_trajectories() {
-    let (r, joints) = recording("ant", one_way("ant-run", 29, 8, 1), 0.5);
+    let run = |share: f64| recorded("ant", vec![pulling(0.25, "ant-run", 29, 8, 1)], share, 12, 40);
+    let (r, joints) = run(0.5);
     // A quarter of 400 N m, give or take at most twice the spread of e^-4, six deviations of it.
     let led = |t: &usize| r.torques[t * 12 * joints..][..12 * joints].iter().all(|tau| (tau - 100.0).abs() < 400.0 * 2.0 * 0.0184 * 6.0);
     let count = (0..40).filter(led).count();
     assert!((10..=30).contains(&count), "a policy acts in {count} of 40 trajectories, half were asked for");
-    let (again, _) = recording("ant", one_way("ant-run", 29, 8, 1), 0.5);
-    assert!(r.torques == again.torques && r.states == again.states, "the same settings, other bytes");
-    let (none, _) = recording("ant", one_way("ant-run", 29, 8, 1), 0.0);
+    println!("a policy acts in {count} of 40 trajectories");
+    let (none, _) = run(0.0);
     assert!(none.torques.iter().any(|tau| tau.abs() > 300.0), "random torques reach 400 N m");
 }
 
 #[test]
 fn an_action_stays_for_the_frames_of_its_step_and_answers_each_state() {
-    let (r, joints) = recording("franka", one_way("franka-reach", 13, 7, 4), 1.0);
+    let (r, joints) = recorded("franka", vec![pulling(0.25, "franka-reach", 13, 7, 4)], 1.0, 12, 40);
     let torque = |t: usize, f: usize| &r.torques[(t * 12 + f) * joints..][..joints];
     // Resets are at rest, fast starts are not.
     let resting = |t: usize| r.states[t * 13 * 14 + 7..][..7].iter().all(|v| *v == 0.0);
@@ -72,9 +59,9 @@ fn an_action_stays_for_the_frames_of_its_step_and_answers_each_state() {
 
 #[test]
 fn part_of_the_trajectories_begin_fast_and_in_part_policies_take_turns() {
-    let ways = || vec![by(0.25, "ant-run", 29, 8, 1), by(-0.25, "ant-spin", 29, 8, 1)];
+    let ways = || vec![pulling(0.25, "ant-run", 29, 8, 1), pulling(-0.25, "ant-spin", 29, 8, 1)];
     let (frames, trajectories) = (100, 200);
-    let (r, joints) = recorded("ant", ways(), 1.0, (frames, trajectories));
+    let (r, joints) = recorded("ant", ways(), 1.0, frames, trajectories);
     let (nq, d) = (15, 29);
     // Beyond what resets draw for a joint (rad/s).
     let fast = |t: &usize| r.states[t * (frames + 1) * d + nq + 6..][..joints].iter().any(|v| v.abs() > 0.25);
@@ -88,6 +75,6 @@ fn part_of_the_trajectories_begin_fast_and_in_part_policies_take_turns() {
     let each = turns.iter().sum::<usize>() as f64 / mixed as f64;
     assert!((2.0..5.0).contains(&each), "{each:.1} turns in a mixed trajectory of 100 frames, 3.3 were looked for");
     println!("of 200 trajectories {fast} begin fast, in {mixed} policies take turns, {each:.1} in each");
-    let (again, _) = recorded("ant", ways(), 1.0, (frames, trajectories));
+    let (again, _) = recorded("ant", ways(), 1.0, frames, trajectories);
     assert!(r.torques == again.torques && r.states == again.states, "the same settings, other bytes");
 }

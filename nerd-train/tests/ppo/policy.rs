@@ -3,7 +3,8 @@
 use nerd_sim::sampling::stream;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{named, names};
-use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, Policy, PpoConfig, Rollout, RunningMoments, Shape, StreamKey, folder};
+use nerd_train::ppo::folder::{PolicyConfig, load, save};
+use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, Policy, PpoConfig, Rollout, RunningMoments, Shape, StreamKey};
 use rand::RngExt;
 
 #[test]
@@ -88,7 +89,7 @@ fn shipped_policies_say_what_their_weights_say_in_f64() {
     let all = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/policies")).expect("shipped policies");
     let (mut worst, mut count) = (0.0f64, 0);
     for path in all.map(|entry| entry.expect("a folder").path()).filter(|path| path.join("config.json").exists()) {
-        let (_, policy) = folder::load(&path).expect("a policy");
+        let (_, policy) = load(&path).expect("a policy");
         let (flat, a) = (policy.flat.iter().map(|w| f64::from(*w)).collect::<Vec<f64>>(), policy.shape.action);
         // Within two deviations of what it has seen.
         let (seen, width) = (&policy.seen, policy.shape.inputs());
@@ -98,12 +99,10 @@ fn shipped_policies_say_what_their_weights_say_in_f64() {
         for (i, row) in rows.chunks(width).enumerate() {
             let expected = said(&flat, &policy, row);
             let found = answer.mean[i * a..(i + 1) * a].iter().chain([&answer.value[i]]);
-            let off = found
-                .zip(&expected)
-                .map(|(x, y)| (f64::from(*x) - y).abs() / (1.0 + y.abs()))
-                .fold(0.0, |most, off| if off <= most { most } else { off });
-            assert!(off < 1e-5, "{}: off by {off:.1e}", path.display());
-            worst = worst.max(off);
+            for off in found.zip(&expected).map(|(x, y)| (f64::from(*x) - y).abs() / (1.0 + y.abs())) {
+                assert!(off < 1e-5, "{}: off by {off:.1e}", path.display());
+                worst = worst.max(off);
+            }
         }
         count += 1;
     }
@@ -143,39 +142,35 @@ fn loss(flat: &[f64], policy: &Policy, moments: &RunningMoments, r: &Rollout, c:
 #[test]
 fn every_task_has_settings_and_a_policy_survives_its_folder() {
     let temporary = tempfile::tempdir().expect("temporary folder");
+    let folder = temporary.path();
     for name in names() {
         let (task, ppo) = (named(name).expect("registered"), PpoConfig::of(name).expect("settings"));
+        PpoConfig::small(name).expect("small settings");
         let shape = Shape::of(&*task, &ppo);
         let mut policy = Policy::new(shape.clone(), &mut stream(0, 0));
-        policy.seen.update(&(0..shape.observation * shape.stack * 3).map(|k| k as f64).collect::<Vec<_>>());
-        let provenance = Default::default();
-        let solver = Truth::default().name();
-        let config = folder::PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
-        folder::save(temporary.path(), &config, &policy, "# A card\n").expect("written");
-        assert_eq!(folder::load(temporary.path()).expect("read"), (config.clone(), policy.clone()), "{name}");
-        let refusal = |config: &folder::PolicyConfig, policy: &Policy| {
-            folder::save(temporary.path(), config, policy, "# A card\n").expect("written");
-            folder::load(temporary.path()).expect_err("cannot be").to_string()
+        policy.seen.update(&(0..shape.inputs() * 3).map(|k| k as f64).collect::<Vec<_>>());
+        let (solver, provenance) = (Truth::default().name(), Default::default());
+        let config = PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
+        save(folder, &config, &policy, "# A card\n").expect("written");
+        assert_eq!(load(folder).expect("read"), (config.clone(), policy.clone()), "{name}");
+        let refused = |change: fn(&mut Policy)| {
+            let mut policy = policy.clone();
+            change(&mut policy);
+            save(folder, &config, &policy, "# A card\n").expect("written");
+            load(folder).expect_err("cannot be").to_string()
         };
+        for said in [refused(|p| p.flat[1] = f32::NAN), refused(|p| p.seen.variance[0] = -1.0)] {
+            assert!(said.contains("not a finite number, or a variance is below 0"), "{name}: {said}");
+        }
         let mut wide = config.clone();
         wide.shape.hidden = vec![usize::MAX, usize::MAX];
-        let said = {
-            let json = serde_json::to_string(&wide).expect("JSON");
-            std::fs::write(temporary.path().join("config.json"), json).expect("written");
-            folder::load(temporary.path()).expect_err("cannot be").to_string()
-        };
+        std::fs::write(folder.join("config.json"), serde_json::to_string(&wide).expect("JSON")).expect("written");
+        let said = load(folder).expect_err("cannot be").to_string();
         assert!(said.contains("hidden is 1.8446744073709552e19"), "{name}: {said}");
-        let mut none = policy.clone();
-        none.flat[1] = f32::NAN;
-        assert!(refusal(&config, &none).contains("not a finite number"), "{name}");
-        let mut none = policy;
-        none.seen.variance[0] = -1.0;
-        assert!(refusal(&config, &none).contains("below 0"), "{name}");
     }
-    assert!(names().into_iter().all(|task| PpoConfig::small(task).is_ok()) && PpoConfig::small("cartpole-juggle").is_err());
-    let wrong = |text: &str| PpoConfig::from_text(text).err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(wrong("environments = 1\nhurry = true").contains("hurry"));
-    let zero = "environments = 0\nhorizon = 1\niterations = 1\nminibatch = 1\nepochs = 1\nhidden = []\n";
-    assert!(wrong(zero).contains("environments"), "{}", wrong(zero));
-    assert!(PpoConfig::of("juggle").is_err());
+    for (text, key) in [("environments = 1\nhurry = true", "hurry"), ("environments = 0", "environments"), ("rate = nan", "rate")] {
+        let said = PpoConfig::from_text(text).expect_err(text).to_string();
+        assert!(said.contains(key), "{text}: {said}");
+    }
+    assert!(PpoConfig::of("juggle").is_err() && PpoConfig::small("cartpole-juggle").is_err());
 }
