@@ -1,26 +1,18 @@
-//! Chains: rods and back, the adjoint, the solver, and its kernels: their text is compiled as C++ and run on the CPU.
-#![cfg(feature = "autodiff")]
+//! Chains: rods and back, the adjoint, the solver.
 
-#[path = "../../nerd-sim/tests/cpp/mod.rs"]
-mod cpp;
-
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said, chain_program};
-use nerd_model::device::padded;
-use nerd_model::folder::Model;
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said};
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
-use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::prelude::*;
 
-fn lead() -> Arc<System> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/cables/lead-pegs.toml");
-    System::named(path.to_str().expect("a path")).expect("the lead")
+fn lead() -> (Arc<System>, Chain) {
+    let system = System::named("lead-pegs").expect("built in");
+    let chain = Chain::of(&system).expect("a chain");
+    (system, chain)
 }
 
 /// Numbers that look random, of about this size.
@@ -42,23 +34,14 @@ fn network(chain: &Chain) -> TransformerConfig {
 }
 
 fn normalizer() -> Normalizer {
-    let variance = |k: usize| {
-        if k < 3 {
-            0.25
-        } else if k < 6 {
-            1e-4
-        } else {
-            1e-6
-        }
-    };
-    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: (0..OUTPUTS).map(variance).collect(), epsilon: 1e-24 };
+    let variance = [vec![0.25; 3], vec![1e-4; 3], vec![1e-6; OUTPUTS - 6]].concat();
+    let outputs = Moments { mean: vec![0.0; OUTPUTS], variance, epsilon: 1e-24 };
     Normalizer { inputs: Moments::identity(INPUTS), outputs }
 }
 
 #[test]
 fn rods_and_joints_are_the_same_state() {
-    let system = lead();
-    let chain = Chain::of(&system).expect("a chain");
+    let (system, chain) = lead();
     let (mut worst, mut way) = (0.0f64, 0.0f64);
     for seed in 0..8 {
         let (state, _) = state(&chain, f64::from(seed));
@@ -78,8 +61,7 @@ fn rods_and_joints_are_the_same_state() {
 
 #[test]
 fn rates_are_how_directions_change() {
-    let system = lead();
-    let chain = Chain::of(&system).expect("a chain");
+    let (_, chain) = lead();
     let (before, _) = state(&chain, 3.0);
     let (n, h) = (before.len() / 2, 1e-6);
     let moved = |h: f64| chain.rods(&(0..2 * n).map(|i| if i < n { before[i] + h * before[n + i] } else { before[i] }).collect::<Vec<_>>());
@@ -119,8 +101,7 @@ fn moved(rods: &Rods, way: &Rods, h: f64) -> Rods {
 
 #[test]
 fn slopes_of_a_frame_are_those_of_differences() {
-    let system = lead();
-    let chain = Chain::of(&system).expect("a chain");
+    let (system, chain) = lead();
     // Low, so that some rods touch, some are near and some far.
     let scene = system.scene("plane").expect("a floor");
     let scale = ChainSolver::scale(&normalizer()).expect("a chain's");
@@ -169,8 +150,8 @@ fn slopes_of_a_frame_are_those_of_differences() {
 
 #[test]
 fn a_chain_moves_the_same_alone_and_among_others() {
-    let system = lead();
-    let weights = Weights::init(network(&Chain::of(&system).expect("a chain")), 3);
+    let (system, chain) = lead();
+    let weights = Weights::init(network(&chain), 3);
     let start = begin(&system, &GenerateConfig { transitions: 5, frames: 1, seed: 4, ..GenerateConfig::default() }, 0, 5).expect("starts");
     let joints = system.robot.joint_count();
     let torques: Vec<f64> =
@@ -199,8 +180,8 @@ fn what_is_no_chain_or_no_number_is_told() {
     let twisting = Chain::of(&System::from_toml("rope", twisting).expect("a cable")).expect_err("it twists").to_string();
     assert!(twisting.contains("hinge"), "{twisting}");
 
-    let system = lead();
-    let mut weights = Weights::init(network(&Chain::of(&system).expect("a chain")), 3);
+    let (system, chain) = lead();
+    let mut weights = Weights::init(network(&chain), 3);
     let short = TransformerConfig { block: 39, ..weights.config };
     let said = ChainSolver::new(&Weights::init(short, 0), &normalizer(), &system).err().expect("39 rods").to_string();
     assert!(said.contains("40 rods") && said.contains("39"), "{said}");
@@ -209,55 +190,4 @@ fn what_is_no_chain_or_no_number_is_told() {
     let torques = vec![0.0; 2 * system.robot.joint_count()];
     let error = ChainSolver::new(&weights, &normalizer(), &system).expect("its chain").step(&mut batch, &torques).expect_err("no number");
     assert!(error.to_string().starts_with("environment 0, frame 0: "), "{error}");
-}
-
-const LEADS: usize = 8;
-
-#[test]
-fn kernels_tell_and_apply_as_the_solver_of_chains_does() {
-    let Some(compiler) = cpp::Compiler::find() else { return };
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
-    let system = System::named("lead-pegs").expect("built in");
-    let model = Model::load(&folder.join("models/lead-pegs"), &system, None).expect("the shipped model");
-    let chain = Chain::of(&system).expect("a chain");
-    let config = GenerateConfig { transitions: LEADS * 60, frames: 60, ..GenerateConfig::default() };
-    let mut batch = begin(&system, &config, 0, LEADS).expect("leads");
-    let (joints, d) = (system.robot.joint_count(), system.robot.state_dim());
-    let torques: Vec<f64> = (0..LEADS * joints).map(|k| if k % joints < 6 { 3.0 * (k as f64).sin() } else { 0.0 }).collect();
-    let mut solver = ChainSolver::new(&model.weights, &model.normalizer, &system).expect("a solver");
-    // Until they lie on floor and pegs.
-    (0..40).for_each(|_| solver.step(&mut batch, &torques).expect("it can be stepped"));
-
-    let (mut tokens, mut said, mut near, mut memory) = (Vec::new(), Vec::new(), 0, Memory::default());
-    let (network, rows) = (Loaded::new(model.weights.config.program(), &model.weights.flat), Vec::from_iter(0..chain.rods));
-    for env in 0..LEADS {
-        let rods = chain.rods(batch.state(env));
-        let look = Look::at(&chain, &rods, &torques[env * joints..][..joints], |place| batch.scenes[env].contact(place));
-        let first = tokens.len();
-        look.tokens(&chain, &rods, &mut tokens);
-        said.extend_from_slice(network.forward(&tokens[first..], &mut memory, Pass::Windows(chain.rods, &rows)));
-        near += tokens[first..].chunks(INPUTS).filter(|token| token[17] > 0.0).count();
-    }
-
-    let (reach, settings) = (Reach::of(&batch), ArticulatedConfig::implicit(1, Friction::Coulomb));
-    let scale: [f64; OUTPUTS] = ChainSolver::scale(&model.normalizer).expect("a chain's normaliser");
-    let mut input: Vec<u8> = [LEADS as i32; 2].iter().flat_map(|x| x.to_le_bytes()).collect();
-    let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, &system, &settings, reach).expect("a scene with kernels")).collect();
-    input.extend(batch.states.iter().chain(&torques).chain(&scenes).flat_map(|x| x.to_le_bytes()));
-    input.extend((0..LEADS as i32).flat_map(i32::to_le_bytes));
-    input.extend(said.iter().flat_map(|x| x.to_le_bytes()));
-    let output = compiler.run(&chain_program(&chain, &scale, &system, reach.colliders), input);
-    let (faults, rest) = output.split_at(4 * LEADS);
-    assert!(faults.iter().all(|b| *b == 0), "{faults:?}");
-    let (told, states) = rest.split_at(4 * LEADS * chain.rods * padded(INPUTS));
-    let told: Vec<f32> = told.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-    let states: Vec<f64> = states.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-
-    solver.step(&mut batch, &torques).expect("it can be stepped");
-    let own = told.chunks(padded(INPUTS)).flat_map(|token| &token[..INPUTS]);
-    let by_tokens = own.zip(&tokens).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f32::max);
-    let by_states = states.iter().zip(&batch.states).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
-    println!("{near} ends of rods near a surface: tokens {by_tokens:.1e}, states {by_states:.1e} apart");
-    assert!(near > 100 && states.len() == LEADS * d, "{near} near, {} numbers", states.len());
-    assert!(by_tokens < 1e-6 && by_states < 1e-9, "tokens {by_tokens:e}, states {by_states:e} apart");
 }

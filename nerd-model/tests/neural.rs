@@ -40,20 +40,17 @@ fn history_matters_and_a_reset_ends_it_for_that_environment_alone() {
         let mut undisturbed = simulation("ground1", 3, positions);
         run(&mut all, 14);
         let state = all.batch.state(1).to_vec();
-        let mut continued = simulation("ground1", 3, positions);
-        run(&mut continued, 14);
         all.reset(1, &state);
         let mut fresh = simulation("ground1", 1, positions);
         fresh.reset(0, &state);
         run(&mut all, 12);
         run(&mut fresh, 12);
-        run(&mut continued, 12);
         run(&mut undisturbed, 26);
         let difference = gap(all.batch.state(1), fresh.batch.state(0));
         assert!(difference < BOUND, "reset against fresh: {difference:.1e}");
         let difference = gap(all.batch.state(2), undisturbed.batch.state(2));
         assert!(difference < BOUND, "the neighbour noticed: {difference:.1e}");
-        let difference = gap(all.batch.state(1), continued.batch.state(1));
+        let difference = gap(all.batch.state(1), undisturbed.batch.state(1));
         assert!(difference > 10.0 * BOUND, "with and without history alike ({difference:.1e}): the network sees no history");
     }
 }
@@ -216,12 +213,6 @@ fn a_token_says_what_its_draft_changes() {
             features.token(state, base, &events, tau, &batch.scenes[env].gravity, &mut token);
             features.target(state, state, base, &mut change);
             assert_eq!(token[token.len() - d..], change[..], "{robot} on {scene}");
-            // Said back, it is the draft.
-            let mut made = vec![0.0; d];
-            features.apply(state, state, &change.iter().map(|x| f64::from(*x)).collect::<Vec<_>>(), &mut made);
-            wrap_state(&system.robot, &mut made);
-            let apart = gap(&made, base);
-            assert!(apart < 1e-4, "{robot} on {scene}: {apart:.1e}");
         }
     }
 }

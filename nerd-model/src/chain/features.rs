@@ -76,7 +76,6 @@ impl Look {
 
     /// Adds to `slope` what [`Look::tokens`] makes of gradients by tokens, `[rod][INPUTS]`, and gives that by where the gripper glides.
     /// Normals count as constant.
-    #[cfg(feature = "autodiff")]
     pub fn tokens_back(&self, chain: &Chain, rods: &Rods, behind: &[f32], slope: &mut Rods) -> Gripper {
         let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
         let mut ahead = [Vector3::zeros(); 4];

@@ -49,7 +49,6 @@ impl Gripper {
     }
 
     /// Adds to `slope` what [`Gripper::points`] makes of the upstream gradients `behind`.
-    #[cfg(feature = "autodiff")]
     pub fn points_back(&self, behind: [Vector3<f64>; 2], slope: &mut Self) {
         let [_, by_yaw, by_pitch, yaw_yaw, yaw_pitch, pitch_pitch] = self.slopes();
         let [t, rate] = behind;
@@ -77,7 +76,6 @@ impl Chain {
     }
 
     /// Gradients by the input of [`Chain::glide`], which is linear, from the upstream ones.
-    #[cfg(feature = "autodiff")]
     pub fn glide_back(&self, behind: &Gripper) -> Gripper {
         let mut slope = *behind;
         for k in 0..6 {

@@ -9,7 +9,7 @@
 //!                           ▲ contacts of the scene, the gripper's glide
 //! ```
 //!
-//! Every step has its adjoint beside it (feature `autodiff`), for training through many frames.
+//! Every step has its adjoint beside it, for training through many frames.
 
 mod device;
 mod features;

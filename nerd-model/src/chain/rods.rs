@@ -120,7 +120,6 @@ impl Chain {
     }
 
     /// Adds to `slope` what [`Chain::nodes`] makes of the upstream gradients `behind`: a rod moves all nodes from its end on.
-    #[cfg(feature = "autodiff")]
     pub fn nodes_back(&self, behind: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
         let Rods { gripper, along, rates } = slope;
         let parts = [(&behind[0], &mut gripper.at, along), (&behind[1], &mut gripper.velocity, rates)];

@@ -49,7 +49,6 @@ impl Chain {
 
     /// Gradients by the rods before and by the outputs, `[rod][OUTPUTS]`, from the upstream ones, `behind` [`Chain::advance`]; those
     /// behind the gripper are those by where it glides.
-    #[cfg(feature = "autodiff")]
     pub fn advance_back(&self, before: &Rods, said: Said, behind: &Rods, slope: &mut Rods) -> Vec<f32> {
         let mut by_said = vec![0.0; self.rods * OUTPUTS];
         for (k, row) in by_said.as_chunks_mut::<OUTPUTS>().0.iter_mut().enumerate() {

@@ -46,7 +46,6 @@ fn tanh(x: f32) -> f32 {
 }
 
 /// The gradient by the input of [`forward`] from the upstream one, in its place; `kept` is what x became.
-#[cfg(feature = "autodiff")]
 pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
     let (arch, pairs) = (Arch::new(), gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y }));
     match f {
@@ -57,7 +56,7 @@ pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
     }
 }
 
-#[cfg(all(test, feature = "autodiff"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -21,7 +21,6 @@ pub struct Attention {
     turns: Vec<f32>,
     /// Keys or values of a head on their side, `[d][width]`.
     lying: Vec<f32>,
-    #[cfg_attr(not(feature = "autodiff"), expect(dead_code, reason = "for the backward pass"))]
     row: Vec<f32>,
 }
 
@@ -61,7 +60,6 @@ impl Attention {
     }
 
     /// Gradient `dqkv` in front of [`Attention::forward`] from the upstream gradient.
-    #[cfg(feature = "autodiff")]
     pub fn backward(&mut self, qkv: &[f32], shares: &[f32], upstream: &[f32], dqkv: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         dqkv.clear();
@@ -117,7 +115,6 @@ impl Attention {
         (token + 1).saturating_sub(self.reach)..token + 1
     }
 
-    #[cfg(feature = "autodiff")]
     #[inline(always)]
     fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], upstream: &[f32], dqkv: &mut [f32]) {
         let (d, width) = (self.embedding / self.heads, width(self.tokens));
@@ -242,7 +239,6 @@ fn lanes<const N: usize>(a: &[f32], rows: &[f32], stride: usize) -> [f32; N] {
 }
 
 /// `y += a x`.
-#[cfg(feature = "autodiff")]
 #[inline(always)]
 fn add(y: &mut [f32], a: f32, x: &[f32]) {
     let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());

@@ -45,7 +45,6 @@ pub fn forward(u: &[f32], tokens: usize, weight: &Matrix, bias: &[f32], lstm: bo
 }
 
 /// The backward pass of a cell over windows of so many tokens.
-#[cfg(feature = "autodiff")]
 pub struct Backward<'a> {
     pub tokens: usize,
     pub lstm: bool,
@@ -56,7 +55,6 @@ pub struct Backward<'a> {
     pub out: &'a [f32],
 }
 
-#[cfg(feature = "autodiff")]
 impl Backward<'_> {
     /// Gradients from the upstream one: of u into `du`, of W and b onto theirs. `cut` is working memory.
     pub fn run(&self, upstream: &[f32], cut: &mut Matrix, d_weight: &mut [f32], d_bias: &mut [f32], du: &mut Vec<f32>) {

@@ -91,7 +91,6 @@ pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
 }
 
 /// Adds to `dx` the gradient by the input of [`normalize`], `behind` being the upstream gradient: `(g - mean g - y mean g y) / deviation`.
-#[cfg(feature = "autodiff")]
 pub fn normalize_back(behind: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
     let e = out.len() / inverse.len();
     Arch::new().dispatch(|| {
@@ -106,7 +105,6 @@ pub fn normalize_back(behind: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut
 }
 
 /// `a . b`, in sixteen lanes.
-#[cfg(feature = "autodiff")]
 #[inline(always)]
 fn products(a: &[f32], b: &[f32]) -> f32 {
     let mut lanes = [0.0f32; 16];
@@ -118,7 +116,6 @@ fn products(a: &[f32], b: &[f32]) -> f32 {
 }
 
 /// `out += ` the sum of all rows.
-#[cfg(feature = "autodiff")]
 pub fn sum_rows(rows: &[f32], out: &mut [f32]) {
     rows.chunks_exact(out.len()).for_each(|row| out.iter_mut().zip(row).for_each(|(o, x)| *o += x));
 }

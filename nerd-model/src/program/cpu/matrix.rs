@@ -50,7 +50,6 @@ impl Matrix {
     }
 
     /// Cuts the transpose of a row-major `[outer, inner]` matrix.
-    #[cfg(feature = "autodiff")]
     pub fn of_transpose(inner: usize, values: &[f32]) -> Self {
         let outer = values.len() / inner;
         let turned: Vec<f32> = (0..inner).flat_map(|k| (0..outer).map(move |row| values[row * inner + k])).collect();
@@ -69,7 +68,6 @@ impl Matrix {
     }
 
     /// `out = x^T W`, or `out +=`, for `x`, `[inner, rows]`.
-    #[cfg(feature = "autodiff")]
     pub fn across(&self, x: &[f32], add: bool, out: &mut [f32]) {
         Arch::new().dispatch(Product { matrix: self, x, out, add, bias: None, across: true });
     }
@@ -240,20 +238,17 @@ mod tests {
             matrix.add_product(&x, &mut added);
             assert_eq!(set.len(), rows * outer);
             assert_eq!(biased, added, "[{rows}, {inner}] [{inner}, {outer}]: to a bias of one");
-            #[cfg(feature = "autodiff")]
-            {
-                let turned: Vec<f32> = (0..inner * rows).map(|i| x[i % rows * inner + i / rows]).collect();
-                let mut across = vec![1.0; rows * outer];
-                matrix.across(&turned, false, &mut across);
-                let mut twice = across.clone();
-                matrix.across(&turned, true, &mut twice);
-                assert!(twice.iter().zip(&across).all(|(a, b)| (a - 2.0 * b).abs() < 1e-5), "[{rows}, {inner}] [{inner}, {outer}]: added");
-                let turned: Vec<f32> = (0..outer * inner).map(|i| w[i % inner * outer + i / inner]).collect();
-                let mut other = Vec::new();
-                Matrix::of_transpose(inner, &turned).product(&x, None, &mut other);
-                let apart = across.iter().chain(&other).zip(set.iter().cycle()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-                assert!(apart < 1e-5, "[{rows}, {inner}] [{inner}, {outer}]: transposes, off by {apart:.1e}");
-            }
+            let turned: Vec<f32> = (0..inner * rows).map(|i| x[i % rows * inner + i / rows]).collect();
+            let mut across = vec![1.0; rows * outer];
+            matrix.across(&turned, false, &mut across);
+            let mut twice = across.clone();
+            matrix.across(&turned, true, &mut twice);
+            assert!(twice.iter().zip(&across).all(|(a, b)| (a - 2.0 * b).abs() < 1e-5), "[{rows}, {inner}] [{inner}, {outer}]: added");
+            let turned: Vec<f32> = (0..outer * inner).map(|i| w[i % inner * outer + i / inner]).collect();
+            let mut other = Vec::new();
+            Matrix::of_transpose(inner, &turned).product(&x, None, &mut other);
+            let apart = across.iter().chain(&other).zip(set.iter().cycle()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(apart < 1e-5, "[{rows}, {inner}] [{inner}, {outer}]: transposes, off by {apart:.1e}");
             for (i, (s, a)) in set.iter().zip(&added).enumerate() {
                 let (s, a) = (f64::from(*s) - exact(i), f64::from(*a) - 1.0 - exact(i));
                 assert!(s.abs() < 1e-5 && a.abs() < 1e-5, "[{rows}, {inner}] [{inner}, {outer}], entry {i}: off by {s:.1e}, added {a:.1e}");

@@ -1,11 +1,10 @@
-//! Programs on the CPU: forward for windows and for streams, and (feature `autodiff`) backward by weights and by tokens.
+//! Programs on the CPU: forward for windows and for streams, and backward by weights and by tokens.
 //!
 //! Matrices are packed into panels when weights are loaded, with the preceding norms' weights folded in (`diag(w) W`); element-wise work
 //! runs with the widest vectors the processor has. Equal to burn's to rounding (`tests/program.rs`).
 
 mod activate;
 mod attend;
-#[cfg(feature = "autodiff")]
 mod backward;
 mod cell;
 mod elementwise;
@@ -30,7 +29,6 @@ pub struct Loaded {
     folded: Vec<Vec<f32>>,
     /// By step, its matrix in panels, and the transpose of that once it is asked for.
     panels: Vec<Option<Matrix>>,
-    #[cfg(feature = "autodiff")]
     back: Vec<std::sync::OnceLock<Matrix>>,
     /// By slot, the last step that looks at it.
     ends: Vec<usize>,
@@ -48,7 +46,6 @@ pub struct Memory {
     spare: Vec<Vec<f32>>,
     attention: Attention,
     /// Gradients in panels.
-    #[cfg(feature = "autodiff")]
     slopes: Matrix,
 }
 
@@ -75,17 +72,8 @@ impl Loaded {
             .iter()
             .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }));
         let (starts, steps) = (program.starts(), program.steps.len());
-        let mut loaded = Self {
-            program,
-            flat: Vec::new(),
-            starts,
-            folded: vec![Vec::new(); steps],
-            panels: Vec::new(),
-            #[cfg(feature = "autodiff")]
-            back: Vec::new(),
-            ends,
-            mixing,
-        };
+        let mut loaded =
+            Self { program, flat: Vec::new(), starts, folded: vec![Vec::new(); steps], panels: Vec::new(), back: Vec::new(), ends, mixing };
         loaded.load(flat);
         loaded
     }
@@ -97,10 +85,7 @@ impl Loaded {
         let mut folded = std::mem::take(&mut self.folded);
         self.panels = self.program.steps.iter().zip(&mut folded).map(|(step, folded)| self.cut(step.op, folded)).collect();
         self.folded = folded;
-        #[cfg(feature = "autodiff")]
-        {
-            self.back = self.program.steps.iter().map(|_| Default::default()).collect();
-        }
+        self.back = self.program.steps.iter().map(|_| Default::default()).collect();
     }
 
     fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Option<Matrix> {

@@ -16,7 +16,6 @@ pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut V
 }
 
 /// Gradient in front of [`forward`] from the upstream one.
-#[cfg(feature = "autodiff")]
 pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx: &mut Vec<f32>) {
     dx.clear();
     dx.resize(upstream.len() / 3, 0.0);

@@ -5,22 +5,21 @@ mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use common::placed;
-use nerd_core::dynamics::Data;
-use nerd_core::state::wrap_state;
 use nerd_model::base::Base;
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, chain_program};
 use nerd_model::device::{Products, padded, program, settings, whole_program};
-use nerd_model::features::Features;
 use nerd_model::folder::Model;
 use nerd_model::form::View;
+use nerd_model::neural::Neural;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::articulated::device::{Reach, Real, record};
+use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
 
 /// Environments that mostly touch something.
 fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
@@ -35,63 +34,54 @@ fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
     (batch, torques)
 }
 
-/// Tokens, bases and next states.
-struct Told {
-    tokens: Vec<f32>,
-    bases: Vec<f64>,
-    states: Vec<f64>,
+/// A network that says what it was given, and notes its tokens.
+struct Given {
+    predictions: Vec<f32>,
+    tokens: Arc<Mutex<Vec<f32>>>,
 }
 
-/// By the library.
-fn expected(model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32]) -> Told {
-    let (system, d) = (&batch.system, batch.system.robot.state_dim());
-    let (joints, width) = (system.robot.joint_count(), padded(model.config.network.inputs));
-    let mut features = Features::new(system, model.config.form());
-    let mut draft = model.config.base.draft(system).map(|made| made.expect("a draft"));
-    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-    let mut told = Told { tokens: vec![0.0; batch.len() * width], bases: batch.states.clone(), states: batch.states.clone() };
-    for env in 0..batch.len() {
-        let (state, scene, tau) = (batch.state(env), &batch.scenes[env], &torques[env * joints..][..joints]);
-        contacts(&system.robot, scene, state, &mut data, &mut events);
-        let base = &mut told.bases[env * d..][..d];
-        if let Some(draft) = &mut draft {
-            draft.step(system, &scene.gravity, &events, tau, base).expect("drafted");
-        }
-        let token = &mut told.tokens[env * width..][..model.config.network.inputs];
-        features.token(state, base, &events, tau, &scene.gravity, token);
-        model.normalizer.inputs.normalize(token);
-        let outputs = &model.normalizer.outputs;
-        let raw = predictions[env * d..][..d].iter().zip(outputs.scale().zip(&outputs.mean));
-        let change: Vec<f64> = raw.map(|(x, (scale, mean))| f64::from(*x) * scale + mean).collect();
-        let next = &mut told.states[env * d..][..d];
-        features.apply(state, base, &change, next);
-        wrap_state(&system.robot, next);
+impl Stream for Given {
+    fn push(&mut self, tokens: &[f32], _: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        *self.tokens.lock().expect("its own thread") = tokens.to_vec();
+        out.clone_from(&self.predictions);
+        Ok(())
     }
-    told
+
+    fn clear(&mut self, _: usize) {}
 }
 
-/// By the kernels.
-fn kernels(compiler: &cpp::Compiler, name: &str, model: &Model, batch: &Batch, torques: &[f64], predictions: &[f32], real: Real) -> Told {
-    let (system, n, reach) = (&batch.system, batch.len(), Reach::of(batch));
-    let text = program(model, system, real, reach.colliders).expect("it has kernels");
-    let config = settings(model, system).expect("it has kernels").0;
-    let mut input: Vec<u8> = [n, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-    let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, system, &config, reach).expect("a scene with kernels")).collect();
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
+}
+
+/// A frame by the kernels of a text: so many tokens of so many inputs, and next states.
+fn frame(
+    compiler: &cpp::Compiler,
+    text: &str,
+    batch: &Batch,
+    config: &ArticulatedConfig,
+    torques: &[f64],
+    predictions: &[f32],
+    (rows, inputs): (usize, usize),
+) -> (Vec<f32>, Vec<f64>) {
+    let (n, reach) = (batch.len(), Reach::of(batch));
+    let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, &batch.system, config, reach).expect("it has kernels")).collect();
+    let mut input: Vec<u8> = [n as i32; 2].iter().flat_map(|x| x.to_le_bytes()).collect();
     input.extend(batch.states.iter().chain(torques).chain(&scenes).flat_map(|x| x.to_le_bytes()));
     input.extend((0..n as i32).flat_map(i32::to_le_bytes));
     input.extend(predictions.iter().flat_map(|x| x.to_le_bytes()));
-    let output = compiler.run(&text, input);
+    let output = compiler.run(text, input);
     let (faults, rest) = output.split_at(4 * n);
-    assert!(faults.iter().all(|b| *b == 0), "{name}: {faults:?}");
-    let (tokens, rest) = rest.split_at(4 * n * padded(model.config.network.inputs));
-    let doubles = |bytes: &[u8]| -> Vec<f64> { bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect() };
-    let (bases, states) = rest.split_at(rest.len() / 2);
-    let tokens = tokens.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-    Told { tokens, bases: doubles(bases), states: doubles(states) }
+    assert!(faults.iter().all(|b| *b == 0), "{faults:?}");
+    let (tokens, rest) = rest.split_at(4 * rows * padded(inputs));
+    let states = &rest[rest.len() - 8 * batch.states.len()..];
+    let tokens = tokens.chunks(4 * padded(inputs)).flat_map(|token| floats(&token[..4 * inputs])).collect();
+    (tokens, states.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect())
 }
 
-fn apart(a: impl IntoIterator<Item = f64>, b: impl IntoIterator<Item = f64>) -> f64 {
-    a.into_iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max)
+fn apart<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| ((*a).into() - (*b).into()).abs() / (1.0 + (*b).into().abs())).fold(0.0, f64::max)
 }
 
 #[test]
@@ -119,21 +109,57 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         if system.robot.floating() {
             model.normalizer.outputs.mean[6] = 1.0;
         }
-        let d = system.robot.state_dim();
-        let predictions: Vec<f32> = (0..n * d).map(|k| (k as f32 * 0.37).sin()).collect();
-        let own = expected(&model, &batch, &torques, &predictions);
+        let predictions: Vec<f32> = (0..batch.states.len()).map(|k| (k as f32 * 0.37).sin()).collect();
+        let (mut own, noted) = (batch.clone(), Arc::new(Mutex::new(Vec::new())));
+        let given = Given { predictions: predictions.clone(), tokens: noted.clone() };
+        Neural::new(model.clone(), &system, Box::new(given)).step(&mut own, &torques).expect("finite");
+        let config = settings(&model, &system).expect("it has kernels").0;
         // A cable's end is so light that 32 bits tell its rates to a hundredth.
         let single = if system.robot.sprung() { [0.1, 0.1] } else { [1e-4, 2e-4] };
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, single)] {
             let name = format!("{robot}-{scene}-{real:?}");
-            let told = kernels(&compiler, &name, &model, &batch, &torques, &predictions, real);
-            let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
-            let tokens = apart(wide(&told.tokens), wide(&own.tokens));
-            let (bases, states) = (apart(told.bases.clone(), own.bases.clone()), apart(told.states.clone(), own.states.clone()));
-            println!("{name} {base:?}: tokens {tokens:.1e}, bases {bases:.1e}, states {states:.1e} apart");
-            assert!(tokens < most[0] && bases < most[1] && states < most[1], "{name}: {tokens:e}, {bases:e}, {states:e}");
+            let text = program(&model, &system, real, Reach::of(&batch).colliders).expect("it has kernels");
+            let shape = (n, model.config.network.inputs);
+            let (tokens, states) = frame(&compiler, &text, &batch, &config, &torques, &predictions, shape);
+            let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
+            println!("{name} {base:?}: tokens {tokens:.1e}, states {states:.1e} apart");
+            assert!(tokens < most[0] && states < most[1], "{name}: {tokens:e}, {states:e}");
         }
     }
+}
+
+#[test]
+fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
+    let Some(compiler) = cpp::Compiler::find() else { return };
+    const LEADS: usize = 8;
+    let system = System::named("lead-pegs").expect("built in");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/lead-pegs");
+    let model = Model::load(folder.as_ref(), &system, None).expect("the shipped model");
+    let (chain, joints) = (Chain::of(&system).expect("a chain"), system.robot.joint_count());
+    let config = GenerateConfig { transitions: LEADS * 60, frames: 60, ..GenerateConfig::default() };
+    let mut batch = begin(&system, &config, 0, LEADS).expect("leads");
+    let torques: Vec<f64> = (0..LEADS * joints).map(|k| if k % joints < 6 { 3.0 * (k as f64).sin() } else { 0.0 }).collect();
+    let mut solver = ChainSolver::new(&model.weights, &model.normalizer, &system).expect("a solver");
+    // Until they lie on floor and pegs.
+    (0..40).for_each(|_| solver.step(&mut batch, &torques).expect("it can be stepped"));
+
+    let (mut tokens, mut said, mut memory) = (Vec::new(), Vec::new(), Memory::default());
+    let (network, rows) = (Loaded::new(model.weights.config.program(), &model.weights.flat), Vec::from_iter(0..chain.rods));
+    for env in 0..LEADS {
+        let (rods, first) = (chain.rods(batch.state(env)), tokens.len());
+        let look = Look::at(&chain, &rods, &torques[env * joints..][..joints], |place| batch.scenes[env].contact(place));
+        look.tokens(&chain, &rods, &mut tokens);
+        said.extend_from_slice(network.forward(&tokens[first..], &mut memory, Pass::Windows(chain.rods, &rows)));
+    }
+    let near = tokens.chunks(INPUTS).filter(|token| token[17] > 0.0).count();
+    let scale: [f64; OUTPUTS] = ChainSolver::scale(&model.normalizer).expect("a chain's normaliser");
+    let text = chain_program(&chain, &scale, &system, Reach::of(&batch).colliders);
+    let settings = ArticulatedConfig::implicit(1, Friction::Coulomb);
+    let (told, states) = frame(&compiler, &text, &batch, &settings, &torques, &said, (LEADS * chain.rods, INPUTS));
+    solver.step(&mut batch, &torques).expect("it can be stepped");
+    let (tokens, states) = (apart(&told, &tokens), apart(&states, &batch.states));
+    println!("{near} ends of rods near a surface: tokens {tokens:.1e}, states {states:.1e} apart");
+    assert!(near > 100 && tokens < 1e-6 && states < 1e-9, "{near} near, tokens {tokens:e}, states {states:e} apart");
 }
 
 #[test]
@@ -183,16 +209,11 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
             let full = row.iter().copied().chain(std::iter::repeat(0.0)).take(padded(c.inputs));
             input.extend(full.flat_map(f32::to_le_bytes));
         }
-        let said = compiler.run(&whole.text, input);
-        let said: Vec<f32> = said.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let said = floats(&compiler.run(&whole.text, input));
         let (network, rows) = (Loaded::new(program, &weights.flat), Vec::from_iter(0..WINDOWS * tokens));
         let wanted = network.forward(&inputs, &mut Memory::default(), Pass::Windows(tokens, &rows)).clone();
         let size = wanted.iter().fold(0.0f32, |most, x| most.max(x.abs()));
-        let off = said
-            .iter()
-            .zip(&wanted)
-            .map(|(a, b)| (a - b).abs() / size)
-            .fold(0.0f32, |most, off| if most.is_nan() || off <= most { most } else { off });
+        let off = said.iter().zip(&wanted).map(|(a, b)| (a - b).abs() / size).max_by(f32::total_cmp).unwrap_or(f32::NAN);
         println!("{name}, {products:?}: {off:.1e} off, {} threads, {} windows", whole.threads, whole.windows);
         assert!(said.len() == wanted.len() && off < most, "{name}, {products:?}: {off:e} off, {} of {} numbers", said.len(), wanted.len());
     }
