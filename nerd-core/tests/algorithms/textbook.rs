@@ -7,60 +7,48 @@ use nerd_core::prelude::*;
 
 const DOWN: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
 
-fn with_armature(urdf: &str) -> Robot {
+/// Accelerations and mass matrices against a closed form `(M, rhs)` in 1000 random states.
+fn obeys(name: &str, urdf: &str, closed: impl Fn(&[f64], &[f64], &[f64]) -> ([[f64; 2]; 2], [f64; 2])) {
     let mut robot = Robot::from_urdf(urdf, Base::fixed()).expect("a valid asset");
     robot.joints_mut().for_each(|j| j.armature = 0.01);
-    robot
-}
-
-/// Largest difference of accelerations and of mass matrices from a closed form `(M, rhs)` in 1000 random states.
-fn against(robot: &Robot, closed: impl Fn(&[f64], &[f64], &[f64]) -> ([[f64; 2]; 2], [f64; 2])) -> [f64; 2] {
-    let (mut rng, mut data, mut worst) = (Rng::seed_from_u64(0), Data::new(robot), [0.0f64; 2]);
+    let (mut rng, mut data, mut worst) = (Rng::seed_from_u64(0), Data::new(&robot), [0.0f64; 2]);
     for _ in 0..1000 {
         let (q, qd, tau) = (values(&mut rng, 2, 4.0), values(&mut rng, 2, 10.0), values(&mut rng, 2, 1500.0));
         let ([[a, b], [c, d]], [x, y]) = closed(&q, &qd, &tau);
         let det = a * d - b * c;
         let expected = [(d * x - b * y) / det, (a * y - c * x) / det];
-        let qdd = data.forward_dynamics(robot, &q, &LocalVelocity(qd), &tau, &DOWN).expect("inertia");
+        let qdd = data.forward_dynamics(&robot, &q, &LocalVelocity(qd), &tau, &DOWN).expect("inertia");
         worst[0] = worst[0].max(gap(qdd.as_slice(), &expected));
-        worst[1] = worst[1].max(gap(data.mass_matrix(robot, &q).as_slice(), &[a, c, b, d]));
+        worst[1] = worst[1].max(gap(data.mass_matrix(&robot, &q).as_slice(), &[a, c, b, d]));
     }
-    worst
+    println!("{name}: accelerations {:.1e}, mass matrix {:.1e}", worst[0], worst[1]);
+    assert!(worst.iter().all(|w| *w < 1e-13), "{name} is off by {worst:?}, allowed 1e-13");
 }
 
 #[test]
 fn cartpole_obeys_its_closed_form() {
-    let robot = with_armature(include_str!("../../assets/cartpole.urdf"));
     let (mc, mp, l, iyy, g) = (3.0, 0.4, 0.5, 0.03, 9.81);
-    let worst = against(&robot, |q, qd, tau| {
+    obeys("cartpole", include_str!("../../assets/cartpole.urdf"), |q, qd, tau| {
         let (sin, cos) = q[1].sin_cos();
         let m = [[mc + mp + 0.01, mp * l * cos], [mp * l * cos, iyy + mp * l * l + 0.01]];
         (m, [tau[0] + mp * l * sin * qd[1] * qd[1], tau[1] + mp * g * l * sin])
     });
-    println!("cartpole: accelerations {:.1e}, mass matrix {:.1e}", worst[0], worst[1]);
-    assert!(worst.iter().all(|w| *w < 1e-13), "cartpole is off by {worst:?}, allowed 1e-13");
 }
 
+/// Two equal links, angles from the horizontal: mass, length, half length, inertia about the axis at the centre.
 #[test]
 fn double_pendulum_obeys_its_closed_form() {
-    let robot = with_armature(include_str!("../../assets/pendulum.urdf"));
-    // Two equal links, angles from the horizontal: mass, length, half length, inertia about the axis at the centre.
     let (m, l, h, i, g) = (1.2, 1.0, 0.5, 0.1, 9.81);
-    let worst = against(&robot, |q, qd, tau| {
+    obeys("double pendulum", include_str!("../../assets/pendulum.urdf"), |q, qd, tau| {
         let (sin, cos) = q[1].sin_cos();
         let own = i + m * h * h;
         let both = own + m * l * h * cos;
         let mass = [[own + m * l * l + both + m * l * h * cos + 0.01, both], [both, own + 0.01]];
         let weight = m * g * h * (q[0] + q[1]).cos();
         let swing = m * l * h * sin;
-        let rhs = [
-            tau[0] + swing * qd[1] * (2.0 * qd[0] + qd[1]) - m * g * (h + l) * q[0].cos() - weight,
-            tau[1] - swing * qd[0] * qd[0] - weight,
-        ];
-        (mass, rhs)
+        let first = tau[0] + swing * qd[1] * (2.0 * qd[0] + qd[1]) - m * g * (h + l) * q[0].cos() - weight;
+        (mass, [first, tau[1] - swing * qd[0] * qd[0] - weight])
     });
-    println!("double pendulum: accelerations {:.1e}, mass matrix {:.1e}", worst[0], worst[1]);
-    assert!(worst.iter().all(|w| *w < 1e-13), "double pendulum is off by {worst:?}, allowed 1e-13");
 }
 
 #[test]

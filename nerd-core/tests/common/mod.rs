@@ -151,3 +151,16 @@ pub fn joint(name: &str, kind: &str, parent: &str, child: &str, inner: &str) -> 
 pub fn urdf(parts: &[String]) -> String {
     format!(r#"<robot name="r">{}</robot>"#, parts.concat())
 }
+
+/// What the refusal of a text says, in one line.
+pub fn refusal(text: &str, base: Base) -> String {
+    let said = Robot::from_urdf(text, base).expect_err("a refusal").to_string();
+    assert!(!said.contains('\n'), "more than one line: {said}");
+    said
+}
+
+/// The text with one change.
+pub fn changed(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "`{from}` is not in the text");
+    text.replacen(from, to, 1)
+}

@@ -10,7 +10,7 @@ fn read(text: &str) -> UrdfRobot {
 
 #[test]
 fn what_a_joint_says_is_read() {
-    let robot = read(&ARM.replacen(r#"friction="0""#, r#"friction="0.3""#, 1)).robot;
+    let robot = read(&changed(ARM, r#"friction="0""#, r#"friction="0.3""#)).robot;
     let joint = robot.joints().next().expect("one joint");
     let limit = joint.limit.expect("limited");
     assert_eq!((limit.lower, limit.upper, limit.stiffness, limit.damping), (-1.0, 1.0, 0.0, 0.0));
@@ -21,7 +21,7 @@ fn what_a_joint_says_is_read() {
 #[test]
 fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
     // A joint without limits that cannot move would be a fixed one.
-    let UrdfRobot { robot, notes, .. } = read(&ARM.replacen(r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, "", 1));
+    let UrdfRobot { robot, notes, .. } = read(&changed(ARM, r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, ""));
     assert!(robot.joints().next().is_some_and(|j| j.limit.is_none() && j.wraps()));
     assert!(notes.len() == 1 && notes[0].contains("joint `shoulder`: <limit> is missing"), "{notes:?}");
     // Links on fixed joints are frames.
@@ -29,17 +29,17 @@ fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
     assert_eq!(frames, [("base", None), ("tip", Some(0))]);
     // A fixed link that no body can be is noted, and harms nothing where the whole is sound.
     let odd = link("tip").replace(r#"mass value="1""#, r#"mass value="0""#).replace("\"1\"", "\"-1e-3\"");
-    let notes = read(&ARM.replacen(r#"<link name="tip"/>"#, &odd, 1)).notes;
+    let notes = read(&changed(ARM, r#"<link name="tip"/>"#, &odd)).notes;
     assert!(notes.iter().any(|n| n.contains("link `tip`: inertia is not positive")), "{notes:?}");
     // Real files lack mass, break the triangle inequality and round; armature comes later.
     for (from, to) in [(r#"mass value="2""#, r#"mass value="0""#), (r#"izz="1""#, r#"izz="9""#), (r#"ixz="0""#, r#"ixz="1e-20""#)] {
-        read(&ARM.replacen(from, to, 1));
+        read(&changed(ARM, from, to));
     }
 }
 
 #[test]
 fn a_joint_that_carries_no_mass_is_a_frame_where_nothing_will_be_added() {
-    let text = ARM.replacen(r#"name="weld" type="fixed""#, r#"name="weld" type="continuous""#, 1);
+    let text = changed(ARM, r#"name="weld" type="fixed""#, r#"name="weld" type="continuous""#);
     assert_eq!(read(&text).robot.joint_count(), 2, "armature may come later");
     let UrdfRobot { robot, notes, .. } = UrdfRobot::read_alone(&text, Base::fixed()).expect("a robot");
     assert_eq!((robot.joint_count(), robot.frames.iter().filter(|f| f.name == "tip").count()), (1, 1));
@@ -79,8 +79,8 @@ fn a_urdf_says_what_follows_what() {
         ([r#"<mimic joint="ja" multiplier="NaN"/>"#, ""], "not finite"),
         ([r#"<mimic joint="ja" multiplier="1e99"/>"#, ""], "absurd"),
     ] {
-        let error = Robot::from_urdf(&text(mimics), Base::fixed()).expect_err("a refusal").to_string();
-        assert!(error.contains(reason) && !error.contains('\n'), "`{error}` does not name `{reason}`");
+        let error = refusal(&text(mimics), Base::fixed());
+        assert!(error.contains(reason), "`{error}` does not name `{reason}`");
     }
 }
 
@@ -104,7 +104,7 @@ fn what_things_look_like_is_not_looked_at() {
         let robot = read(&ARM.replace("</robot>", &format!("{extra}</robot>"))).robot;
         assert_eq!((robot.mass(), robot.links[0].shapes.len()), (2.0, 1), "{extra}");
         // Before all else, too, where what a reader loses is the robot.
-        assert_eq!(read(&ARM.replacen("<link", "<material name=\"a>b\"/><link", 1)).robot.links, robot.links[..1]);
+        assert_eq!(read(&changed(ARM, "<link", "<material name=\"a>b\"/><link")).robot.links, robot.links[..1]);
     }
     let open = ARM.replace("</robot>", r#"<material name="a"></robot>"#);
     assert!(Robot::from_urdf(&open, Base::fixed()).is_err(), "an element that does not end");

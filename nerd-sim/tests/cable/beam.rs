@@ -1,9 +1,9 @@
-//! Cables against what theory says of beams and chains.
+//! Cables against what theory says of beams. Of hanging chains and of energy the stability suite asks.
 
 use nalgebra::Vector3;
 
 use super::common::*;
-use super::{accurate, cable, nodes, period};
+use super::{accurate, cable, nodes};
 
 /// The end (x, z) of a clamped beam of length 1 that bends under its own weight, `c = w L^3 / E I`: `theta'' = c (1 - s) cos theta`, clamped at
 /// s = 0, free at s = 1 (the elastica). Shooting from the clamp, by bisection.
@@ -47,33 +47,6 @@ fn a_clamped_cable_sags_as_the_elastica_says() {
     }
 }
 
-/// Bessel's J0, by its series.
-fn bessel(x: f64) -> f64 {
-    let term = |k: i32| (1..=k).fold(1.0, |t, i| -t * (0.5 * x / i as f64).powi(2));
-    (0..30).map(term).sum()
-}
-
-/// A chain that hangs swings in its first mode with `omega = j / 2 sqrt(g / L)`, j = 2.404826 the first zero of J0 (D. Bernoulli 1733).
-#[test]
-fn a_hanging_chain_swings_with_bernoullis_period() {
-    let system = cable("bending = 0.0\nlinks = 40\nheld = \"fixed\"\nalong = [0.0, 0.0, -1.0]");
-    let n = 40;
-    let place = |s: f64| 0.01 * bessel(2.404_826 * (1.0 - s).max(0.0).sqrt());
-    let slope = |k: usize| n as f64 * (place((k + 1) as f64 / n as f64) - place(k as f64 / n as f64));
-    let mut state = system.robot.zero_state();
-    // Only the first hinge of each pair turns.
-    for k in 0..n {
-        state[2 * k] = if k == 0 { slope(0) } else { slope(k) - slope(k - 1) };
-    }
-    let tip = |state: &[f64]| nodes(&system, state)[n - 1].xy();
-    let swings = motion(&mut accurate(&system, 16), at(&system, "free", &state), 0.0, 600);
-    let period = period(&system, swings.iter().map(|now| tip(now).dot(&tip(&state)) / tip(&state).norm_squared()));
-    let theory = 2.0 * std::f64::consts::PI / (0.5 * 2.404_826 * 9.81f64.sqrt());
-    println!("period {period:.5} s, theory {theory:.5} s");
-    assert!((period / theory - 1.0).abs() < 0.01, "period {period} s, theory {theory} s");
-}
-
-/// It never gains energy while it falls, which the suite asks (`falling cable`).
 #[test]
 fn a_cable_let_go_comes_to_rest_on_the_floor() {
     let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nheld = \"fixed\"\nat = [0.0, 0.0, 0.3]");

@@ -30,16 +30,3 @@ fn nodes(system: &System, state: &[f64]) -> Vec<Vector3<f64>> {
 fn accurate(system: &System, substeps: usize) -> Articulated {
     Articulated::new(ArticulatedConfig { substeps, contact_substeps: substeps, ..ArticulatedConfig::accurate(system) })
 }
-
-/// Mean period (s) of a signal over frames that crosses zero, from the first crossing to the last; there must be some.
-fn period(system: &System, signal: impl Iterator<Item = f64>) -> f64 {
-    let (mut crossings, mut before) = (Vec::new(), 1.0);
-    for (frame, now) in signal.enumerate() {
-        if now * before < 0.0 {
-            crossings.push(((frame + 1) as f64 - now / (now - before)) * system.frame_time);
-        }
-        before = now;
-    }
-    assert!(crossings.len() > 6, "{} half swings", crossings.len());
-    2.0 * (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64
-}
