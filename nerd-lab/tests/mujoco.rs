@@ -13,7 +13,7 @@ use nerd_sim::sampling::{Start, start, stream};
 
 fn text(robot: &str, scene: &str) -> String {
     let system = System::named(robot).expect("built in");
-    mjcf(&system, &system.scene(scene).expect("scene")).expect("written")
+    mjcf(&system, &system.scene(scene).expect("scene"), &[]).expect("written")
 }
 
 fn count(text: &str, what: &str) -> usize {

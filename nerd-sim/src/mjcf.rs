@@ -12,17 +12,10 @@ use crate::drive::Drive;
 use crate::scene::{Collider, Scene};
 use crate::system::System;
 
-/// Why a system cannot be written for MuJoCo.
+/// Why a system cannot be written for MuJoCo; one line.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum MjcfError {
-    /// The scene of this name holds what MuJoCo would need a mesh for.
-    #[error("scene `{0}` is more than planes, boxes and cylinders; MuJoCo would need a mesh")]
-    Scene(String),
-    /// The robot cannot be written; one line that says why.
-    #[error("{0}")]
-    Robot(String),
-}
+#[error("{0}")]
+pub struct MjcfError(String);
 
 /// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
 const WEAKEST: f64 = 1e-4;
@@ -31,33 +24,23 @@ const WEAKEST: f64 = 1e-4;
 const SCENE: &str = r#"contype="1" conaffinity="0""#;
 const ROBOT: &str = r#"contype="0" conaffinity="1""#;
 
-/// `system` in `scene` as MJCF; the integrator and the step are the caller's to set.
+/// `system` in `scene` as MJCF; the integrator and the step are the caller's to set. A drive on every joint becomes an actuator of MuJoCo's;
+/// largest velocities are left out.
 ///
 /// ```
 /// use nerd_sim::prelude::*;
 /// let system = System::named("pendulum")?;
-/// let text = nerd_sim::mjcf::mjcf(&system, &*system.scene("ground1")?)?;
+/// let text = nerd_sim::mjcf::mjcf(&system, &*system.scene("ground1")?, &[])?;
 /// assert!(text.starts_with("<mujoco"));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
-/// [`MjcfError::Scene`] if the scene is more than planes, boxes and cylinders, [`MjcfError::Robot`] if its mass matrix is none.
-pub fn mjcf(system: &System, scene: &Scene) -> Result<String, MjcfError> {
-    driven(system, scene, &[])
-}
-
-/// The same with a drive on every joint, as actuators of MuJoCo's; none if there are none. Largest velocities are left out.
-///
-/// # Errors
-/// As [`mjcf`].
-pub fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
+/// If the scene is more than planes, boxes and cylinders, or the robot's mass matrix is none.
+pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
     let robot = &system.robot;
     if let Some(joint) = robot.follower() {
-        return Err(MjcfError::Robot(format!(
-            "joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about",
-            joint.name
-        )));
+        return Err(MjcfError(format!("joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about", joint.name)));
     }
     // A standing robot must not creep: by default MuJoCo's friction is as soft as its contacts.
     let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
@@ -67,7 +50,9 @@ pub fn driven(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String
         numbers(scene.gravity.as_slice())
     );
     for collider in &scene.colliders {
-        let (kind, size, place) = geom(collider).ok_or_else(|| MjcfError::Scene(scene.name.clone()))?;
+        let (kind, size, place) = geom(collider).ok_or_else(|| {
+            MjcfError(format!("scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh", scene.name))
+        })?;
         // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's have none.
         let friction = collider.material.mean(&system.spec.material).friction;
         text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} friction=\"{friction}\" {SCENE}/>\n", pose(&place));
@@ -194,7 +179,7 @@ fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
     kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
     crba(robot, &mut data);
     if !factor.refill(&data.mass) {
-        return Err(MjcfError::Robot(factor.fault(robot)));
+        return Err(MjcfError(factor.fault(robot)));
     }
     let column = |i: usize| {
         let mut x = vec![0.0; robot.nv()];

@@ -14,15 +14,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::batch::Batch;
+use crate::files::FileError;
 use crate::scene::Scene;
 use crate::solver::{Solver, StepError};
 use crate::system::System;
-use crate::table::{Table, TableError};
+use crate::table::{Table, twice};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.
 pub const FRAMES: usize = 1_000_000;
@@ -31,21 +32,9 @@ pub const FRAMES: usize = 1_000_000;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RolloutError {
-    /// The table cannot be read.
+    /// The table cannot be read, or does not drive its robot in every frame.
     #[error(transparent)]
-    Table(#[from] TableError),
-    /// The table drives its robot, but not in every frame that is asked for.
-    #[error("{}: trajectory {trajectory} has no torques at step {step}, {frames} steps were asked for", path.display())]
-    Torques {
-        /// The table.
-        path: PathBuf,
-        /// Trajectory.
-        trajectory: u64,
-        /// Its first step without torques.
-        step: usize,
-        /// Frames asked for.
-        frames: usize,
-    },
+    Table(#[from] FileError),
     /// The solver's.
     #[error(transparent)]
     Step(#[from] StepError),
@@ -83,10 +72,7 @@ impl Trajectory {
 
 impl States {
     /// Reads a table of `system`.
-    ///
-    /// # Errors
-    /// What is wrong in it, with line and column.
-    pub fn read(path: &Path, system: &System) -> Result<Self, TableError> {
+    pub fn read(path: &Path, system: &System) -> Result<Self, FileError> {
         let mut table = Table::open(path)?;
         let columns = Columns::find(&table, system)?;
         let mut trajectories: BTreeMap<u64, Trajectory> = BTreeMap::new();
@@ -126,14 +112,12 @@ impl States {
         self.trajectories.values().map(|t| t.steps.len()).sum()
     }
 
-    /// Whether a table that drives its robot does so in each of `frames` frames.
-    ///
-    /// # Errors
-    /// [`RolloutError::Torques`].
-    pub fn check(&self, frames: usize) -> Result<(), RolloutError> {
-        for (&trajectory, t) in self.trajectories.iter().filter(|_| self.driven) {
+    /// Refuses a table that drives its robot, but not in each of `frames` frames.
+    pub fn check(&self, frames: usize) -> Result<(), FileError> {
+        for (trajectory, t) in self.trajectories.iter().filter(|_| self.driven) {
             if let Some(step) = (0..frames).find(|step| t.torques(*step).is_none()) {
-                return Err(RolloutError::Torques { path: self.path.clone(), trajectory, step, frames });
+                let text = format!("trajectory {trajectory} has no torques at step {step}, {frames} steps were asked for");
+                return Err(FileError::new(&self.path, text));
             }
         }
         Ok(())
@@ -141,9 +125,6 @@ impl States {
 
     /// Rolls all trajectories out in `scene`, one environment each by id, and returns the table of their states: `traj, step`
     /// and the state, steps 0 to `frames`, with as many digits as an f64 takes. `progress` receives the frames done.
-    ///
-    /// # Errors
-    /// [`Self::check`]'s, and the solver's.
     pub fn roll(
         &self,
         system: &Arc<System>,
@@ -189,7 +170,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn find(table: &Table, system: &System) -> Result<Self, TableError> {
+    fn find(table: &Table, system: &System) -> Result<Self, FileError> {
         let (states, torques) = (&system.spec.state_columns, &system.spec.torque_columns);
         let wanted: Vec<&str> = ["traj", "step"].into_iter().chain(states.iter().chain(torques).map(String::as_str)).collect();
         if let Some(name) = twice(wanted.iter().copied()) {
@@ -198,7 +179,7 @@ impl Columns {
                 format!("robot `{robot}` has two columns `{name}`: give its joints other names in tables, `column = ..` in its TOML");
             return Err(table.wrong(reason));
         }
-        let there: Vec<&str> = table.names().iter().map(String::as_str).collect();
+        let there: Vec<&str> = table.names.iter().map(String::as_str).collect();
         if let Some(name) = twice(there.iter().copied().filter(|name| !name.is_empty())) {
             return Err(table.wrong(format!("line 1: column `{name}` appears twice")));
         }
@@ -219,10 +200,4 @@ impl Columns {
             torques: if driven { torques.iter().map(|name| needed(name)).collect::<Result<_, _>>()? } else { Vec::new() },
         })
     }
-}
-
-/// A name that comes a second time.
-fn twice<'a>(names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let mut seen = BTreeSet::new();
-    names.into_iter().find(|name| !seen.insert(*name))
 }

@@ -1,76 +1,45 @@
 //! CSV files whose columns are found by name, in any order. Errors name file, line and column.
 
+use std::collections::HashSet;
 use std::fs::File;
+use std::hash::Hash;
 use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
 
+use crate::files::FileError;
+
 /// How far a quaternion's length may be from 1: digits are cut in files.
 const UNIT: f64 = 1e-3;
-
-/// Why a table cannot be read; one line.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TableError {
-    /// There is no such file, or none that may be read.
-    #[error("{}: cannot read it: {source}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: csv::Error,
-    },
-    /// It is no CSV.
-    #[error("{}: {source}", path.display())]
-    Csv {
-        /// The file.
-        path: PathBuf,
-        /// Where it ends to be one.
-        source: csv::Error,
-    },
-    /// It does not hold what is needed.
-    #[error("{}: {reason}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is missing, or wrong, with its line if it has one.
-        reason: String,
-    },
-}
 
 /// An open table.
 pub(crate) struct Table {
     path: PathBuf,
-    names: Vec<String>,
+    pub names: Vec<String>,
     reader: csv::Reader<File>,
 }
 
 impl Table {
-    pub fn open(path: &Path) -> Result<Self, TableError> {
-        let mut reader = csv::Reader::from_path(path).map_err(|source| TableError::File { path: path.into(), source })?;
-        let header = reader.headers().map_err(|source| TableError::Csv { path: path.into(), source })?;
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let mut reader = csv::Reader::from_path(path).map_err(|e| FileError::new(path, format!("cannot read it: {e}")))?;
+        let header = reader.headers().map_err(|e| FileError::new(path, e))?;
         Ok(Self { path: path.into(), names: header.iter().map(|name| name.trim().to_string()).collect(), reader })
     }
 
-    /// The columns' names.
-    pub fn names(&self) -> &[String] {
-        &self.names
-    }
-
     /// Positions of these columns.
-    pub fn columns(&self, wanted: &[&str]) -> Result<Vec<usize>, TableError> {
-        let at = |name: &&str| self.names.iter().position(|n| n == name).ok_or_else(|| self.wrong(format!("no column `{name}`")));
+    pub fn columns(&self, wanted: &[String]) -> Result<Vec<usize>, FileError> {
+        let at = |name: &String| self.names.iter().position(|n| n == name).ok_or_else(|| self.wrong(format!("no column `{name}`")));
         wanted.iter().map(at).collect()
     }
 
-    pub fn wrong(&self, reason: String) -> TableError {
-        TableError::Content { path: self.path.clone(), reason }
+    pub fn wrong(&self, reason: String) -> FileError {
+        FileError::new(&self.path, reason)
     }
 
     /// Hands every row to `take`.
-    pub fn rows(&mut self, mut take: impl FnMut(&Row) -> Result<(), TableError>) -> Result<(), TableError> {
+    pub fn rows(&mut self, mut take: impl FnMut(&Row) -> Result<(), FileError>) -> Result<(), FileError> {
         for record in self.reader.records() {
-            let record = record.map_err(|source| TableError::Csv { path: self.path.clone(), source })?;
+            let record = record.map_err(|e| FileError::new(&self.path, e))?;
             let line = record.position().map_or(0, csv::Position::line);
             take(&Row { line, path: &self.path, names: &self.names, record: &record })?;
         }
@@ -92,28 +61,28 @@ impl Row<'_> {
     }
 
     /// An error of this row; `reason` goes on behind the number of the line.
-    pub fn wrong(&self, reason: &str) -> TableError {
-        TableError::Content { path: self.path.into(), reason: format!("line {}{reason}", self.line) }
+    pub fn wrong(&self, reason: &str) -> FileError {
+        FileError::new(self.path, format!("line {}{reason}", self.line))
     }
 
-    fn no(&self, column: usize, what: &str) -> TableError {
+    fn no(&self, column: usize, what: &str) -> FileError {
         self.wrong(&format!(", column `{}`: `{}` is not a {what}", self.names[column], self.cell(column)))
     }
 
     /// A whole number of at most `most`.
-    pub fn whole(&self, column: usize, most: u64) -> Result<u64, TableError> {
+    pub fn whole(&self, column: usize, most: u64) -> Result<u64, FileError> {
         let number = self.cell(column).parse().ok().filter(|n| *n <= most);
         number.ok_or_else(|| self.no(column, &format!("whole number from 0 to {most}")))
     }
 
     /// Finite numbers.
-    pub fn numbers(&self, columns: &[usize]) -> Result<Vec<f64>, TableError> {
+    pub fn numbers(&self, columns: &[usize]) -> Result<Vec<f64>, FileError> {
         let number = |&c: &usize| self.cell(c).parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| self.no(c, "finite number"));
         columns.iter().map(number).collect()
     }
 
     /// Refuses a quaternion that is none of a rotation.
-    pub fn unit(&self, columns: &[usize], quaternion: &[f64]) -> Result<(), TableError> {
+    pub fn unit(&self, columns: &[usize], quaternion: &[f64]) -> Result<(), FileError> {
         let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
         if (length - 1.0).abs() <= UNIT {
             return Ok(());
@@ -121,4 +90,10 @@ impl Row<'_> {
         let names: Vec<&str> = columns.iter().map(|&c| self.names[c].as_str()).collect();
         Err(self.wrong(&format!(", columns {}: a quaternion of length {length:.6}, 1 is needed", names.join(", "))))
     }
+}
+
+/// The first name that comes a second time.
+pub(crate) fn twice<T: Copy + Eq + Hash>(names: impl IntoIterator<Item = T>) -> Option<T> {
+    let mut seen = HashSet::new();
+    names.into_iter().find(|name| !seen.insert(*name))
 }

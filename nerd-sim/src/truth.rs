@@ -5,9 +5,9 @@ use crate::articulated::{Articulated, ArticulatedConfig, Friction};
 use crate::rapier::{Rapier, RapierConfig};
 use crate::solver::Solver;
 use crate::system::System;
+pub use crate::system::truth::Truth;
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};
-pub use crate::system::truth::{Truth, UnknownTruth};
 
 impl Truth {
     /// The solver itself.

@@ -34,77 +34,72 @@ pub struct Varied {
 
 /// A system with numbers drawn from the ranges of its `[vary]`; itself, where it has none.
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> Varied {
-    let Some(vary) = &system.spec.vary else { return Varied { system: system.clone(), drawn: Vec::new() } };
-    let (mut own, mut drawn) = ((**system).clone(), Vec::new());
-    let mut draw = |range: &Range| {
-        let value = range.draw(rng);
-        drawn.push(value);
-        value
-    };
-    for link in &mut own.robot.links {
-        let body = &mut link.inertia;
-        if let Some(factor) = vary.mass.as_ref().map(&mut draw) {
-            body.mass *= factor;
-            body.inertia *= factor;
-        }
-        if let Some(factor) = vary.inertia.as_ref().map(&mut draw) {
-            body.inertia *= factor;
-        }
-        if let Some(range) = &vary.com {
-            body.com.iter_mut().for_each(|x| *x += draw(range));
-        }
-    }
-    let friction = vary.friction.as_ref().map(&mut draw);
-    let stiffness = vary.stiffness.as_ref().map(&mut draw);
-    let scenes = own.spec.scenes.iter_mut().filter_map(|s| s.material.as_mut());
-    for material in scenes.chain([&mut own.spec.material]) {
-        material.friction = friction.unwrap_or(material.friction);
-        material.stiffness *= stiffness.unwrap_or(1.0);
-        material.damping *= stiffness.unwrap_or(1.0);
-    }
-    if let Some(size) = vary.gravity.as_ref().map(&mut draw) {
-        own.spec.gravity = (own.gravity().normalize() * size).into();
-    }
-    for (joint, said) in own.robot.joints_mut().zip(&mut own.spec.joints) {
-        if let Some(factor) = vary.gain.as_ref().map(&mut draw) {
-            said.kp *= factor;
-            said.kd *= factor;
-        }
-        if let Some(factor) = vary.joint_damping.as_ref().map(&mut draw) {
-            joint.damping *= factor;
-            joint.friction *= factor;
-        }
-        if let Some(more) = vary.armature.as_ref().map(&mut draw) {
-            joint.armature += more;
-        }
-    }
-    Varied { system: Arc::new(own), drawn }
+    let mut drawn = Vec::new();
+    let varied = varied(system, &mut |_, _, range| {
+        drawn.push(range.draw(rng));
+        drawn[drawn.len() - 1]
+    });
+    Varied { system: varied.map_or_else(|| system.clone(), Arc::new), drawn }
 }
 
 /// Names of what [`draw`] draws, in order: `mass:LINK`, `friction`, `gain:JOINT`.
 pub fn columns(system: &System) -> Vec<String> {
-    let Some(vary) = &system.spec.vary else { return Vec::new() };
     let mut names = Vec::new();
-    for link in &system.robot.links {
-        names.extend(vary.mass.map(|_| format!("mass:{}", link.name)));
-        names.extend(vary.inertia.map(|_| format!("inertia:{}", link.name)));
-        names.extend(vary.com.iter().flat_map(|_| ["x", "y", "z"]).map(|axis| format!("com.{axis}:{}", link.name)));
-    }
-    names.extend(vary.friction.map(|_| "friction".into()));
-    names.extend(vary.stiffness.map(|_| "stiffness".into()));
-    names.extend(vary.gravity.map(|_| "gravity".into()));
-    for joint in system.robot.joints() {
-        names.extend(vary.gain.map(|_| format!("gain:{}", joint.name)));
-        names.extend(vary.joint_damping.map(|_| format!("joint_damping:{}", joint.name)));
-        names.extend(vary.armature.map(|_| format!("armature:{}", joint.name)));
-    }
+    varied(system, &mut |what, whose, range| {
+        names.push(if whose.is_empty() { what.into() } else { format!("{what}:{whose}") });
+        range.low
+    });
     names
 }
 
+/// A system with the numbers that `take` gives for each range of its `[vary]`, if it has one: what it is of, whose, and the range.
+fn varied(system: &System, take: &mut dyn FnMut(&str, &str, &Range) -> f64) -> Option<System> {
+    let vary = system.spec.vary.as_ref()?;
+    let mut own = system.clone();
+    let mut take = |what: &str, whose: &str, range: &Option<Range>| range.as_ref().map(|range| take(what, whose, range));
+    for link in &mut own.robot.links {
+        let body = &mut link.inertia;
+        if let Some(factor) = take("mass", &link.name, &vary.mass) {
+            body.mass *= factor;
+            body.inertia *= factor;
+        }
+        if let Some(factor) = take("inertia", &link.name, &vary.inertia) {
+            body.inertia *= factor;
+        }
+        for (x, what) in body.com.iter_mut().zip(["com.x", "com.y", "com.z"]) {
+            if let Some(shift) = take(what, &link.name, &vary.com) {
+                *x += shift;
+            }
+        }
+    }
+    let friction = take("friction", "", &vary.friction);
+    let stiffness = take("stiffness", "", &vary.stiffness).unwrap_or(1.0);
+    let scenes = own.spec.scenes.iter_mut().filter_map(|s| s.material.as_mut());
+    for material in scenes.chain([&mut own.spec.material]) {
+        material.friction = friction.unwrap_or(material.friction);
+        material.stiffness *= stiffness;
+        material.damping *= stiffness;
+    }
+    if let Some(size) = take("gravity", "", &vary.gravity) {
+        own.spec.gravity = (own.gravity().normalize() * size).into();
+    }
+    for (joint, spec) in own.robot.joints_mut().zip(&mut own.spec.joints) {
+        if let Some(factor) = take("gain", &joint.name, &vary.gain) {
+            spec.kp *= factor;
+            spec.kd *= factor;
+        }
+        if let Some(factor) = take("joint_damping", &joint.name, &vary.joint_damping) {
+            joint.damping *= factor;
+            joint.friction *= factor;
+        }
+        if let Some(more) = take("armature", &joint.name, &vary.armature) {
+            joint.armature += more;
+        }
+    }
+    Some(own)
+}
+
 /// `n` environments in the scene of this name, each with numbers of its own; as many robots as one where there is no `[vary]`.
-///
-/// # Errors
-/// If there is no such scene.
 pub fn batch(system: &Arc<System>, scene: &str, n: usize, seed: u64) -> Result<Batch, SystemError> {
     let mut batch = Batch::new(system, &system.scene(scene)?, n);
     if system.spec.vary.is_some() {

@@ -6,7 +6,6 @@ use nerd_model::folder::ModelError;
 use nerd_model::pick::PickError;
 use nerd_sim::dataset::DatasetError;
 use nerd_sim::prelude::{StepError, SystemError};
-use nerd_sim::truth::UnknownTruth;
 use nerd_tasks::TaskError;
 
 /// One line that says what, where and what to do.
@@ -70,6 +69,6 @@ macro_rules! part {
 }
 pub(crate) use part;
 
-part!(SystemError, StepError, ModelError, UnknownTruth, PickError, TaskError, DatasetError);
+part!(SystemError, StepError, ModelError, PickError, TaskError, DatasetError);
 #[cfg(feature = "cuda")]
 part!(nerd_cuda::DeviceError);

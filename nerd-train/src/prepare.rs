@@ -39,7 +39,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
                 Some(flight) => {
                     let scenes = vec![Arc::new(Scene::free(gravity)); f];
                     let flown = flight.step(&states[..f * d], &scenes, torques);
-                    flown.map_err(|source| DatasetError::Step { first: trajectory as u64, source })?
+                    flown.map_err(|error| DatasetError::Step(trajectory as u64, error))?
                 }
             };
             for frame in 0..f {
@@ -56,7 +56,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
                 features.token(state, base, &events, torques, &gravity, x);
                 features.target(state, base, next, y);
             }
-            Ok(())
+            Ok::<_, DatasetError>(())
         },
     )?;
     Ok(Windows { inputs, outputs: d, frames: f, history, x, y })
@@ -167,7 +167,7 @@ pub(crate) fn opened<T: Send>(
     read: impl Fn(&Manifest, &str) -> Result<T, DatasetError> + Sync,
 ) -> Result<(Manifest, Vec<T>), DatasetError> {
     let manifest = Manifest::read(folder)?;
-    manifest.check(system, truth).map_err(|reason| DatasetError::Format { path: folder.join("manifest.json"), reason })?;
+    manifest.check(folder, system, truth)?;
     let shards = manifest.shards.par_iter().map(|name| read(&manifest, name)).collect::<Result<_, _>>()?;
     Ok((manifest, shards))
 }

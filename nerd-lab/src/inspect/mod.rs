@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_model::base::Base;
-use nerd_sim::dataset::{DatasetError, Manifest, Recording};
+use nerd_sim::dataset::{Manifest, Recording};
 use nerd_sim::prelude::*;
 use nerd_train::bounds::figures;
 use nerd_train::prepare::tokens;
@@ -54,7 +54,7 @@ impl Inspection {
     /// Looks through the data of `system` in a folder; trajectories that are not finite or go beyond `bound` are left out and
     /// counted.
     pub fn of(folder: &Path, manifest: &Manifest, system: &Arc<System>, bound: f64) -> Result<Self> {
-        manifest.check(system, &manifest.truth).map_err(|reason| DatasetError::Format { path: folder.into(), reason })?;
+        manifest.check(folder, system, &manifest.truth)?;
         let ((mut kinds, places), mut counts) = (columns::columns(system), Counts::default());
         let (mut hashes, mut held, points) = (Vec::new(), (0, manifest.frames), &system.robot.contact_points);
         let bar = bar("shards", manifest.shards.len() as u64);

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_core::robot::Robot;
-use nerd_sim::mjcf::driven;
+use nerd_sim::mjcf::mjcf;
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -117,7 +117,7 @@ impl Referee {
             masses: own.robot.links.iter().map(|l| l.inertia.mass).collect(),
             friction: scene.colliders.first().map_or(0.0, |c| c.material.mean(&own.spec.material).friction),
         });
-        let mjcf = driven(system, batch.scenes.first().unwrap_or(&free), first)?;
+        let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
         let request = Request { mjcf, frame_time: system.frame_time, frames, starts, numbers: numbers.collect() };
         let mut python = Python::start(python, script, "MuJoCo")?;
         let Version { version } = python.ask(&request)?;

@@ -4,8 +4,7 @@
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
-use super::error::CalibrateError;
-use super::parameter::Parameter;
+use super::parameter::{CalibrateError, Parameter};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
 
@@ -109,9 +108,6 @@ impl Search<'_> {
 
 impl Subject {
     /// Fits parameters to trials; `progress` receives evaluations done and the best objective so far.
-    ///
-    /// # Errors
-    /// No trials; a parameter that the engine does not have.
     pub fn fit(
         &self,
         parameters: &[Parameter],
@@ -137,35 +133,13 @@ impl Subject {
             }
         }
         let rest = config.evaluations.saturating_sub(done);
-        self.refine(parameters, &fine, FitConfig { evaluations: rest, ..config }, &best.1, &mut |own, worth| progress(done + own, worth))
-    }
-
-    /// The fine search alone, from values that were found before, for example with fewer substeps.
-    ///
-    /// # Errors
-    /// As [`Self::fit`].
-    pub fn refine(
-        &self,
-        parameters: &[Parameter],
-        trials: &[Trial],
-        config: FitConfig,
-        from: &[f64],
-        progress: &mut dyn FnMut(usize, f64),
-    ) -> Result<Fit, CalibrateError> {
-        if trials.is_empty() {
-            return Err(CalibrateError::Empty);
-        }
-        let fine = thinned(trials, config.trials);
         let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
-        let (_, values) = search.run(from, STEPS[1], config.evaluations, config.seed, progress)?;
+        let (_, values) = search.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
         let (objective, after) = search.worth(&values)?;
         Ok(Fit { values, objective, before: search.unit, after })
     }
 
     /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.
-    ///
-    /// # Errors
-    /// A parameter that the engine does not have.
     pub fn profiles(
         &self,
         parameters: &[Parameter],

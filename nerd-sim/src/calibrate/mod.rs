@@ -15,14 +15,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod error;
 mod fit;
 mod parameter;
 mod subject;
 mod trial;
 
-pub use error::CalibrateError;
 pub use fit::{Fit, FitConfig, thinned};
-pub use parameter::Parameter;
+pub use parameter::{CalibrateError, Parameter};
 pub use subject::{Engine, Subject};
 pub use trial::{Distance, Trial, distance, mean};

@@ -2,9 +2,39 @@
 
 use nalgebra::Vector3;
 
-use super::error::CalibrateError;
 use crate::scene::GRAVITY;
-use crate::system::System;
+use crate::solver::StepError;
+use crate::system::{System, SystemError};
+
+/// Why nothing can be fitted; one line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrateError {
+    /// A parameter that there is not, or that has nothing to act on.
+    #[error("{0}")]
+    Parameter(String),
+    /// A scene that there is not.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// A step of the solver.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// Nothing to fit to.
+    #[error("no trials to fit to")]
+    Empty,
+}
+
+impl CalibrateError {
+    pub(super) fn idle(name: &str) -> Self {
+        Self::Parameter(format!(
+            "parameter `{name}` has nothing to act on: no gravity, no mass, or no plane of the scene's own; leave it out"
+        ))
+    }
+
+    pub(super) fn foreign(name: &str) -> Self {
+        Self::Parameter(format!("parameter `{name}` means nothing to this solver; leave it out"))
+    }
+}
 
 /// One parameter: name, value without a fit, bounds.
 ///
@@ -61,8 +91,15 @@ pub(super) enum What {
     JointFriction(usize),
 }
 
+impl What {
+    /// Whether rapier has no such number.
+    pub(super) fn articulated(self) -> bool {
+        matches!(self, Self::Rounding | Self::Stiffness | Self::Damping | Self::FrictionDamping | Self::JointFriction(_))
+    }
+}
+
 /// Names without a link or joint.
-const PLAIN: [&str; 11] = [
+const PLAIN: [&str; 12] = [
     "friction",
     "stiffness",
     "damping",
@@ -73,31 +110,25 @@ const PLAIN: [&str; 11] = [
     "gravity",
     "height",
     "lag",
-    "tilt.x, tilt.y",
+    "tilt.x",
+    "tilt.y",
 ];
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's own values and size.
-    ///
-    /// # Errors
-    /// If there is none of this name.
     pub fn named(system: &System, name: &str) -> Result<Self, CalibrateError> {
         let (head, of) = name.split_once(':').map_or((name, None), |(head, of)| (head, Some(of)));
-        let plain = PLAIN.iter().any(|names| names.split(", ").any(|known| known == head));
+        let plain = PLAIN.contains(&head);
         let robot = &system.robot;
         let unknown = || {
             let links: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
             let joints: Vec<&str> = robot.joints().map(|j| j.name.as_str()).collect();
             let joints =
                 if joints.is_empty() { String::new() } else { format!("; joint-damping, joint-friction:JOINT of {}", joints.join(", ")) };
-            CalibrateError::Parameter(
-                name.into(),
-                format!(
-                    "{}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {}{joints}",
-                    PLAIN.join(", "),
-                    links.join(", ")
-                ),
-            )
+            let (plain, links) = (PLAIN.join(", "), links.join(", "));
+            CalibrateError::Parameter(format!(
+                "no parameter `{name}`: choose from {plain}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{joints}"
+            ))
         };
         let link = || match of {
             Some(of) => robot.link(of).map_err(|_| unknown()),
@@ -110,13 +141,12 @@ impl Parameter {
         let g = system.gravity().norm();
         let (what, nominal, low, high, logarithmic, unit) = match head {
             _ if plain && of.is_some() => return Err(unknown()),
-            "gravity" | "lag" if g == 0.0 => return Err(CalibrateError::Nothing(name.into())),
-            "mass" if robot.links[link()?].inertia.mass <= 0.0 => return Err(CalibrateError::Nothing(name.into())),
+            "gravity" | "lag" if g == 0.0 => return Err(CalibrateError::idle(name)),
+            "mass" if robot.links[link()?].inertia.mass <= 0.0 => return Err(CalibrateError::idle(name)),
             "mass" => ratio(What::Mass(link()?), robot.links[link()?].inertia.mass, 3.0, "kg"),
             "com.x" | "com.y" | "com.z" => {
-                let axis = axis(head);
-                let at = robot.links[link()?].inertia.com[axis];
-                (What::Com(link()?, axis), at, at - 0.2 * size, at + 0.2 * size, false, "m")
+                let at = robot.links[link()?].inertia.com[axis(head)];
+                (What::Com(link()?, axis(head)), at, at - 0.2 * size, at + 0.2 * size, false, "m")
             }
             "spread.x" | "spread.y" | "spread.z" => ratio(What::Spread(link()?, axis(head)), 1.0, 3.0, "1"),
             "size" => (What::Size, 1.0, 0.9, 1.1, false, "1"),
@@ -129,8 +159,7 @@ impl Parameter {
             "restitution" => (What::Restitution, 0.0, 0.0, 0.8, false, "1"),
             "gravity" => (What::Gravity, g, 0.9 * g, 1.1 * g, false, "m/s^2"),
             "height" => (What::Height, 0.0, -0.05 * size, 0.05 * size, false, "m"),
-            "tilt.x" => (What::Tilt(0), 0.0, -0.05, 0.05, false, "rad"),
-            "tilt.y" => (What::Tilt(1), 0.0, -0.05, 0.05, false, "rad"),
+            "tilt.x" | "tilt.y" => (What::Tilt(axis(head)), 0.0, -0.05, 0.05, false, "rad"),
             "lag" => (What::Lag, 0.0, -1.0, 1.0, false, "1"),
             // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
             "joint-damping" => {
@@ -151,9 +180,6 @@ impl Parameter {
     /// What data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia, masses of
     /// links against that of the root, contact, gravity's size and the robot's (in the log's own metres), the lag, the ground's tilt, and
     /// what brakes joints.
-    ///
-    /// # Errors
-    /// None: every name is one of the robot's own.
     pub fn usual(system: &System, scene: &str, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
         let mut names: Vec<String> = Vec::new();
         for (k, link) in system.robot.links.iter().enumerate() {

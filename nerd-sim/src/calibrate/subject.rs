@@ -4,13 +4,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::error::CalibrateError;
-use super::parameter::{Parameter, What, round};
+use super::parameter::{CalibrateError, Parameter, What, round};
 use crate::articulated::{Articulated, ArticulatedConfig};
-#[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
-use crate::scene::PlaneSpec;
-use crate::scene::Scene;
+use crate::scene::{PlaneSpec, Scene};
 use crate::solver::Solver;
 use crate::system::System;
 
@@ -21,7 +18,6 @@ pub enum Engine {
     /// `articulated`.
     Articulated(ArticulatedConfig),
     /// rapier.
-    #[cfg(feature = "rapier")]
     Rapier(RapierConfig),
 }
 
@@ -30,7 +26,6 @@ impl Engine {
     pub fn solver(&self) -> Box<dyn Solver> {
         match *self {
             Self::Articulated(config) => Box::new(Articulated::new(config)),
-            #[cfg(feature = "rapier")]
             Self::Rapier(config) => Box::new(Rapier::new(config)),
         }
     }
@@ -51,9 +46,6 @@ pub struct Subject {
 
 impl Subject {
     /// A robot as its files have it.
-    ///
-    /// # Errors
-    /// If it has no such scene.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
         // A draft uses the material of the robot's data scene, which is the scene of the measurements.
         let mut own = (**system).clone();
@@ -62,9 +54,6 @@ impl Subject {
     }
 
     /// The same with these values of the parameters.
-    ///
-    /// # Errors
-    /// A parameter that the engine does not have.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
         // Before everything that is in metres.
@@ -98,39 +87,27 @@ impl Subject {
                     let g = system.gravity();
                     system.spec.gravity = (g * (value / g.norm())).into();
                 }
-                What::Height | What::Tilt(_) => {}
+                What::Height => self.plane(&mut system, p)?.height += value,
+                What::Tilt(axis) => self.plane(&mut system, p)?.angles[axis] += value,
                 What::Lag => lag = value,
                 What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
                 What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
-                #[cfg(feature = "rapier")]
                 What::Restitution => match &mut engine {
                     Engine::Rapier(config) => config.restitution = value,
-                    Engine::Articulated(_) => return Err(CalibrateError::Engine(p.name.clone())),
+                    Engine::Articulated(_) => return Err(CalibrateError::foreign(&p.name)),
                 },
-                #[cfg(not(feature = "rapier"))]
-                What::Restitution => return Err(CalibrateError::Engine(p.name.clone())),
             }
-            #[cfg(feature = "rapier")]
-            if matches!(
-                (engine, p.what),
-                (Engine::Rapier(_), What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping | What::JointFriction(_))
-            ) {
-                return Err(CalibrateError::Engine(p.name.clone()));
-            }
-        }
-        for (p, &value) in parameters.iter().zip(values) {
-            let change: fn(&mut PlaneSpec, f64) = match p.what {
-                What::Height => |plane, x| plane.height += x,
-                What::Tilt(0) => |plane, x| plane.angles[0] += x,
-                What::Tilt(_) => |plane, x| plane.angles[1] += x,
-                _ => continue,
-            };
-            match system.spec.scenes.iter_mut().find(|s| s.name == self.scene.name) {
-                Some(scene) => change(&mut scene.plane, value),
-                None => return Err(CalibrateError::Nothing(p.name.clone())),
+            if matches!(engine, Engine::Rapier(_)) && p.what.articulated() {
+                return Err(CalibrateError::foreign(&p.name));
             }
         }
         let system = Arc::new(system);
         Ok(Self { scene: system.scene(&self.scene.name)?, system, engine, lag })
+    }
+
+    /// The plane of a system's own scene that a parameter moves.
+    fn plane<'a>(&self, system: &'a mut System, p: &Parameter) -> Result<&'a mut PlaneSpec, CalibrateError> {
+        let own = system.spec.scenes.iter_mut().find(|s| s.name == self.scene.name);
+        own.map(|scene| &mut scene.plane).ok_or_else(|| CalibrateError::idle(&p.name))
     }
 }

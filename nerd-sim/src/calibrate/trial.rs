@@ -4,7 +4,7 @@ use nerd_core::dynamics::{Data, to_local, to_world};
 use nerd_core::state::{quaternion, vector};
 use rayon::prelude::*;
 
-use super::error::CalibrateError;
+use super::parameter::CalibrateError;
 use super::subject::Subject;
 use crate::batch::Batch;
 use crate::log::{Log, Trajectory, turned};
@@ -58,9 +58,7 @@ impl Log {
 impl Subject {
     /// Rolls every trial out, in as many threads as there are: coordinates of every frame. A rollout that the solver cannot finish
     /// stays where it is from there on.
-    ///
-    /// # Errors
-    /// What the solver says if it cannot step any of them once.
+    /// Fails if none can be stepped once.
     pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
         let nq = self.system.robot.nq();
         let begin = || (self.engine.solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
@@ -109,9 +107,6 @@ impl Subject {
     }
 
     /// Distance of every trial from its rollout.
-    ///
-    /// # Errors
-    /// As [`Self::roll`].
     pub fn distances(&self, trials: &[Trial]) -> Result<Vec<Distance>, CalibrateError> {
         let motions = self.roll(trials)?;
         Ok(motions.iter().zip(trials).map(|(motion, trial)| distance(&self.system, motion, &trial.measured)).collect())

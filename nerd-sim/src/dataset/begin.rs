@@ -5,10 +5,9 @@ use std::sync::Arc;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::drive::Drive;
-use super::pilot::Act;
-use super::smooth::Smooth;
-use super::{DatasetError, GenerateConfig};
+use super::config::GenerateConfig;
+use super::drive::{Act, Drive, Smooth};
+use super::shard::DatasetError;
 use crate::batch::Batch;
 use crate::sampling::{Start, scene, start, stream};
 use crate::scene::Scene;
@@ -30,9 +29,6 @@ pub(super) struct Begun {
 }
 
 /// Starts and scenes of trajectories `first .. first + count` of the seed, as [`super::record`] begins them.
-///
-/// # Errors
-/// If the settings mean nothing for this system.
 pub fn begin(system: &Arc<System>, config: &GenerateConfig, first: u64, count: usize) -> Result<Batch, DatasetError> {
     config.check(system)?;
     Ok(Begun::new(system, config, first, count).batch)
@@ -70,7 +66,7 @@ impl Begun {
             scales.push(scale);
             holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
             if act.is_none() {
-                act = Smooth::new(system, &state, scale.into(), rng).map(|curves| Box::new(curves) as Box<dyn Act>);
+                act = Smooth::new(system, &state, scale, rng).map(|curves| Box::new(curves) as Box<dyn Act>);
             }
             pilots.push(act);
         }

@@ -1,34 +1,15 @@
-//! What drives random trajectories: fresh random torques every frame, or random actions of a position law with fresh
-//! random gains.
+//! What drives random trajectories: fresh random torques every frame, random actions of a position law with fresh random gains, torques
+//! along smooth curves, or a policy.
 
+use std::fmt::Debug;
 use std::sync::Arc;
 
 use rand::{Rng, RngExt};
+use rand_chacha::ChaCha8Rng;
 
 use crate::control::Controller;
+use crate::scene::Scene;
 use crate::system::{RandomGains, System};
-
-/// How hard a trajectory is driven.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Effort {
-    /// Random torques, or random actions of a position law, times this.
-    Driven(f64),
-    /// Not at all: a position law holds its pose with its own gains.
-    Held,
-    /// Not at all: a position law lets go, too.
-    Limp,
-}
-
-impl From<f64> for Effort {
-    /// Of a factor on torques: not above 0 is passive, held or, below -1/2, limp.
-    fn from(scale: f64) -> Self {
-        match scale {
-            s if s > 0.0 => Self::Driven(s),
-            s if s < -0.5 => Self::Limp,
-            _ => Self::Held,
-        }
-    }
-}
 
 /// Random torques of a system, as in its training data.
 pub struct Drive {
@@ -47,34 +28,91 @@ struct Position {
 impl Drive {
     /// What the specification describes.
     pub fn new(system: &Arc<System>) -> Self {
-        let gains = system.spec.control.and_then(|c| c.data);
+        let position = system.spec.control.and_then(|c| c.data).map(|gains| {
+            let controller = Controller::new(system);
+            Position { own: controller.gains.clone(), controller, gains }
+        });
         let amplitudes = system.torque_amplitudes();
-        Self { action: vec![0.0; amplitudes.len()], amplitudes, position: gains.map(|gains| Position::new(system, gains)) }
+        Self { action: vec![0.0; amplitudes.len()], amplitudes, position }
     }
 
-    /// Torques of one frame at a state. As many numbers are drawn whatever the effort, but for those of gains.
-    pub fn draw(&mut self, state: &[f64], effort: Effort, rng: &mut impl Rng, out: &mut [f64]) {
-        let scale = if let Effort::Driven(scale) = effort { scale } else { 0.0 };
+    /// Torques of one frame at a state: random ones, or random actions of a position law, times `scale`. At a scale not above 0 nothing is
+    /// driven: a position law holds its pose with its own gains or, below -1/2, lets go, too. As many numbers are drawn whatever the scale,
+    /// but for those of gains.
+    pub fn draw(&mut self, state: &[f64], scale: f64, rng: &mut impl Rng, out: &mut [f64]) {
+        let factor = if scale > 0.0 { scale } else { 0.0 };
         let mut side = || 2.0 * rng.random::<f64>() - 1.0;
         let Some(Position { controller, own, gains }) = &mut self.position else {
             for (tau, a) in out.iter_mut().zip(&self.amplitudes) {
-                *tau = if *a == 0.0 { 0.0 } else { scale * a * side() };
+                *tau = if *a == 0.0 { 0.0 } else { factor * a * side() };
             }
             return;
         };
-        self.action.iter_mut().for_each(|a| *a = scale * side());
-        match effort {
-            Effort::Limp => return out.fill(0.0),
-            Effort::Held => controller.gains.copy_from_slice(own),
-            Effort::Driven(_) => controller.gains.fill([gains.kp.draw(rng), gains.kd.draw(rng)]),
+        self.action.iter_mut().for_each(|a| *a = factor * side());
+        if scale > 0.0 {
+            controller.gains.fill([gains.kp.draw(rng), gains.kd.draw(rng)]);
+        } else if scale < -0.5 {
+            return out.fill(0.0);
+        } else {
+            controller.gains.copy_from_slice(own);
         }
         controller.torques(state, &self.action, out);
     }
 }
 
-impl Position {
-    fn new(system: &Arc<System>, gains: RandomGains) -> Self {
-        let controller = Controller::new(system);
-        Self { own: controller.gains.clone(), controller, gains }
+/// Takes over trajectories, so that data holds a policy's motions. Its `Debug` says what decides their bytes.
+pub trait Pilot: Debug + Send + Sync {
+    /// A trajectory's start `[q, qd]`, and who acts in it.
+    fn launch(&self, system: &Arc<System>, rng: &mut ChaCha8Rng) -> (Vec<f64>, Box<dyn Act>);
+}
+
+/// Acts in one trajectory instead of random torques.
+pub trait Act {
+    /// Torques of the next frame, one a joint.
+    fn torques(&mut self, state: &[f64], scene: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]);
+}
+
+/// Uniform cubic B-splines through random values, one curve a joint, for robots that follow their torques, such as a gripper under
+/// impedance control. A sprung joint's begins at rest: with the torque that holds it where it starts.
+pub struct Smooth {
+    amplitudes: Vec<f64>,
+    /// The four values around the present, joint by joint.
+    values: Vec<[f64; 4]>,
+    /// Frames from one value to the next, and those since the last.
+    span: usize,
+    since: usize,
+}
+
+impl Smooth {
+    /// Curves of a trajectory from `state`, where the specification asks for them and it is driven (`scale` above 0).
+    pub fn new(system: &System, state: &[f64], scale: f64, rng: &mut ChaCha8Rng) -> Option<Self> {
+        let pace = system.spec.smooth.filter(|_| scale > 0.0)?;
+        let robot = &system.robot;
+        let amplitudes: Vec<f64> = system.torque_amplitudes().iter().map(|most| scale * most).collect();
+        let joints = robot.joints().zip(&state[robot.root_coords()..]).zip(&amplitudes);
+        let held = joints.map(|((joint, q), most)| (joint.stiffness * (q - joint.rest)).clamp(-most.abs(), most.abs()));
+        let values = held.map(|torque| [torque; 4]).collect();
+        let span = ((pace.draw(rng) / system.frame_time).round() as usize).max(1);
+        Some(Self { amplitudes, values, span, since: span })
+    }
+}
+
+impl Act for Smooth {
+    fn torques(&mut self, _: &[f64], _: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]) {
+        if self.since == self.span {
+            self.since = 0;
+            for (values, most) in self.values.iter_mut().zip(&self.amplitudes) {
+                values.rotate_left(1);
+                values[3] = most * (2.0 * rng.random::<f64>() - 1.0);
+            }
+        }
+        let u = self.since as f64 / self.span as f64;
+        let v = 1.0 - u;
+        let shares =
+            [v * v * v, 3.0 * u * u * u - 6.0 * u * u + 4.0, 3.0 * v * v * v - 6.0 * v * v + 4.0, u * u * u].map(|share| share / 6.0);
+        for (tau, values) in out.iter_mut().zip(&self.values) {
+            *tau = values.iter().zip(&shares).map(|(value, share)| value * share).sum();
+        }
+        self.since += 1;
     }
 }

@@ -7,9 +7,12 @@ use std::sync::Arc;
 use nerd_core::dynamics::Data;
 
 use super::begin::Begun;
+use super::config::{GenerateConfig, Part};
 use super::drive::Drive;
-use super::recording::sha256_of;
-use super::{DatasetError, FORMAT, GenerateConfig, Manifest, Part, Recording, manifest, read_shard, write_shard};
+use super::manifest::{Manifest, header};
+use super::recording::{Recording, sha256_of};
+use super::shard::{DatasetError, FORMAT, read_shard, write_shard};
+use crate::files::FileError;
 use crate::scene::contacts;
 use crate::solver::Solver;
 use crate::system::System;
@@ -58,7 +61,7 @@ pub fn record(
             let now = &mut tau[env * joints..(env + 1) * joints];
             match &mut pilots[env] {
                 Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
-                None => of(&mut drives, env).draw(batch.state(env), scales[env].into(), &mut streams[env], now),
+                None => of(&mut drives, env).draw(batch.state(env), scales[env], &mut streams[env], now),
             }
             out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
             if points > 0 {
@@ -72,7 +75,7 @@ pub fn record(
             }
         }
         if frame < f {
-            solver.step(&mut batch, &tau).map_err(|source| DatasetError::Step { first, source })?;
+            solver.step(&mut batch, &tau).map_err(|error| DatasetError::Step(first, error))?;
         }
     }
     Ok(out)
@@ -95,14 +98,11 @@ pub fn generate(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
     let made = generate_part(system, solver, truth, config, Part::WHOLE, folder, progress)?;
-    made.ok_or_else(|| DatasetError::Format { path: folder.into(), reason: "another process removed or changed its shards".into() })
+    made.ok_or_else(|| FileError::new(folder, "another process removed or changed its shards").into())
 }
 
 /// The same of a part of the shards. Whoever finds that all of them are there writes `manifest.json`: then the folder is, byte by byte,
 /// what [`generate`] would have written. None as long as shards of other parts are missing.
-///
-/// # Errors
-/// As [`generate`].
 pub fn generate_part(
     system: &Arc<System>,
     solver: &mut dyn Solver,
@@ -115,9 +115,9 @@ pub fn generate_part(
     config.check(system)?;
     if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
         let reason = format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
-        return Err(DatasetError::Format { path: folder.into(), reason });
+        return Err(FileError::new(folder, reason).into());
     }
-    let (identity, shards) = (manifest::header(system, truth), Shard::all(config));
+    let (identity, shards) = (header(system, truth), Shard::all(config));
     let there = |shard: &Shard| -> Option<[u8; 32]> {
         let (recording, found) = read_shard(&folder.join(&shard.name)).ok()?;
         (found == shard.header(&identity, config)).then(|| recording.sha256())
@@ -131,7 +131,7 @@ pub fn generate_part(
             None => {
                 // The manifest's entry of an overwritten shard is no longer valid.
                 if folder.join(&shard.name).exists() {
-                    removed(&folder.join("manifest.json"))?;
+                    removed(&Manifest::path(folder))?;
                 }
                 let recording = record(system, solver, config, shard.first as u64, shard.count)?;
                 write_shard(&folder.join(&shard.name), &recording, &shard.header(&identity, config))?;
@@ -160,16 +160,16 @@ pub fn generate_part(
         shards: shards.into_iter().map(|shard| shard.name).collect(),
         sha256: sha256_of(hashes),
     };
-    let path = folder.join("manifest.json");
-    let text = serde_json::to_string_pretty(&manifest).map_err(|e| DatasetError::Format { path: path.clone(), reason: e.to_string() })?;
-    crate::files::write(&path, text.as_bytes()).map_err(|source| DatasetError::File { path, source })?;
+    let path = Manifest::path(folder);
+    let text = serde_json::to_string_pretty(&manifest).map_err(|e| FileError::new(&path, e))?;
+    crate::files::write(&path, text.as_bytes()).map_err(|e| FileError::new(&path, e))?;
     Ok(Some(manifest))
 }
 
 /// Removes a file, if it is there.
-fn removed(path: &Path) -> Result<(), DatasetError> {
+fn removed(path: &Path) -> Result<(), FileError> {
     match std::fs::remove_file(path) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(DatasetError::File { path: path.into(), source }),
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::new(path, error)),
         _ => Ok(()),
     }
 }

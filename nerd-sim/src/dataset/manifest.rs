@@ -1,13 +1,16 @@
 //! The manifest of a folder of shards.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::shard::{check_format, read_shard};
-use super::{DatasetError, GenerateConfig, Recording, begin, sha256_of};
+use super::begin::begin;
+use super::config::GenerateConfig;
+use super::recording::{Recording, sha256_of};
+use super::shard::{DatasetError, check_format, read_shard};
+use crate::files::{FileError, read_text};
 use crate::scene::Scene;
 use crate::system::System;
 
@@ -42,42 +45,39 @@ pub struct Manifest {
 }
 
 impl Manifest {
+    /// That of a folder.
+    pub(super) fn path(folder: &Path) -> PathBuf {
+        folder.join("manifest.json")
+    }
+
     /// Reads that of a folder.
-    ///
-    /// # Errors
-    /// If there is none, or it is not of this form.
-    pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let path = folder.join("manifest.json");
-        let text = crate::files::read_text(&path).map_err(|source| DatasetError::File { path: path.clone(), source })?;
-        let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
-        let manifest: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        check_format(manifest.format).map_err(wrong)?;
+    pub fn read(folder: &Path) -> Result<Self, FileError> {
+        let path = Self::path(folder);
+        let text = read_text(&path).map_err(|e| FileError::new(&path, e))?;
+        let manifest: Self = serde_json::from_str(&text).map_err(|e| FileError::new(&path, e))?;
+        check_format(manifest.format).map_err(|e| FileError::new(&path, e))?;
         if let Some(name) = manifest.shards.iter().find(|name| Path::new(name).file_name().is_none_or(|file| file != name.as_str())) {
-            return Err(wrong(format!("shard `{name}` does not name a file in this folder")));
+            return Err(FileError::new(&path, format!("shard `{name}` does not name a file in this folder")));
         }
         Ok(manifest)
     }
 
     /// Refuses data of another system or truth, and says in what they differ.
-    ///
-    /// # Errors
-    /// If the data are of another system or truth.
-    pub fn check(&self, system: &System, truth: &str) -> Result<(), String> {
-        same_system(system, &self.robot, &self.robot_sha256, &self.system_sha256)?;
-        same_truth(truth, &self.truth)
+    pub fn check(&self, folder: &Path, system: &System, truth: &str) -> Result<(), FileError> {
+        let found = same(system, truth, [&self.robot, &self.robot_sha256, &self.system_sha256, &self.truth]);
+        found.map_err(|reason| FileError::new(&Self::path(folder), reason))
     }
-}
 
-impl Manifest {
     /// Reads one of its shards, if that is of `system` and of its truth.
-    ///
-    /// # Errors
-    /// If it cannot be read, or in what it differs.
-    pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, DatasetError> {
-        let path = folder.join(name);
-        let (recording, header) = read_shard(&path)?;
-        let checked = check_header(&header, system, &self.truth).and_then(|()| recording.check(system));
-        checked.map(|()| recording).map_err(|reason| DatasetError::Format { path, reason })
+    pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, FileError> {
+        self.checked(&folder.join(name), system).map(|(recording, _)| recording)
+    }
+
+    fn checked(&self, path: &Path, system: &System) -> Result<(Recording, BTreeMap<String, String>), FileError> {
+        let (recording, header) = read_shard(path)?;
+        let found = ["robot", "robot_sha256", "system_sha256", "truth"].map(|key| header.get(key).map_or("unknown", String::as_str));
+        let checked = same(system, &self.truth, found).and_then(|()| recording.check(system));
+        checked.map(|()| (recording, header)).map_err(|reason| FileError::new(path, reason))
     }
 
     /// The same with the scene of each trajectory: a shard does not hold them, its seed draws them again.
@@ -85,12 +85,11 @@ impl Manifest {
     /// # Errors
     /// As [`Manifest::shard`], and if what is drawn is not what was recorded.
     pub fn shard_in_scenes(&self, folder: &Path, name: &str, system: &Arc<System>) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
-        let recording = self.shard(folder, name, system)?;
-        let (path, (_, header)) = (folder.join(name), read_shard(&folder.join(name))?);
-        let wrong = |reason: String| DatasetError::Format { path: path.clone(), reason };
+        let path = folder.join(name);
+        let (recording, header) = self.checked(&path, system)?;
         let number = |key: &str| {
             let text = header.get(key).map_or("", String::as_str);
-            text.parse::<f64>().map_err(|_| wrong(format!("`{key}` of its header is `{text}`, a number is needed")))
+            text.parse::<f64>().map_err(|_| FileError::new(&path, format!("`{key}` of its header is `{text}`, a number is needed")))
         };
         let (n, frames, seed) = (recording.trajectories, recording.frames, self.seed);
         let config = GenerateConfig { transitions: n * frames, frames, seed, resets: number("resets")?, ..GenerateConfig::default() };
@@ -98,33 +97,28 @@ impl Manifest {
         let rows = recording.states.chunks_exact((frames + 1) * system.robot.state_dim());
         if let Some(k) = rows.enumerate().position(|(k, row)| !row.starts_with(begun.state(k))) {
             let text = "its scenes cannot be drawn again from its seed: policies acted in it, or another program made it";
-            return Err(wrong(format!("trajectory {k}: {text}; record the data set again")));
+            return Err(FileError::new(&path, format!("trajectory {k}: {text}; record the data set again")).into());
         }
         Ok((recording, begun.scenes))
     }
 
     /// Refuses shards, by their hashes in order, that are others or of other lengths than it was written for.
-    ///
-    /// # Errors
-    /// What it says and what there is.
     pub fn holds(
         &self,
         folder: &Path,
         shards: impl IntoIterator<Item = [u8; 32]>,
         trajectories: usize,
         frames: usize,
-    ) -> Result<(), DatasetError> {
-        let wrong = |reason: String| {
-            Err(DatasetError::Format { path: folder.join("manifest.json"), reason: reason + "; record the data set again" })
-        };
+    ) -> Result<(), FileError> {
         let (t, f) = (self.trajectories, self.frames);
-        if sha256_of(shards) != self.sha256 {
-            return wrong("the shards are not those it was written for (SHA-256 differs)".into());
-        }
-        if (t, f) != (trajectories, frames) {
-            return wrong(format!("says {t} trajectories of {f} frames, its shards hold {trajectories} of {frames}"));
-        }
-        Ok(())
+        let wrong = if sha256_of(shards) != self.sha256 {
+            "the shards are not those it was written for (SHA-256 differs)".into()
+        } else if (t, f) != (trajectories, frames) {
+            format!("says {t} trajectories of {f} frames, its shards hold {trajectories} of {frames}")
+        } else {
+            return Ok(());
+        };
+        Err(FileError::new(&Self::path(folder), format!("{wrong}; record the data set again")))
     }
 }
 
@@ -141,14 +135,8 @@ pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
     own.into_iter().chain(drawn).map(|(key, value)| (key.to_string(), value)).collect()
 }
 
-/// Refuses a shard whose header names another system or truth.
-fn check_header(header: &BTreeMap<String, String>, system: &System, truth: &str) -> Result<(), String> {
-    let of = |key: &str| header.get(key).map_or("unknown", String::as_str);
-    same_system(system, of("robot"), of("robot_sha256"), of("system_sha256"))?;
-    same_truth(truth, of("truth"))
-}
-
-fn same_system(system: &System, name: &str, robot: &str, all: &str) -> Result<(), String> {
+/// Refuses data of another system or truth: its robot's name, hash, the system's hash and the truth.
+fn same(system: &System, wanted_truth: &str, [name, robot, all, truth]: [&str; 4]) -> Result<(), String> {
     let (wanted_robot, wanted) = (system.robot_sha256(), system.sha256());
     if robot != wanted_robot {
         let what =
@@ -160,9 +148,5 @@ fn same_system(system: &System, name: &str, robot: &str, all: &str) -> Result<()
             "holds data of `{name}` sampled, driven or controlled otherwise, or in other scenes (system {all}, not {wanted}); record the data set again"
         ));
     }
-    Ok(())
-}
-
-fn same_truth(wanted: &str, found: &str) -> Result<(), String> {
-    if found == wanted { Ok(()) } else { Err(format!("holds transitions of truth `{found}`, not `{wanted}`")) }
+    if truth == wanted_truth { Ok(()) } else { Err(format!("holds transitions of truth `{truth}`, not `{wanted_truth}`")) }
 }

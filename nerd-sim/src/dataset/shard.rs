@@ -1,48 +1,27 @@
 //! One recording as a safetensors file, written whole or not at all.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::{Recording, sha256_of};
+use super::recording::{Recording, sha256_of};
+use crate::files::FileError;
 use crate::solver::StepError;
 
 /// Why data could not be made, written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
-    /// The file system failed.
-    #[error("{path}: {source}", path = path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The error.
-        source: std::io::Error,
-    },
+    /// A file that cannot be read or written, or holds something else.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Nothing that can be made.
     #[error("{0}")]
     Config(String),
-    /// Not a shard, or a shard of something else.
-    #[error("{path}: {reason}", path = path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// One line.
-        reason: String,
-    },
-    /// The solver failed.
-    #[error("trajectories from {first}: {source}")]
-    Step {
-        /// First trajectory of the batch that failed.
-        first: u64,
-        /// The error.
-        source: StepError,
-    },
-}
-
-fn file_error(path: &Path) -> impl Fn(std::io::Error) -> DatasetError + '_ {
-    move |source| DatasetError::File { path: path.into(), source }
+    /// The solver failed in the batch that begins with this trajectory.
+    #[error("trajectories from {0}: {1}")]
+    Step(u64, #[source] StepError),
 }
 
 /// The one entry of a shard's safetensors metadata: safetensors writes several in random order, and the same data are to
@@ -56,12 +35,12 @@ const FORMAT_KEY: &str = "format";
 const HASH_KEY: &str = "sha256";
 
 /// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary name first, then renamed.
-pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), DatasetError> {
+pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), FileError> {
     let own = [(FORMAT_KEY.to_string(), FORMAT.to_string()), (HASH_KEY.to_string(), sha256_of([recording.sha256()]))];
     let metadata: BTreeMap<_, _> = metadata.clone().into_iter().chain(own).collect();
-    let text = serde_json::to_string(&metadata).map_err(|e| DatasetError::Format { path: path.into(), reason: e.to_string() })?;
+    let text = serde_json::to_string(&metadata).map_err(|e| FileError::new(path, e))?;
     let metadata = HashMap::from([(ENTRY.to_string(), text)]);
-    let wrong = |e: safetensors::SafeTensorError| DatasetError::Format { path: path.into(), reason: e.to_string() };
+    let wrong = |e: safetensors::SafeTensorError| FileError::new(path, e);
     let raw: Vec<_> = recording
         .arrays()
         .into_iter()
@@ -71,20 +50,20 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
         })
         .collect();
     let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F64, shape.clone(), bytes).map_err(wrong)?)));
-    let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, DatasetError>>()?, Some(metadata)).map_err(wrong)?;
-    crate::files::write(path, &bytes).map_err(file_error(path))
+    let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, FileError>>()?, Some(metadata)).map_err(wrong)?;
+    crate::files::write(path, &bytes).map_err(|e| FileError::new(path, e))
 }
 
 /// Reads a shard and its metadata; refuses one whose numbers were changed since.
-pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), DatasetError> {
-    let bytes = std::fs::read(path).map_err(file_error(path))?;
-    let wrong = |reason: String| DatasetError::Format { path: path.into(), reason };
+pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), FileError> {
+    let bytes = std::fs::read(path).map_err(|e| FileError::new(path, e))?;
+    let wrong = |reason: String| FileError::new(path, reason);
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| wrong(e.to_string()))?;
     let text = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).ok_or_else(|| wrong(format!("no `{ENTRY}` in its metadata")))?;
     let mut metadata: BTreeMap<String, String> = serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?;
     check_format(metadata.remove(FORMAT_KEY).and_then(|f| f.parse().ok())).map_err(wrong)?;
-    let read = |name: &str| -> Result<(Vec<usize>, Vec<f64>), DatasetError> {
+    let read = |name: &str| -> Result<(Vec<usize>, Vec<f64>), FileError> {
         let view = file.tensor(name).map_err(|_| wrong(format!("no array `{name}`")))?;
         if view.dtype() != Dtype::F64 {
             return Err(wrong(format!("array `{name}` is {:?}, not f64", view.dtype())));

@@ -4,7 +4,7 @@ use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-use super::open::is_at;
+use super::partial::is_at;
 
 /// A folder claimed by [`claim`] or [`share`], until this is dropped or the process ends, however it does. Folders that were made by the
 /// claim and are still empty then go with it.
@@ -16,17 +16,13 @@ pub struct Claim {
 }
 
 /// Claims a folder of results, which is made if absent.
-///
-/// # Errors
-/// If another process (or another claim of this one) writes there, with the folder's name; or what the file system says.
+/// Refused if another process, or another claim of this one, writes there.
 pub fn claim(folder: &Path) -> Result<Claim> {
     locked(folder, File::try_lock)
 }
 
 /// Claims a folder together with others who share it: with files of their own each, or the same bytes.
-///
-/// # Errors
-/// If another process has it for itself, with the folder's name; or what the file system says.
+/// Refused if another process has it for itself.
 pub fn share(folder: &Path) -> Result<Claim> {
     locked(folder, File::try_lock_shared)
 }

@@ -1,7 +1,6 @@
 //! Files: output that is there whole or not at all, folders that one process at a time writes, texts.
 
 mod claim;
-mod open;
 mod partial;
 
 use std::fs::OpenOptions;
@@ -10,10 +9,24 @@ use std::path::{Path, PathBuf};
 
 pub use claim::{Claim, claim, share};
 
+/// What is wrong with a file; one line.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {reason}", path.display())]
+pub struct FileError {
+    /// The file.
+    pub path: PathBuf,
+    /// Why it cannot be used, with its line if it has one.
+    pub reason: String,
+}
+
+impl FileError {
+    /// What is wrong with this file.
+    pub fn new(path: &Path, reason: impl ToString) -> Self {
+        Self { path: path.into(), reason: reason.to_string() }
+    }
+}
+
 /// Replaces the file at `path` (its folder is made if absent) by `bytes`; see [`write_with`].
-///
-/// # Errors
-/// What the file system says.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
@@ -55,10 +68,7 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     Ok(())
 }
 
-/// A text file.
-///
-/// # Errors
-/// What the file system says, or where the file is no UTF-8.
+/// A text file; says where it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(std::fs::read(path)?).map_err(|e| {
         let at = e.utf8_error().valid_up_to();

@@ -8,8 +8,6 @@ use std::path::Path;
 
 use tempfile::NamedTempFile;
 
-use super::open::is_at;
-
 const PREFIX: &str = ".nerd-";
 const SUFFIX: &str = ".tmp";
 
@@ -41,5 +39,19 @@ pub(super) fn sweep(folder: &Path) {
         {
             let _ = std::fs::remove_file(entry.path());
         }
+    }
+}
+
+/// Whether an open file is still the one of that name.
+pub(super) fn is_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let of = |m: &std::fs::Metadata| (m.dev(), m.ino());
+        matches!((file.metadata(), std::fs::metadata(path)), (Ok(a), Ok(b)) if of(&a) == of(&b))
+    }
+    #[cfg(not(unix))]
+    {
+        file.metadata().is_ok() && path.exists()
     }
 }

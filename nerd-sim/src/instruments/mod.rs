@@ -2,12 +2,12 @@
 //! a solver takes it timed, recorded or shaken.
 //!
 //! ```
-//! use nerd_sim::instruments::{Recorder, Replay, Timed};
+//! use nerd_sim::instruments::{Recorder, Replay, Shaken, Timed};
 //! use nerd_sim::prelude::*;
 //! let system = System::named("cartpole")?;
 //! let scene = system.scene("free")?;
 //! let solver = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-//! let mut timed = Timed::new(Recorder::new(solver));
+//! let mut timed = Timed::new(Recorder::new(Shaken::new(solver, 0.01, 7)));
 //! let mut batch = Batch::new(&system, &scene, 3);
 //! for _ in 0..10 {
 //!     timed.step(&mut batch, &[0.0; 6])?;
@@ -24,18 +24,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod glide;
-mod hold;
-mod motors;
-mod recorder;
+mod around;
+mod floors;
 mod replay;
-mod shaken;
-mod timed;
 
-pub use glide::{Glide, glide};
-pub use hold::Hold;
-pub use motors::{Motor, Motors};
-pub use recorder::Recorder;
+pub use around::{Recorder, Shaken, Timed};
+pub use floors::{Glide, Hold, glide};
 pub use replay::Replay;
-pub use shaken::Shaken;
-pub use timed::Timed;

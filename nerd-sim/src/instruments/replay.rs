@@ -1,4 +1,4 @@
-//! Recorded states as a solver: a truth that costs nothing to ask again. The example stands at [`super`].
+//! Recorded states as a solver: a truth that costs nothing to ask again.
 
 use crate::batch::Batch;
 use crate::solver::{Solver, StepError};

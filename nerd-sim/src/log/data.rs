@@ -1,11 +1,11 @@
 //! Measured trajectories of a robot.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use super::spec::Published;
+use crate::files::FileError;
 use crate::system::{System, SystemError};
-use crate::table::TableError;
 
 /// Measured trajectories.
 #[derive(Clone, Debug)]
@@ -39,22 +39,14 @@ pub struct Trajectory {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {
-    /// A table that cannot be read.
+    /// A file that cannot be read, does not say what is needed, or contradicts itself.
     #[error(transparent)]
-    Table(#[from] TableError),
+    File(#[from] FileError),
     /// A robot that cannot be made.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// A file that does not say what is needed, or contradicts itself.
-    #[error("{}: {reason}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// One line.
-        reason: String,
-    },
 }
 
 pub(super) fn bad(path: &Path, reason: String) -> LogError {
-    LogError::Content { path: path.into(), reason }
+    FileError::new(path, reason).into()
 }

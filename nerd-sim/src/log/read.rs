@@ -1,6 +1,6 @@
 //! Rows of a table, in SI units and our own order of coordinates.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,8 +10,9 @@ use nerd_core::state::write_quaternion;
 
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, Order, RootColumns};
+use crate::files::FileError;
 use crate::system::System;
-use crate::table::{Row, Table, TableError};
+use crate::table::{Row, Table, twice};
 
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
 const MOST: f64 = 1e11;
@@ -76,7 +77,7 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     if let Some(name) = named.iter().find(|name| system.robot.joints().all(|j| j.name != **name)) {
         return Err(bad(path, format!("[[joint]] `{name}`: robot `{}` has no such joint", system.name)));
     }
-    if let Some(twice) = twice(spec.joints.iter().map(|j| &j.name)).or_else(|| twice(columns(&spec).into_iter())) {
+    if let Some(twice) = twice(spec.joints.iter().map(|j| &j.name)).or_else(|| twice(columns(&spec))) {
         return Err(bad(path, format!("`{twice}` is used for two things")));
     }
     match (&spec.root, system.robot.floating()) {
@@ -96,18 +97,12 @@ fn columns(spec: &LogSpec) -> Vec<&String> {
     spec.trajectory.iter().chain([&spec.time]).chain(root).chain(joints).collect()
 }
 
-/// The first name that comes twice.
-fn twice<'a>(names: impl Iterator<Item = &'a String>) -> Option<&'a String> {
-    let mut seen = HashSet::new();
-    names.into_iter().find(|name| !seen.insert(*name))
-}
-
 impl Columns {
-    fn new(table: &Table, spec: &LogSpec, system: &System) -> Result<Self, TableError> {
-        let many = |names: &[String]| table.columns(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    fn new(table: &Table, spec: &LogSpec, system: &System) -> Result<Self, FileError> {
+        let many = |names: &[String]| table.columns(names);
         let one = |name: &String| many(std::slice::from_ref(name)).map(|c| c[0]);
         let some = |names: &Option<[String; 3]>| names.as_ref().map(|n| many(n)).transpose();
-        let root = |r: &RootColumns| -> Result<Root, TableError> {
+        let root = |r: &RootColumns| -> Result<Root, FileError> {
             Ok(Root {
                 position: many(&r.position)?,
                 quaternion: many(&r.quaternion)?,
@@ -127,11 +122,11 @@ impl Columns {
             trajectory: spec.trajectory.as_ref().map(one).transpose()?,
             time: one(&spec.time)?,
             root: spec.root.as_ref().map(root).transpose()?,
-            joints: joints.collect::<Result<_, TableError>>()?,
+            joints: joints.collect::<Result<_, FileError>>()?,
         })
     }
 
-    fn moment(&self, row: &Row<'_>, [length, angle, time]: [f64; 3]) -> Result<Moment, TableError> {
+    fn moment(&self, row: &Row<'_>, [length, angle, time]: [f64; 3]) -> Result<Moment, FileError> {
         let (mut q, mut qd, mut torques) = (Vec::new(), Vec::new(), Vec::new());
         if let Some(root) = &self.root {
             let p = row.numbers(&root.position)?;
@@ -145,7 +140,7 @@ impl Columns {
             q.extend(p.iter().map(|p| p * length));
             q.resize(7, 0.0);
             write_quaternion(&mut q[3..], &turn);
-            let three = |columns: &Option<Vec<usize>>, unit: f64| -> Result<Vector3<f64>, TableError> {
+            let three = |columns: &Option<Vec<usize>>, unit: f64| -> Result<Vector3<f64>, FileError> {
                 let x = columns.as_ref().map(|c| row.numbers(c)).transpose()?;
                 Ok(x.map_or(Vector3::repeat(f64::NAN), |x| Vector3::new(x[0], x[1], x[2]) * unit))
             };

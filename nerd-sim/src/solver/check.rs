@@ -14,7 +14,7 @@ use crate::system::System;
 /// environments whose state or torque is not a number, or whose scene is none.
 ///
 /// # Errors
-/// [`StepError::Refused`], [`StepError::Solver`] or [`StepError::Torques`].
+/// [`StepError::Refused`] or [`StepError::Solver`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities::default().admit(batch)?;
     sound(batch, torques, faults)
@@ -26,7 +26,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
     let system = &*batch.system;
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
     if torques.len() != batch.len() * joints {
-        return Err(StepError::Torques { found: torques.len(), environments: batch.len(), joints });
+        return Err(StepError::torques(torques.len(), batch.len(), joints));
     }
     faults.clear();
     let mut last: Option<(&Arc<Scene>, bool)> = None;

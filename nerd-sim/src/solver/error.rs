@@ -7,16 +7,6 @@ pub enum StepError {
     /// Some environments could not be stepped and keep their states. All others were stepped as usual.
     #[error("{}", said(.0))]
     Environments(Vec<Fault>),
-    /// The torques are not `environments x joints` numbers; nothing was stepped.
-    #[error("{found} torques for {environments} environments of {joints} joints")]
-    Torques {
-        /// Numbers given.
-        found: usize,
-        /// Environments of the batch.
-        environments: usize,
-        /// Joints of the robot.
-        joints: usize,
-    },
     /// The batch asks for what this solver has not; nothing was stepped.
     #[error("{0}")]
     Refused(String),
@@ -26,6 +16,11 @@ pub enum StepError {
 }
 
 impl StepError {
+    /// So many torques are not one a joint of each environment.
+    pub(crate) fn torques(found: usize, environments: usize, joints: usize) -> Self {
+        Self::Solver(format!("{found} torques for {environments} environments of {joints} joints"))
+    }
+
     /// The environments that were set aside, for who goes on with the others.
     ///
     /// # Errors

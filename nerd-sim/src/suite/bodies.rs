@@ -62,9 +62,6 @@ impl Default for Body {
 
 impl Body {
     /// The system; its scenes are `free` and `ground`.
-    ///
-    /// # Errors
-    /// [`SystemError`] where a field cannot be honoured, such as a shape that is no URDF.
     pub fn system(&self) -> Result<Arc<System>, SystemError> {
         let (i, c, r, m) = (self.inertia, self.com, self.rpy, self.material);
         let collision = |at: [f64; 3], shape: &str| {
@@ -104,9 +101,6 @@ impl Body {
 
 /// Hinges in a row, each link 1 m long along x with its mass (kg) at the end; axes along y. `joint` is
 /// more TOML for every joint, `frame` the seconds of a frame, `gravity` (m/s^2) downwards.
-///
-/// # Errors
-/// [`SystemError`] where an argument cannot be honoured.
 pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<Arc<System>, SystemError> {
     let mut urdf = String::from(r#"<robot name="chain"><link name="l0"/>"#);
     let mut toml =
@@ -128,9 +122,6 @@ pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<A
 }
 
 /// A 1 kg slider along x, without gravity; its limit at 0.5 m is a spring of 1e4 N/m.
-///
-/// # Errors
-/// [`SystemError`], as every system; this one is sound.
 pub fn slider() -> Result<Arc<System>, SystemError> {
     let urdf = r#"<robot name="slider"><link name="rail"/><link name="box"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="slide" type="prismatic"><parent link="rail"/><child link="box"/><axis xyz="1 0 0"/><limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint></robot>"#;
     let toml = "urdf = \"\"\nfloating = false\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, 0.0]\nsubsteps = 16\n[[joint]]\nname = \"slide\"\nlimit = { stiffness = 1e4, damping = 0.0 }\nsample = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\nreset = { q = \"U(0, 0)\", qd = \"U(0, 0)\" }\n";
@@ -138,9 +129,6 @@ pub fn slider() -> Result<Arc<System>, SystemError> {
 }
 
 /// A bob of 1 kg, 1 m below a pivot that turns about x and about y: a joint of two angular degrees of freedom.
-///
-/// # Errors
-/// [`SystemError`], as every system; this one is sound.
 pub fn universal() -> Result<Arc<System>, SystemError> {
     let link = |name: &str, at: &str, mass: f64| {
         format!(

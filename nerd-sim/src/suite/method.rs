@@ -1,6 +1,5 @@
 //! The columns: solvers and their settings.
 
-use std::fmt;
 use std::sync::Arc;
 
 use crate::solver::Solver;
@@ -11,17 +10,12 @@ type Make = Arc<dyn Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync>;
 /// A solver at certain settings, under a name.
 #[derive(Clone)]
 pub struct Method {
-    name: String,
-    make: Make,
-    finer: Option<Make>,
-    rigid: bool,
-    kin: Option<&'static str>,
-}
-
-impl fmt::Debug for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Method").field("name", &self.name).finish_non_exhaustive()
-    }
+    /// Name of the column.
+    pub name: String,
+    pub(super) make: Make,
+    pub(super) finer: Option<Make>,
+    pub(super) rigid: bool,
+    pub(super) kin: Option<&'static str>,
 }
 
 impl Method {
@@ -60,26 +54,5 @@ impl Method {
     pub fn made_as(mut self, kin: &'static str) -> Self {
         self.kin = Some(kin);
         self
-    }
-
-    /// Name of the column.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(super) fn solver(&self, system: &Arc<System>) -> Box<dyn Solver> {
-        (self.make)(system)
-    }
-
-    pub(super) fn finer_solver(&self, system: &Arc<System>) -> Option<Box<dyn Solver>> {
-        self.finer.as_ref().map(|make| make(system))
-    }
-
-    pub(super) fn is_rigid(&self) -> bool {
-        self.rigid
-    }
-
-    pub(super) fn kin(&self) -> Option<&'static str> {
-        self.kin
     }
 }

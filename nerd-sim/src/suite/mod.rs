@@ -24,17 +24,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 pub mod bodies;
-mod cell;
-mod error;
 mod method;
 mod row;
 mod rows;
 mod trial;
 
-pub use cell::{Cell, Line, Verdict};
-pub use error::Error;
 pub use method::Method;
-pub use row::Row;
+pub use row::{Cell, Line, Row, Verdict};
+pub use trial::Error;
 
 /// Rows to be asked.
 #[derive(Clone, Debug)]
@@ -44,20 +41,17 @@ pub struct Suite {
 
 impl Default for Suite {
     fn default() -> Self {
-        Self { rows: rows::all().collect() }
+        Self::new()
     }
 }
 
 impl Suite {
     /// All rows.
     pub fn new() -> Self {
-        Self::default()
+        Self { rows: rows::all().collect() }
     }
 
     /// Of these rows those with one of `words` in their names; all of them if there is no word.
-    ///
-    /// # Errors
-    /// [`Error::Row`] for a word that no row has in its name.
     pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
         known(words, &self.rows.iter().map(|r| r.name).collect::<Vec<_>>())?;
         self.rows.retain(|r| words.is_empty() || words.iter().any(|w| r.name.contains(w.as_ref())));
@@ -91,12 +85,9 @@ impl Suite {
 }
 
 /// Refuses a word that none of the names has in it.
-///
-/// # Errors
-/// [`Error::Row`].
 pub fn known(words: &[impl AsRef<str>], names: &[&str]) -> Result<(), Error> {
     match words.iter().map(AsRef::as_ref).find(|w| !names.iter().any(|name| name.contains(w))) {
-        Some(word) => Err(Error::Row { word: word.into(), known: names.join(", ") }),
+        Some(word) => Err(Error::Row(word.into(), names.join(", "))),
         None => Ok(()),
     }
 }

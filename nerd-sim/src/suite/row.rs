@@ -1,9 +1,11 @@
-//! A row: one question with a measured answer, a limit, and the source of the limit.
+//! A row: one question with a measured answer, a limit, and the source of the limit; its cells with their verdicts.
 
-use super::cell::Cell;
-use super::error::Error;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
 use super::method::Method;
-use super::trial::Trial;
+use super::trial::{Error, Trial};
 use crate::solver::StepError;
 
 /// One scene and what is measured in it.
@@ -57,5 +59,101 @@ impl Row {
     /// Whether a correct solver must pass. Three rows drive a robot past what any step can follow, to show what becomes of it.
     pub fn must_pass(&self) -> bool {
         !matches!(self.name, "ANYmal kp 200" | "ANYmal kp 2000" | "ANYmal kp 5000")
+    }
+}
+
+/// What became of a row under a method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Up to the limit.
+    Pass,
+    /// Up to ten times the limit.
+    Degraded,
+    /// Beyond, or the solver gave up.
+    Fail,
+    /// The method cannot be asked this.
+    Unasked,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Pass => "pass",
+            Self::Degraded => "degraded",
+            Self::Fail => "fail",
+            Self::Unasked => "unasked",
+        })
+    }
+}
+
+/// A measured cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// The figure; of the motion before the solver gave up, if it did. None where nothing was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub figure: Option<f64>,
+    /// The solver's error when it gave up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost: Option<String>,
+    /// The figure against the limit.
+    pub verdict: Verdict,
+}
+
+impl Cell {
+    /// The measured figure and, if the solver gave up before, its error, against a limit.
+    pub fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
+        // Beyond all limits, and still a number.
+        const HUGE: f64 = 1e300;
+        let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
+        let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
+        let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
+        let verdict = match figure {
+            _ if lost.is_some() => Verdict::Fail,
+            x if x <= limit => Verdict::Pass,
+            x if x <= 10.0 * limit => Verdict::Degraded,
+            _ => Verdict::Fail,
+        };
+        Self { figure: Some(figure), lost, verdict }
+    }
+
+    /// Of a question that the method cannot be asked.
+    pub fn unasked() -> Self {
+        Self { figure: None, lost: None, verdict: Verdict::Unasked }
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.figure {
+            Some(figure) => f.pad(&format!("{figure:<8.2e} {}", self.verdict)),
+            None => self.verdict.fmt(f),
+        }
+    }
+}
+
+/// A row with its cells, as tables and files have it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Line {
+    /// Name of the row.
+    pub row: String,
+    /// What the figure is.
+    pub figure: String,
+    /// Its unit, or what it is a share of; empty for a pure number.
+    pub unit: String,
+    /// Where the limit is from.
+    pub source: String,
+    /// Why it is asked.
+    pub why: String,
+    /// Largest figure that passes.
+    pub limit: f64,
+    /// By method, in the order in which they were given.
+    pub cells: Vec<Cell>,
+}
+
+impl Line {
+    /// The figure with its unit in brackets.
+    pub fn asked(&self) -> String {
+        if self.unit.is_empty() { self.figure.clone() } else { format!("{} ({})", self.figure, self.unit) }
     }
 }

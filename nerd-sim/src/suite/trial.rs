@@ -6,12 +6,29 @@ use std::sync::Arc;
 use nerd_core::dynamics::{Data, Totals, totals};
 use nerd_core::state::wrap;
 
-use super::error::Error;
 use super::method::Method;
 use crate::batch::Batch;
 use crate::scene::{Scene, contacts};
 use crate::solver::{Solver, StepError};
-use crate::system::System;
+use crate::system::{System, SystemError};
+
+/// Why the suite, or a row of it, could not be run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// No row has that word in its name; names of the rows.
+    #[error("no row is called `{0}`; choose from {1}")]
+    Row(String, String),
+    /// The world of a row could not be made.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// The solver failed where nothing is measured yet.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The row compares a method with itself at four times the substeps, and the method has no such setting.
+    #[error("the method names no finer setting (`Method::finer`)")]
+    NoFiner,
+}
 
 /// A method under test.
 pub(super) struct Trial<'a> {
@@ -77,7 +94,7 @@ impl<'a> Trial<'a> {
     /// A built-in robot, for every method the same but for what it is made of.
     pub fn robot(&self, name: &str) -> Result<Arc<System>, Error> {
         let system = System::named(name)?;
-        let Some(kin) = self.method.kin() else { return Ok(system) };
+        let Some(kin) = self.method.kin else { return Ok(system) };
         let (mut system, kin) = ((*system).clone(), System::named(&format!("{name}-{kin}"))?.spec.clone());
         (system.spec.material, system.spec.scenes) = (kin.material, kin.scenes);
         (system.spec.substeps, system.spec.refresh) = (kin.substeps, kin.refresh);
@@ -91,18 +108,18 @@ impl<'a> Trial<'a> {
 
     /// Rolls out under torques set by `drive(state, torques)`. An error of the solver is kept in `lost`.
     pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, Error> {
-        self.under(&mut *self.method.solver(system), system, scene, start, frames, drive)
+        self.under(&mut *(self.method.make)(system), system, scene, start, frames, drive)
     }
 
     /// Without torques, under the method with four times the substeps.
     pub fn finer(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
-        let mut finer = self.method.finer_solver(system).ok_or(Error::NoFiner)?;
-        self.under(&mut *finer, system, scene, start, frames, &mut |_, _| ())
+        let finer = self.method.finer.as_ref().ok_or(Error::NoFiner)?;
+        self.under(&mut *finer(system), system, scene, start, frames, &mut |_, _| ())
     }
 
     /// Without torques, by a solver that has stepped ten frames from `other`, and was then reset.
     pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
-        let mut solver = self.method.solver(system);
+        let mut solver = (self.method.make)(system);
         let mut batch = Batch::new(system, &system.scene(scene)?, 1);
         batch.reset(0, other);
         let torques = vec![0.0; system.robot.joint_count()];

@@ -8,8 +8,7 @@ use nerd_core::robot::{Robot, UrdfRobot};
 
 use super::columns::name_columns;
 use super::derive::stiffen;
-use super::model::{System, SystemError};
-use super::source::Source;
+use super::model::{Source, System, SystemError};
 use super::spec::{ContactSpec, Spec};
 use super::start::{DRAWS, Start, clear_start};
 use super::validate::check;

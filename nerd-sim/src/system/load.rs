@@ -12,11 +12,10 @@ use super::columns::name_columns;
 #[cfg(feature = "meshes")]
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
-use super::model::{System, SystemError};
-use super::source::Source;
+use super::model::{Source, System, SystemError};
 use super::spec::{Spec, mesh_points};
 use super::validate::check;
-use crate::files::read_text;
+use crate::files::{FileError, read_text};
 
 impl System {
     /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
@@ -28,18 +27,15 @@ impl System {
             return Self::from_toml(name, text).map(Arc::new);
         }
         let path = Path::new(name);
-        let ending = path.extension().map(|e| e.to_string_lossy().into_owned());
-        let read = |path: &Path| read_text(path).map_err(|source| SystemError::File { path: path.into(), source });
-        if ending.as_deref() == Some("toml") {
-            let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
-            return Self::from_toml(&stem, &read(path)?).map(Arc::new);
-        }
-        if ending.as_deref() != Some("urdf") {
-            return Err(SystemError::Unknown(name.into()));
+        let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
+        let read = |path: &Path| read_text(path).map_err(|e| FileError::new(path, e));
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("toml") => return Self::from_toml(&stem, &read(path)?).map(Arc::new),
+            Some("urdf") => {}
+            _ => return Err(SystemError::Unknown(name.into())),
         }
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
-        let stem = path.file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
         let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path))?;
         // A file that says it is of another one would be believed.
         match &system.spec.urdf {
@@ -59,7 +55,7 @@ impl System {
 
     /// `path` is the URDF's, from which its meshes are found.
     fn read(name: &str, urdf: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
-        let wrong = |e: String| SystemError::Spec(name.into(), e.trim().replace('\n', " "));
+        let wrong = |e: String| SystemError::spec(name, e);
         let text = match (spec, path) {
             (Some(text), _) => text,
             (None, Some(_)) => return Self::derived(name, urdf, path, Table::new()),
@@ -99,26 +95,24 @@ impl System {
             }
             (read, None) => read.map_err(urdf_error)?,
         };
-        if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+        if untouched(&own) {
             read.robot.contact_points.clear();
         }
         let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
         let said = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
         let defaults = joints.filter_map(said).collect();
-        let spec =
-            derived(&mut read, path, &defaults).over(own).map_err(|e| SystemError::Spec(name.into(), e.trim().replace('\n', " ")))?;
+        let spec = derived(&mut read, path, &defaults).over(own).map_err(|e| SystemError::spec(name, e))?;
         Self::new(name, read, spec, Source::Derived)
     }
 
-    /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`]. Joints of the robot are known
-    /// to the specification by their names.
+    /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`].
     pub fn from_robot(robot: Robot, spec: Option<&str>) -> Result<Self, SystemError> {
         let name = robot.name.clone();
         let Some(text) = spec else {
             let spec = plain(&robot);
             return Self::new(&name, robot, spec, Source::Derived);
         };
-        let spec = Spec::read(text).map_err(|e| SystemError::Spec(name.clone(), e.trim().replace('\n', " ")))?;
+        let spec = Spec::read(text).map_err(|e| SystemError::spec(&name, e))?;
         if spec.floating != robot.floating() {
             let said = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
             return Err(SystemError::Spec(name, said));
@@ -132,9 +126,6 @@ impl System {
     }
 
     /// The same, its meshes found from where the URDF is.
-    ///
-    /// # Errors
-    /// As [`Self::bare`].
     pub fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
         let mut read = UrdfRobot::read_alone(urdf, base(floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = plain(&read.robot);
@@ -143,12 +134,9 @@ impl System {
     }
 
     /// A cable, from the text of its specification: `[cable]`, and whatever else it says of it.
-    ///
-    /// # Errors
-    /// What is wrong with it.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, SystemError> {
-        let wrong = |e: String| SystemError::Spec(name.into(), e.trim().replace('\n', " "));
-        let mut own: toml::Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        let wrong = |e: String| SystemError::spec(name, e);
+        let mut own: Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
         let Some(cable) = own.remove("cable") else {
             return Err(wrong("there is no [cable] in it, and of other robots the .urdf is named, not the .toml beside it".into()));
         };
@@ -158,7 +146,7 @@ impl System {
             return Err(wrong(format!("{key}: {why}; leave the line out")));
         }
         let mut robot = cable.robot(name);
-        if own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+        if untouched(&own) {
             robot.contact_points.clear();
         }
         let spec = cable.spec(&robot);
@@ -166,6 +154,11 @@ impl System {
         let spec = spec.over(own).map_err(wrong)?;
         Self::new(name, robot, spec, Source::Cable)
     }
+}
+
+/// Whether a specification says that nothing of the robot touches.
+fn untouched(own: &Table) -> bool {
+    own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty)
 }
 
 fn base(floating: bool) -> Base {

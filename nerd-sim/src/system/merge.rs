@@ -11,9 +11,6 @@ use super::spec::Spec;
 
 impl Spec {
     /// From the text of a file.
-    ///
-    /// # Errors
-    /// What is wrong with it.
     pub fn read(text: &str) -> Result<Self, String> {
         let Some(table) = merged(text)? else { return toml::from_str(text).map_err(|e| e.to_string()) };
         Self::deserialize(table).map_err(|e| e.to_string())
@@ -102,11 +99,10 @@ fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
 }
 
 /// No joint has this name. Of a long chain the first ones and the last are listed.
-fn no_joint<S: AsRef<str>>(name: &str, known: &[S]) -> String {
-    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
-    let told = match &known[..] {
+fn no_joint(name: &str, known: &[String]) -> String {
+    let known = match known {
         [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),
         all => all.join(", "),
     };
-    format!("[[joint]] name = {name:?}: the robot has no such moving joint; it has {told}")
+    format!("[[joint]] name = {name:?}: the robot has no such moving joint; it has {known}")
 }

@@ -9,7 +9,6 @@ mod identity;
 mod load;
 mod merge;
 mod model;
-mod source;
 mod spec;
 pub(crate) mod start;
 pub(crate) mod truth;
@@ -18,8 +17,7 @@ pub(crate) mod vary;
 
 pub use derive::pose_of;
 pub(crate) use derive::stiffness;
-pub use model::{System, SystemError};
-pub use source::Source;
+pub use model::{Source, System, SystemError};
 pub use spec::*;
 pub use start::Start;
 pub(crate) use validate::MOST_SUBSTEPS;

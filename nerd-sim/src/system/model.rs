@@ -1,6 +1,5 @@
 //! A system: a robot model together with its specification, built in or from files.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -9,8 +8,8 @@ use nerd_core::robot::{Link, MeshFile, Robot, UrdfError};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
-use super::source::Source;
 use super::spec::{JointSpec, Spec};
+use crate::files::FileError;
 use crate::scene::{Scene, WORLDS, described, world};
 
 /// Why a system could not be made.
@@ -21,29 +20,55 @@ pub enum SystemError {
     #[error("no robot `{0}`: choose from {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
     Unknown(String),
     /// No such scene.
-    #[error("robot `{robot}` has no scene `{scene}`: choose from {known}")]
-    Scene {
-        /// The robot.
-        robot: String,
-        /// The scene asked for.
-        scene: String,
-        /// What there is.
-        known: String,
-    },
+    #[error("robot `{0}` has no scene `{1}`: choose from {2}")]
+    Scene(String, String, String),
     /// A file that could not be read.
-    #[error("{path}: {source}", path = path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The URDF cannot be honoured.
     #[error("robot `{0}`: {1}")]
     Urdf(String, UrdfError),
     /// The specification is wrong.
     #[error("specification of robot `{0}`: {1}")]
     Spec(String, String),
+}
+
+impl SystemError {
+    /// What is wrong with a specification, in one line.
+    pub(crate) fn spec(name: &str, text: impl ToString) -> Self {
+        Self::Spec(name.into(), text.to_string().trim().replace('\n', " "))
+    }
+}
+
+/// Where a system comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A robot whose specification was made up of its numbers.
+    Derived,
+    /// A robot with a specification of its own.
+    Told,
+    /// `[cable]` ([`crate::cable`]).
+    Cable,
+}
+
+impl Source {
+    /// Where starts come from, of a system with a `[root]` or without, and what lifts them out of the ground.
+    pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
+        let raise = "raise it along the up axis, or ask for less clearance";
+        match (self, rooted) {
+            (Self::Cable, _) => [format!("[cable] at and along, and of its joints' {which} boxes,"), "change at or along".into()],
+            (_, true) => [format!("[root.{which}]"), raise.into()],
+            (_, false) => [format!("the joints' {which} boxes"), raise.into()],
+        }
+    }
+
+    /// Why a frame could not be stepped, with what to change where that is known.
+    pub(crate) fn lost(self, reason: String) -> String {
+        match self {
+            Self::Cable => format!("{reason} (raise [cable] damping or links, or substeps)"),
+            Self::Derived | Self::Told => reason,
+        }
+    }
 }
 
 /// A robot, how it is driven, sampled and watched.
@@ -102,9 +127,6 @@ impl System {
     }
 
     /// Refuses a system that differs from this one in more than numbers: a batch may hold both.
-    ///
-    /// # Errors
-    /// In what.
     pub fn alike(&self, other: &Self) -> Result<(), String> {
         let (mine, its) = (&self.robot, &other.robot);
         let built = |robot: &Robot| -> Vec<_> {
@@ -163,22 +185,17 @@ impl System {
 
     /// A scene by name: `free` is empty space, then the robot's own, then [`WORLDS`] of the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
-        let mut scene = Scene::free(self.gravity());
-        if name != "free" {
-            let Some(spec) = self.spec.scenes.iter().find(|s| s.name == name) else {
-                let touches = !self.robot.contact_points.is_empty();
-                let world = world(name, &scene.gravity, self.spec.material).filter(|_| touches);
-                let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches));
-                let mut known = known.collect::<Vec<_>>().join(", ");
-                if !touches {
-                    known += ", since it has nothing to touch with; give it [[contact]] points";
-                }
-                let world = world.ok_or_else(|| SystemError::Scene { robot: self.name.clone(), scene: name.into(), known })?;
-                world.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
-                return Ok(Arc::new(world));
-            };
-            scene = described(spec, &scene.gravity, self.spec.material);
-        }
+        let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());
+        let scene = match self.spec.scenes.iter().find(|s| s.name == name) {
+            Some(spec) => Some(described(spec, &gravity, material)),
+            None if name == "free" => Some(Scene::free(gravity)),
+            None => world(name, &gravity, material).filter(|_| touches),
+        };
+        let Some(scene) = scene else {
+            let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches)).collect::<Vec<_>>().join(", ");
+            let why = if touches { "" } else { ", since it has nothing to touch with; give it [[contact]] points" };
+            return Err(SystemError::Scene(self.name.clone(), name.into(), known + why));
+        };
         scene.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
         Ok(Arc::new(scene))
     }

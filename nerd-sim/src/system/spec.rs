@@ -11,11 +11,10 @@ use crate::system::truth::Truth;
 use crate::system::vary::VarySpec;
 
 /// One file.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spec {
     /// Name of the URDF file beside this one [default: this one's, as .urdf]; another is refused where files are read.
-    #[serde(default)]
     pub urdf: Option<String>,
     /// Whether the root is free.
     pub floating: bool,
@@ -47,14 +46,14 @@ pub struct Spec {
     /// Scene of the training data [default: `free`].
     pub data_scene: Option<String>,
     /// Random pegs of the training data, if any, on the ground of `data_scene`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub random_pegs: Option<RandomPegs>,
     /// Seconds from one random torque to the next, drawn once a trajectory, with a smooth curve between them [default: they jump every
     /// frame].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub smooth: Option<Range>,
     /// Ranges of numbers that differ from trajectory to trajectory, if any; see [`crate::vary`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub vary: Option<VarySpec>,
     /// How actions become torques; without it, torque = gain times action.
     pub control: Option<ControlSpec>,
@@ -96,7 +95,7 @@ pub enum Refresh {
 }
 
 /// A joint.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointSpec {
     /// Name in the URDF.
@@ -184,7 +183,7 @@ pub struct RootSpec {
 }
 
 /// Laws of a floating root's start.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RootStart {
     /// World position by axis (m).
@@ -213,7 +212,7 @@ pub struct LimitSpec {
 }
 
 /// Laws of a joint's initial position and velocity.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartSpec {
     /// Range of the position.

@@ -31,16 +31,6 @@ pub(crate) const STEPS: usize = 16;
 #[cfg(feature = "rapier")]
 pub(crate) const ITERATIONS: usize = 4;
 
-/// No truth has that name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no truth is called `{name}`; choose from {known}")]
-pub struct UnknownTruth {
-    /// What was asked for.
-    pub name: String,
-    /// What there is.
-    pub known: String,
-}
-
 impl Truth {
     /// All of them.
     pub const ALL: &[Self] = &[
@@ -61,18 +51,13 @@ impl Truth {
     }
 
     /// The one of that name.
-    ///
-    /// # Errors
-    /// If there is none.
-    pub fn named(name: &str) -> Result<Self, UnknownTruth> {
+    pub fn named(name: &str) -> Result<Self, String> {
         let known = || Self::ALL.iter().map(|t| t.name()).collect::<Vec<_>>().join(", ");
-        Self::ALL.iter().find(|t| t.name() == name).copied().ok_or_else(|| UnknownTruth { name: name.into(), known: known() })
+        let found = Self::ALL.iter().find(|t| t.name() == name).copied();
+        found.ok_or_else(|| format!("no truth is called `{name}`; choose from {}", known()))
     }
 
     /// Refuses a robot that it cannot step as it says.
-    ///
-    /// # Errors
-    /// Which joint is in the way, and what can be taken.
     pub fn check(self, robot: &Robot) -> Result<(), String> {
         match robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
             Some(joint) => Err(format!(

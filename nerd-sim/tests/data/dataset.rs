@@ -134,7 +134,7 @@ fn shards_of_another_system_of_the_same_name_are_made_anew() {
     };
     let folder = tempfile::tempdir().expect("temporary folder");
     let (system, first) = make(folder.path(), toml);
-    assert_eq!(first.check(&system, "paper"), Ok(()));
+    first.check(folder.path(), &system, "paper").expect("the same");
     assert_eq!(Manifest::read(folder.path()).expect("read"), first);
     for (from, to, what) in [
         ("-9.81", "-9.80", "gravity"),
@@ -144,13 +144,13 @@ fn shards_of_another_system_of_the_same_name_are_made_anew() {
     ] {
         let (other, second) = make(folder.path(), &changed(toml, from, to));
         assert_ne!(second.sha256, first.sha256, "{to}: the old data are kept");
-        let error = line(first.check(&other, "paper"));
+        let error = line(first.check(folder.path(), &other, "paper"));
         let named = [first.system_sha256.as_str(), first.robot_sha256.as_str()].iter().any(|hash| error.contains(hash))
             && [other.sha256(), other.robot_sha256()].iter().any(|hash| error.contains(hash));
         assert!(named && error.contains(what), "{to}: `{error}`");
         make(folder.path(), toml);
     }
-    assert!(line(first.check(&system, "rapier")).contains("`rapier`"), "another truth");
+    assert!(line(first.check(folder.path(), &system, "rapier")).contains("`rapier`"), "another truth");
     let mut columns = toml.replacen("\"theta\"", "\"angle\"", 1);
     columns.insert_str(0, "# another comment\n");
     assert_eq!(make(folder.path(), &columns).1, first, "names of columns are no part of the data");

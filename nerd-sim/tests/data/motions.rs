@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nerd_core::dynamics::Data;
-use nerd_sim::dataset::{Act, Effort, GenerateConfig, Smooth, begin, record};
+use nerd_sim::dataset::{Act, GenerateConfig, Smooth, begin, record};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::contacts;
@@ -25,7 +25,7 @@ fn smooth_torques_hold_first_and_then_bend_without_a_corner() {
     let system = lead();
     let mut rng = stream(7, 0);
     let state = start(&system, Start::Sample, &mut rng);
-    let mut curve = Smooth::new(&system, &state, Effort::Driven(1.0), &mut rng).expect("the specification asks for it");
+    let mut curve = Smooth::new(&system, &state, 1.0, &mut rng).expect("the specification asks for it");
     let (joints, scene) = (system.robot.joint_count(), Scene::free(system.gravity()));
     let mut path = vec![vec![0.0; joints]; 200];
     path.iter_mut().for_each(|tau| curve.torques(&state, &scene, &mut rng, tau));
@@ -43,9 +43,9 @@ fn smooth_torques_hold_first_and_then_bend_without_a_corner() {
         let bound = 4.0 * said.torque / (0.3 * 60.0_f64).powi(2);
         assert!(bend <= bound * 1.001, "{}: second difference {bend}, bound {bound}", joint.name);
     }
-    assert!(Smooth::new(&system, &state, Effort::Held, &mut rng).is_none(), "what is passive is not driven");
+    assert!(Smooth::new(&system, &state, 0.0, &mut rng).is_none(), "what is passive is not driven");
     let cartpole = System::named("cartpole").expect("built in");
-    assert!(Smooth::new(&cartpole, &cartpole.robot.zero_state(), Effort::Driven(1.0), &mut rng).is_none(), "torques that jump stay so");
+    assert!(Smooth::new(&cartpole, &cartpole.robot.zero_state(), 1.0, &mut rng).is_none(), "torques that jump stay so");
 }
 
 #[test]

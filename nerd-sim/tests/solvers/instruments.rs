@@ -1,6 +1,6 @@
 //! Instruments around a solver change what they say and nothing else.
 
-use nerd_sim::instruments::{Glide, Hold, Motor, Motors, Recorder, Replay, Shaken, Timed};
+use nerd_sim::instruments::{Glide, Hold, Recorder, Replay, Shaken, Timed};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::Body;
 
@@ -77,41 +77,4 @@ fn gliding_is_exact_where_nothing_pulls() {
     }
     let gap = glided.states.iter().zip(&stepped.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(gap < 1e-9, "{gap} apart after a second");
-}
-
-/// A step of 2 N m: nothing until the delay is over, then `u (1 - e^(-t / lag))`, of which each frame has the mean.
-#[test]
-fn motors_follow_late_and_little_by_little() {
-    let (u, h) = (2.0, 1.0 / 60.0);
-    for (delay, lag) in [(0.0, 0.03), (0.025, 0.03), (0.025, 0.0), (2.0 * h, 0.004), (0.0, 0.0)] {
-        let mut batch = batch(2);
-        let mut motors = Motors::new(Hold, Motor { delay, lag }).expect("it is a motor");
-        // The integral of the response up to a time after it was heard.
-        let impulse = |t: f64| {
-            if t <= 0.0 {
-                0.0
-            } else if lag == 0.0 {
-                u * t
-            } else {
-                u * (t + lag * (-t / lag).exp_m1())
-            }
-        };
-        for frame in 0..12 {
-            motors.step(&mut batch, &[u, 0.0, 0.0, -u]).expect("a frame");
-            let t = f64::from(frame) * h - delay;
-            let expected = (impulse(t + h) - impulse(t)) / h;
-            let found = motors.torques();
-            assert!((found[0] - expected).abs() < 1e-12, "delay {delay}, lag {lag}, frame {frame}: {} N m, textbook {expected}", found[0]);
-            assert_eq!((found[1], found[2], found[3]), (0.0, 0.0, -found[0]));
-        }
-        // One environment forgets, the other goes on.
-        motors.reset(1);
-        motors.step(&mut batch, &[0.0; 4]).expect("a frame");
-        let found = motors.torques();
-        assert!(found[3] == 0.0 && (found[0] > 0.0 || delay == 0.0 && lag == 0.0), "{found:?}");
-    }
-    for (motor, said) in [(Motor { delay: -0.1, lag: 0.0 }, "delay is -0.1"), (Motor { delay: 0.0, lag: f64::NAN }, "lag is NaN")] {
-        let error = Motors::new(Hold, motor).expect_err("no motor");
-        assert!(error.contains(said), "{error}");
-    }
 }

@@ -97,7 +97,7 @@ pub fn passive(
     let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
     let mut curves: Vec<_> = match config.action {
         Action::Random(factor) => {
-            let curve = |(env, rng): (usize, &mut _)| Smooth::new(system, real.state(env), factor.into(), rng);
+            let curve = |(env, rng): (usize, &mut _)| Smooth::new(system, real.state(env), factor, rng);
             streams.iter_mut().enumerate().map(curve).collect()
         }
         _ => Vec::new(),
@@ -118,7 +118,7 @@ pub fn passive(
                     let out = &mut torques[0][env * joints..(env + 1) * joints];
                     match &mut curves[env] {
                         Some(curve) => curve.torques(real.state(env), scene, rng, out),
-                        None => drive.draw(real.state(env), factor.into(), rng, out),
+                        None => drive.draw(real.state(env), factor, rng, out),
                     }
                 }
                 torques[1] = torques[0].clone();

@@ -110,7 +110,7 @@ fn outside(case: &Case, maker: &Maker, factor: f64, drive: f64) -> Result<f64> {
     let (mut error, mut hold) = (0.0, 0.0);
     for _ in 0..50 {
         for env in 0..STARTS {
-            source.draw(real.state(env), drive.into(), &mut rng, &mut torques[env * joints..(env + 1) * joints]);
+            source.draw(real.state(env), drive, &mut rng, &mut torques[env * joints..(env + 1) * joints]);
         }
         solvers.0.step(&mut real, &torques)?;
         solvers.1.step(&mut batch, &torques)?;

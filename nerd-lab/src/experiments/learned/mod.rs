@@ -34,7 +34,7 @@ impl Learned {
         let config = ModelConfig::read(folder)?;
         let system = System::named(&config.robot)?;
         let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
-        let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth)? };
+        let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth).map_err(anyhow::Error::msg)? };
         Ok(Self { case, asks: ASKS.iter().filter(|a| words.is_empty() || words.iter().any(|w| a.name.contains(w.as_str()))).collect() })
     }
 

@@ -86,7 +86,7 @@ impl Stability {
         ];
         let mut methods = Vec::new();
         for (name, config) in of {
-            methods.extend(known().into_iter().filter(|method| method.name() == name));
+            methods.extend(known().into_iter().filter(|method| method.name == name));
             methods.push(gpu(&format!("{name}, GPU, 32 bits"), Real::F32, config));
             methods.push(gpu(&format!("{name}, GPU, 64 bits"), Real::F64, config));
         }
@@ -122,6 +122,6 @@ impl Experiment for Stability {
         let bar = bar("cells", self.cells() as u64);
         let rows = self.suite.run(&self.methods, |done| bar.set(done as u64));
         bar.finish();
-        StabilityMap { methods: self.methods.iter().map(|m| m.name().to_string()).collect(), rows }.measured()
+        StabilityMap { methods: self.methods.iter().map(|m| m.name.clone()).collect(), rows }.measured()
     }
 }

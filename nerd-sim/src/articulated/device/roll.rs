@@ -149,7 +149,7 @@ impl<M: Motion> OnDevice<M> {
         let width = n * joints;
         let hold = torques.len() == width;
         if frames == 0 || (!hold && torques.len() != frames * width) {
-            return Err(StepError::Torques { found: torques.len(), environments: n, joints });
+            return Err(StepError::torques(torques.len(), n, joints));
         }
         sound(batch, &torques[..width], &mut self.faults)?;
         let columns = acting(torques, joints);

@@ -6,9 +6,8 @@ use std::sync::Arc;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 
 use crate::scene::GRAVITY;
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::Trial;
+use crate::suite::trial::{Error, Trial};
 use crate::system::System;
 
 pub(super) static ROWS: [Row; 3] = [

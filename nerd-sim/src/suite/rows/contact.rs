@@ -7,9 +7,8 @@ use nerd_core::state::vector;
 
 use crate::scene::GRAVITY;
 use crate::suite::bodies::Body;
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::Trial;
+use crate::suite::trial::{Error, Trial};
 use crate::system::System;
 
 pub(super) static LANDING: [Row; 2] = [
@@ -46,7 +45,7 @@ fn rest(trial: &Trial) -> Result<f64, Error> {
     let body = Body::default();
     let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.1]), 300)?;
     // A box's corners have a radius of 1e-5 m.
-    let depth = if trial.method.is_rigid() { 0.0 } else { body.mass * GRAVITY / (4.0 * body.material[0]) };
+    let depth = if trial.method.rigid { 0.0 } else { body.mass * GRAVITY / (4.0 * body.material[0]) };
     Ok((vector(motion.last()) - Vector3::new(0.0, 0.0, 0.1 + 1e-5 - depth)).norm())
 }
 

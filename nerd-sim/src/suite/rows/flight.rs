@@ -7,9 +7,8 @@ use crate::batch::Batch;
 use crate::scene::GRAVITY;
 use crate::solver::{Solver, StepError};
 use crate::suite::bodies::{Body, UPRIGHT};
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::{Motion, Trial};
+use crate::suite::trial::{Error, Motion, Trial};
 
 pub(super) static ROWS: [Row; 8] = [
     Row::new("free fall", "distance from the parabola, 1 s", "m", GRAVITY / 960.0, free_fall)

@@ -5,9 +5,8 @@ use nerd_core::state::{quaternion, vector};
 
 use crate::scene::GRAVITY;
 use crate::suite::bodies::{Body, UPRIGHT};
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::Trial;
+use crate::suite::trial::{Error, Trial};
 
 pub(super) static ROWS: [Row; 7] = [
     Row::new("stopping distance", "error, mu 0.2 0.4 0.7", "relative", 0.05, stopping)

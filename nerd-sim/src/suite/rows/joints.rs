@@ -8,9 +8,8 @@ use rand::RngExt;
 use crate::sampling::{Start, start, stream};
 use crate::scene::GRAVITY;
 use crate::suite::bodies::{chain, slider, universal};
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::{Motion, Trial};
+use crate::suite::trial::{Error, Motion, Trial};
 
 pub(super) static ROWS: [Row; 9] = [
     Row::new("pendulum period", "mean error of the angle, 3.5 periods", "amplitudes", 0.01, period)

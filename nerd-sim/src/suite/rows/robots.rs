@@ -6,9 +6,8 @@ use rand::RngExt;
 
 use crate::control::Controller;
 use crate::sampling::{Start, start, stream};
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::Trial;
+use crate::suite::trial::{Error, Trial};
 
 /// What ANYmal's URDF allows its joints (rad/s).
 const SPEED: f64 = 20.0;

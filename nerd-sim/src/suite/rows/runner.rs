@@ -7,9 +7,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::state::vector;
 
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::{Motion, Trial};
+use crate::suite::trial::{Error, Motion, Trial};
 use crate::system::System;
 
 /// Speed forwards (m/s), and about the axis across it (rad/s): it turns over as it runs.

@@ -1,9 +1,8 @@
 //! Rows that compare a solver with itself: with finer steps, and restarted.
 
 use crate::sampling::{Start, start, stream};
-use crate::suite::error::Error;
 use crate::suite::row::Row;
-use crate::suite::trial::{Motion, Trial};
+use crate::suite::trial::{Error, Motion, Trial};
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("pendulum self-convergence", "against four times the substeps, ground, 1 s, 4 starts", "rad", 1.2e-3, |trial| {

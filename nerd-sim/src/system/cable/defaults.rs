@@ -21,7 +21,6 @@ const PACE: Range = Range { low: 0.3, high: 1.5 };
 impl CableSpec {
     /// What a TOML says of such a robot where it says no more.
     pub(crate) fn spec(&self, robot: &Robot) -> Spec {
-        let still = between(0.0, 0.0);
         let mut spec = plain(robot);
         let bend = SPREAD * (3.0 / self.links as f64).sqrt();
         for (said, joint) in spec.joints.iter_mut().zip(robot.joints()) {
@@ -37,9 +36,9 @@ impl CableSpec {
             let most = reach.map_or(0.0, |reach| rounded(reach * joint.stiffness));
             (said.torque, said.gain) = (most, Some(most));
             let q = reach.map_or(between(-bend, bend), |reach| between(-reach, reach));
-            said.sample = StartSpec { q, qd: still, minus: None };
+            said.sample = StartSpec { q, ..StartSpec::default() };
             let near = if reach.is_some() { 0.1 } else { 1.0 };
-            said.reset = StartSpec { q: Range { low: near * q.low, high: near * q.high }, qd: still, minus: None };
+            said.reset = StartSpec { q: Range { low: near * q.low, high: near * q.high }, ..StartSpec::default() };
         }
         let weight = self.mass / self.links as f64 * GRAVITY;
         let stiffness = rounded(weight / (GIVE * self.diameter));
@@ -52,10 +51,8 @@ impl CableSpec {
         let touches = !robot.contact_points.is_empty();
         let start = RootStart {
             position: self.at().map(|x| Range { low: x, high: x }),
-            tilt: still,
-            angular: [still; 3],
-            linear: [still; 3],
             clearance: touches.then_some(0.5 * self.diameter),
+            ..RootStart::default()
         };
         spec.root = (self.held == Held::Free).then(|| RootSpec {
             position: self.at(),

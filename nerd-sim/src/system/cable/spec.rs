@@ -62,9 +62,6 @@ fn ahead() -> [f64; 3] {
 
 impl CableSpec {
     /// Refuses what is no cable.
-    ///
-    /// # Errors
-    /// The key, its value and what is needed.
     pub fn check(&self) -> Result<(), String> {
         let within = |key: &str, x: f64, low: f64, high: f64, unit: &str| within(format!("[cable] {key}"), x, low..=high, unit);
         within("length", self.length, 1e-3, 1e4, "m")?;

@@ -142,28 +142,20 @@ fn material(weight: f64, extent: f64) -> Material {
 
 /// `round` is the largest radius of a contact point, from whose middle gaps are counted; none where nothing touches.
 fn root(height: f64, extent: f64, round: Option<f64>) -> RootSpec {
-    let still = [between(0.0, 0.0); 3];
-    let start = |position, tilt, spin: f64, speed: f64| RootStart {
-        position,
-        tilt,
-        angular: [between(-spin, spin); 3],
-        linear: [between(-speed, speed); 3],
-        clearance: round.map(|radius| radius + rounded(GIVE * extent)),
-    };
+    let clearance = round.map(|radius| radius + rounded(GIVE * extent));
+    let above = |share: f64| [Range::default(), Range::default(), Range { low: height, high: height + share * extent }];
     RootSpec {
         position: [0.0, 0.0, height],
         quaternion: [0.0, 0.0, 0.0, 1.0],
-        sample: start(
-            [between(0.0, 0.0), between(0.0, 0.0), Range { low: height, high: height + 0.5 * extent }],
-            between(0.0, PI / 6.0),
-            2.0,
-            1.0,
-        ),
-        reset: Some(RootStart {
-            // As high as joints that are a little off need it.
-            position: [still[0], still[0], Range { low: height, high: height + HIGHER * extent }],
-            ..start(still, still[0], 0.0, 0.0)
-        }),
+        sample: RootStart {
+            position: above(0.5),
+            tilt: between(0.0, PI / 6.0),
+            angular: [between(-2.0, 2.0); 3],
+            linear: [between(-1.0, 1.0); 3],
+            clearance,
+        },
+        // As high as joints that are a little off need it.
+        reset: Some(RootStart { position: above(HIGHER), clearance, ..RootStart::default() }),
     }
 }
 
@@ -189,18 +181,15 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
     let armature = if said(joint.effort) && said(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     JointSpec {
         name: joint.name.clone(),
-        column: None,
         default,
         armature,
-        stiffness: 0.0,
-        rest: 0.0,
-        limit: None,
         torque,
         gain: Some(if driven { effort } else { torque }),
         kp: rounded(0.6 * gain),
         kd: rounded(0.006 * gain),
         sample: StartSpec { q: about(wide), qd: between(-fast, fast), minus: None },
-        reset: StartSpec { q: about(near), qd: between(0.0, 0.0), minus: None },
+        reset: StartSpec { q: about(near), ..StartSpec::default() },
+        ..JointSpec::default()
     }
 }
 

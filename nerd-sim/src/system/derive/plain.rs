@@ -19,44 +19,16 @@ pub(crate) fn rounded(x: f64) -> f64 {
 pub(crate) fn plain(robot: &Robot) -> Spec {
     let law = |x: f64| Range { low: -x, high: x };
     let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
-    let joint = |joint: &Joint| JointSpec {
-        name: joint.name.clone(),
-        column: None,
-        default: 0.0,
-        armature: 0.0,
-        stiffness: 0.0,
-        rest: 0.0,
-        limit: None,
-        torque: 0.0,
-        gain: None,
-        kp: 0.0,
-        kd: 0.0,
-        sample: start(1.0, 1.0),
-        reset: start(0.1, 0.0),
-    };
+    let joint =
+        |joint: &Joint| JointSpec { name: joint.name.clone(), sample: start(1.0, 1.0), reset: start(0.1, 0.0), ..JointSpec::default() };
     Spec {
-        urdf: None,
         floating: robot.floating(),
         frame_time: "1/60".into(),
         gravity: [0.0, 0.0, -9.81],
-        truth: Default::default(),
         substeps: 16,
-        refresh: Default::default(),
-        state_columns: Vec::new(),
-        torque_columns: Vec::new(),
-        material: Default::default(),
-        random_plane: None,
-        data_scene: None,
-        random_pegs: None,
-        smooth: None,
-        vary: None,
-        control: None,
-        root: None,
-        mass_matrix_of: Default::default(),
         mesh_points: mesh_points(),
         joints: robot.joints().map(joint).collect(),
-        contacts: Vec::new(),
-        scenes: Vec::new(),
+        ..Spec::default()
     }
 }
 

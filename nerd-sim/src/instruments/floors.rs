@@ -1,20 +1,21 @@
-//! The predictor of constant velocity: better than [`super::Hold`] for a few frames, mostly worse for many.
-//!
-//! ```
-//! # use nerd_sim::{instruments::Glide, prelude::*};
-//! # let system = System::named("cartpole")?;
-//! # let mut batch = Batch::new(&system, &system.scene("free")?, 1);
-//! batch.reset(0, &[0.0, 0.0, 3.0, 0.0]);
-//! Glide.step(&mut batch, &[0.0; 2])?;
-//! assert!((batch.state(0)[0] - 3.0 * system.frame_time).abs() < 1e-12, "the cart moves at 3 m/s");
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! Predictors without physics: what any model must beat.
 
 use crate::batch::Batch;
 use crate::solver::{Solver, StepError, commit};
 use crate::system::System;
 
-/// Goes on at the velocity it has.
+/// Stays where it is: its error is that of knowing nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Hold;
+
+impl Solver for Hold {
+    fn step(&mut self, batch: &mut Batch, _torques: &[f64]) -> Result<(), StepError> {
+        let mut next = batch.states.clone();
+        commit(batch, &mut next, &mut Vec::new())
+    }
+}
+
+/// Goes on at the velocity it has: better than [`Hold`] for a few frames, mostly worse for many.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Glide;
 
