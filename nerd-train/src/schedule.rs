@@ -32,7 +32,7 @@ impl Default for Schedule {
 impl Schedule {
     /// Refuses rates that teach nothing or blow up.
     pub fn check(&self) -> Result<(), String> {
-        within("rate", self.start, f64::MIN_POSITIVE..=10.0, "")?;
+        within("rate", self.start, 1e-12..=10.0, "")?;
         within("last_rate", self.end, 0.0..=10.0, "")
     }
 

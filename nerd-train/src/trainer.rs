@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{self, Best};
 use crate::error::{Error, Result};
-use crate::learner::Learner;
-use crate::progress::bar_from;
+use crate::learner::{Learner, Progress};
+use crate::progress::{Bar, bar_from};
 use crate::ranks::{RankError, Ranks};
 use crate::records::Record;
 use crate::schedule::Schedule;
@@ -92,26 +92,25 @@ pub struct Trainer {
     batch: usize,
     folder: PathBuf,
     run: String,
-    stop_at: Option<Duration>,
-    ranks: Arc<Ranks>,
+    /// Stops, with a full checkpoint, at the first update that ends so long after [`Trainer::run`] was called.
+    pub stop_at: Option<Duration>,
+    /// Rank 0 keeps the record, validates and writes, the others make its updates with it.
+    pub ranks: Arc<Ranks>,
+}
+
+/// What rank 0 keeps of a run.
+struct Lead {
+    metrics: Record,
+    bar: Bar,
+    best: Option<(u64, f64)>,
+    /// The update that the last line of training was of, and when it was written, but for time spent on validations.
+    logged: (u64, Instant),
 }
 
 impl Trainer {
     /// A run in `folder` (which exists) of updates of `batch` windows; `run` is JSON kept in its checkpoints.
     pub fn new(config: TrainerConfig, batch: usize, folder: &Path, run: &str) -> Self {
         Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None, ranks: Arc::default() }
-    }
-
-    /// Trains as one of these ranks: rank 0 keeps the record, validates and writes, the others make its updates with it.
-    pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
-        self.ranks = ranks.clone();
-        self
-    }
-
-    /// Stops, with a full checkpoint, at the first update that ends `wall` after [`Trainer::run`] was called.
-    pub fn stop_at(mut self, wall: Option<Duration>) -> Self {
-        self.stop_at = wall;
-        self
     }
 
     /// Trains, on `fresh` data as it comes if there is any, from the learner's step to the configured number of updates or until the time
@@ -122,75 +121,58 @@ impl Trainer {
     pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome> {
         let (c, started) = (&self.config, Instant::now());
         c.check().map_err(Error::Refused)?;
-        if !self.ranks.leads() {
-            return self.follow(learner, fresh);
-        }
-        let first = learner.state()?.step;
-        let mut metrics = Record::metrics(&self.folder, first)?;
-        // A fresh run in an old folder starts its own comparison.
-        let mut best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
-        let bar = bar_from("updates", first, c.updates);
-        let (mut step, mut logged, mut since) = (first, first, Instant::now());
-        while step < c.updates {
+        let (mut step, mut over) = (learner.state()?.step, false);
+        let mut lead = if self.ranks.leads() { Some(self.lead(step)?) } else { None };
+        while step < c.updates && !over {
             let lr = self.update(learner, &mut fresh, step)?;
             step += 1;
-            let over = self.over(started)?;
+            over = self.over(started)?;
             if over || due(step, c.log_every, c.updates) {
-                let p = learner.progress()?;
-                let windows_per_second = (step - logged) as f64 * self.batch as f64 / since.elapsed().as_secs_f64();
-                metrics.write(&Line::Train { step, loss: p.loss, gradient_norm: p.gradient_norm, lr, windows_per_second })?;
-                bar.say(&format!("loss {:.3e}, {windows_per_second:.0} windows/s", p.loss));
-                bar.set(step);
-                (logged, since) = (step, Instant::now());
+                let progress = learner.progress()?;
+                if let Some(lead) = &mut lead {
+                    lead.log(step, progress, lr, self.batch)?;
+                }
             }
             if due(step, c.validate_every, c.updates) {
-                let paused = Instant::now();
                 self.same(learner)?;
-                let loss = learner.validate(c.validation_windows)?;
-                let value = hook(learner, step)?;
-                let criterion = value.unwrap_or(f64::from(loss));
-                let better = criterion.is_finite() && best.is_none_or(|(_, b)| criterion < b);
-                if better {
-                    best = Some((step, criterion));
-                    let state = learner.state()?;
-                    Best { step, criterion, weights: state.averaged() }.save(&self.folder, &self.run)?;
+                if let Some(lead) = &mut lead {
+                    self.validate(lead, learner, step, hook)?;
                 }
-                metrics.write(&Line::Validation { step, loss, criterion, best: better })?;
-                let star = if better { ", best so far" } else { "" };
-                bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
-                since += paused.elapsed();
             }
-            if over || due(step, c.checkpoint_every, c.updates) {
+            if lead.is_some() && (over || due(step, c.checkpoint_every, c.updates)) {
                 checkpoint::save(&checkpoint::last(&self.folder), &learner.state()?, &self.run)?;
             }
-            if over {
-                break;
-            }
         }
-        bar.finish();
+        let best = lead.and_then(|lead| {
+            lead.bar.finish();
+            lead.best
+        });
         // What the last update was summed through is not taken away before all have it.
         self.ranks.wait()?;
         Ok(Outcome { step, finished: step >= c.updates, best })
     }
 
-    /// The run of a rank that does not lead.
-    fn follow(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>) -> Result<Outcome> {
-        let (c, started) = (&self.config, Instant::now());
-        let mut step = learner.state()?.step;
-        let mut over = false;
-        while step < c.updates && !over {
-            self.update(learner, &mut fresh, step)?;
-            step += 1;
-            over = self.over(started)?;
-            if over || due(step, c.log_every, c.updates) {
-                learner.progress()?;
-            }
-            if due(step, c.validate_every, c.updates) {
-                self.same(learner)?;
-            }
+    fn lead(&self, first: u64) -> Result<Lead> {
+        let metrics = Record::metrics(&self.folder, first)?;
+        // A fresh run in an old folder starts its own comparison.
+        let best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
+        Ok(Lead { metrics, bar: bar_from("updates", first, self.config.updates), best, logged: (first, Instant::now()) })
+    }
+
+    fn validate(&self, lead: &mut Lead, learner: &mut dyn Learner, step: u64, hook: &mut Hook) -> Result<()> {
+        let paused = Instant::now();
+        let loss = learner.validate(self.config.validation_windows)?;
+        let criterion = hook(learner, step)?.unwrap_or(f64::from(loss));
+        let better = criterion.is_finite() && lead.best.is_none_or(|(_, b)| criterion < b);
+        if better {
+            lead.best = Some((step, criterion));
+            Best { step, criterion, weights: learner.state()?.averaged() }.save(&self.folder, &self.run)?;
         }
-        self.ranks.wait()?;
-        Ok(Outcome { step, finished: step >= c.updates, best: None })
+        lead.metrics.write(&Line::Validation { step, loss, criterion, best: better })?;
+        let star = if better { ", best so far" } else { "" };
+        lead.bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
+        lead.logged.1 += paused.elapsed();
+        Ok(())
     }
 
     /// Update `step`, counted from 0, on fresh data where some is due before it; its learning rate.
@@ -225,6 +207,18 @@ impl Trainer {
     /// If there is a file that cannot be read: it may hold a long run.
     pub fn best(&self) -> Result<Option<Best>> {
         Best::load(&self.folder, &self.run)
+    }
+}
+
+impl Lead {
+    fn log(&mut self, step: u64, Progress { loss, gradient_norm }: Progress, lr: f64, batch: usize) -> Result<()> {
+        let (first, since) = self.logged;
+        let windows_per_second = (step - first) as f64 * batch as f64 / since.elapsed().as_secs_f64();
+        self.metrics.write(&Line::Train { step, loss, gradient_norm, lr, windows_per_second })?;
+        self.bar.say(&format!("loss {loss:.3e}, {windows_per_second:.0} windows/s"));
+        self.bar.set(step);
+        self.logged = (step, Instant::now());
+        Ok(())
     }
 }
 

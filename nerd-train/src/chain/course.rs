@@ -8,6 +8,7 @@ use nerd_sim::sampling::stream;
 use rand::RngExt;
 
 use super::data::Motions;
+use super::loss::Loss;
 use super::view::View;
 use crate::learner::LearnError;
 
@@ -52,6 +53,11 @@ impl Course {
             return Err(LearnError::Mismatch(format!("{motions} motions of {long} frames hold no rollout of {frames}")));
         }
         Ok(())
+    }
+
+    /// The loss of its rollouts.
+    pub fn loss(&self) -> Loss {
+        Loss::new(&self.scale, self.velocity, self.frames)
     }
 
     /// The draws of some rows of an update's rollouts.

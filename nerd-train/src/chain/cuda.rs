@@ -20,24 +20,23 @@ use super::course::{BETA, Course};
 use super::data::Motions;
 use super::device::{ROLLOUT, row, unroll_program};
 use super::judge::missed;
-use super::loss::Loss;
 use super::view::View;
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
 use crate::ranks::Ranks;
 
-const KERNELS: [&str; 9] = [
+const KERNELS: [&str; 10] = [
     "unroll_truths",
     "unroll_begin",
     "unroll_look",
     "unroll_advance",
+    "unroll_end",
     "unroll_behind",
     "unroll_said",
     "unroll_back",
     "unroll_add",
     "unroll_total",
 ];
-const END: &str = "unroll_end";
 /// Recorded states that are sent at a time.
 const SENT: usize = 1 << 16;
 
@@ -46,20 +45,12 @@ pub struct CudaChainLearner {
     chain: Chain,
     config: LearnerConfig,
     course: Course,
-    mine: Range<usize>,
+    /// Of the batch.
+    rows: Range<usize>,
     /// Where the last update ended; a resumed run restarts all of them.
     ended: Vec<Option<(usize, usize, View)>>,
     step: u64,
-    way: Way,
-    optimiser: Optimiser,
-    replay: Replay,
-}
-
-/// What rollouts go through, on the device.
-struct Way {
     network: Network,
-    frames: usize,
-    weight: f64,
     motions: Recorded,
     rollouts: Buffer<f64>,
     /// `[frame][rollout]`.
@@ -71,6 +62,8 @@ struct Way {
     of_frame: Buffer<f32>,
     losses: Buffer<f64>,
     nears: Buffer<i32>,
+    optimiser: Optimiser,
+    replay: Replay,
 }
 
 impl CudaChainLearner {
@@ -86,24 +79,19 @@ impl CudaChainLearner {
         course: Course,
         ranks: &Ranks,
     ) -> Result<Self, LearnError> {
-        let mismatch = |e: &dyn std::fmt::Display| LearnError::Mismatch(e.to_string());
-        let chain = Chain::of(system).map_err(|e| mismatch(&e))?;
-        config.check().map_err(|e| mismatch(&e))?;
+        let chain = Chain::of(system).map_err(|e| LearnError::Mismatch(e.to_string()))?;
+        config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
-        let Course { train, scale, frames, .. } = &course;
-        let mine = ranks.part(config.batch);
+        let (train, frames, rows) = (&course.train, course.frames, ranks.part(config.batch));
         let plan = Plan::of(&state.weights.config, chain.rods)?;
-        let mut network = Network::new(nerd_cuda::ordinal(), plan, mine.len(), precision, true)?;
+        let mut network = Network::new(plan, rows.len(), precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let loss = Loss::new(scale, course.velocity, *frames);
-        network.device.add(&unroll_program(&chain, scale, &loss, system, colliders), &[&KERNELS[..], &[END]].concat())?;
-        let d = &network.device;
-        let sums = joined(ranks, d)?;
-        let optimiser = Optimiser::new(d, config, &state, BETA[1], sums)?;
-        let (n, wide) = (mine.len(), numbers(&chain));
-        let way = Way {
-            frames: *frames,
-            weight: 1.0 / (config.batch * frames) as f64,
+        network.device.add(&unroll_program(&chain, &course.scale, &course.loss(), system, colliders), &KERNELS)?;
+        let (d, n, wide) = (&network.device, rows.len(), numbers(&chain));
+        let optimiser = Optimiser::new(d, config, &state, BETA[1], joined(ranks, d)?)?;
+        Ok(Self {
+            ended: vec![None; n],
+            step: state.step,
             motions: Recorded::on(d, system, &chain, train, colliders)?,
             rollouts: d.zeros(n * ROLLOUT)?,
             chains: d.zeros((frames + 1) * n * wide)?,
@@ -113,17 +101,22 @@ impl CudaChainLearner {
             of_frame: d.zeros(optimiser.weights.len)?,
             losses: d.zeros(n)?,
             nears: d.zeros(n)?,
+            replay: Replay::default(),
+            chain,
+            config,
+            course,
+            rows,
             network,
-        };
-        Ok(Self { chain, config, course, ended: vec![None; n], mine, step: state.step, way, optimiser, replay: Replay::default() })
+            optimiser,
+        })
     }
 
     /// Where this update's rollouts begin: the host's numbers of each.
     fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
-        let draws = self.course.draws(&self.chain, self.config.seed, self.step, self.mine.clone());
+        let draws = self.course.draws(&self.chain, self.config.seed, self.step, self.rows.clone());
         // Single frames are learned from the truth alone.
-        let nears = if frames > 1 { self.way.network.device.download(&self.way.nears)? } else { vec![0; self.ended.len()] };
+        let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
         for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
             let kept = ended.filter(|(_, frame, _)| near != 0 && !draw.anew && frame + frames <= through);
@@ -132,6 +125,48 @@ impl CudaChainLearner {
             *ended = Some((motion, frame + frames, view));
         }
         Ok(rows)
+    }
+
+    /// A kernel with a block for each rollout; its first arguments are the rollouts and the motions.
+    fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+        let Recorded { frames, chains, torques, scenes } = &self.motions;
+        let world = [self.rollouts.ptr, chains.ptr, torques.ptr, scenes.ptr].map(Ptr);
+        self.each(kernel, &[&world[..], &[Int(*frames)], args].concat())
+    }
+
+    fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+        let threads = self.network.plan.tokens.next_multiple_of(32).min(128);
+        self.network.device.launch(kernel, (self.network.rows, 1), (threads, 1), 0, args)
+    }
+
+    /// The gradient of an update, followed by the loss.
+    fn pass(&self) -> Result<(), DeviceError> {
+        let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
+        let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
+        let weight = 1.0 / (self.config.batch * frames) as f64;
+        let [chains, tokens, said, behinds, touches] =
+            [self.chains.ptr, net.at(Slot(0)), net.predictions().ptr, self.behinds.ptr, self.touches.ptr].map(Ptr);
+        self.along("unroll_begin", &[chains, Int(frames)])?;
+        net.fold(w)?;
+        for k in 0..frames {
+            self.along("unroll_look", &[chains, Int(k), tokens])?;
+            net.predict(w, n, None)?;
+            self.along("unroll_advance", &[chains, Int(k), said])?;
+        }
+        self.along("unroll_end", &[chains, Int(frames), Ptr(self.nears.ptr)])?;
+        for k in (0..frames).rev() {
+            let later = frames - 1 - k;
+            let heard = [Double(weight), behinds, Ptr(self.losses.ptr), tokens, touches];
+            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &heard].concat())?;
+            net.windows(w, n)?;
+            self.each("unroll_said", &[chains, Int(k), said, behinds, Ptr(net.slope())])?;
+            net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
+            self.along("unroll_back", &[chains, Int(k), said, touches, Ptr(self.by_tokens.ptr), behinds])?;
+            let p = self.of_frame.len;
+            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
+            d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
+        }
+        d.launch("unroll_total", (1, 1), (256, 1), 0, &[Ptr(self.losses.ptr), Int(n), Ptr(all.at(self.of_frame.len))])
     }
 }
 
@@ -167,74 +202,31 @@ impl Recorded {
     }
 }
 
-impl Way {
-    /// A kernel with a block for each rollout; its first arguments are the rollouts and the motions.
-    fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        let Recorded { frames, chains, torques, scenes } = &self.motions;
-        let world = [self.rollouts.ptr, chains.ptr, torques.ptr, scenes.ptr].map(Ptr);
-        self.each(kernel, &[&world[..], &[Int(*frames)], args].concat())
-    }
-
-    fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        let threads = self.network.plan.tokens.next_multiple_of(32).min(128);
-        self.network.device.launch(kernel, (self.network.rows, 1), (threads, 1), 0, args)
-    }
-
-    /// The gradient of an update, followed by the loss.
-    fn pass(&self, optimiser: &Optimiser) -> Result<(), DeviceError> {
-        let (net, d, n) = (&self.network, &self.network.device, self.network.rows);
-        let (w, all) = (optimiser.weights.ptr, &optimiser.gradients);
-        let [chains, tokens, said, behinds, touches] =
-            [self.chains.ptr, net.at(Slot(0)), net.predictions().ptr, self.behinds.ptr, self.touches.ptr].map(Ptr);
-        self.along("unroll_begin", &[chains, Int(self.frames)])?;
-        net.fold(w)?;
-        for k in 0..self.frames {
-            self.along("unroll_look", &[chains, Int(k), tokens])?;
-            net.predict(w, n, None)?;
-            self.along("unroll_advance", &[chains, Int(k), said])?;
-        }
-        self.along(END, &[chains, Int(self.frames), Ptr(self.nears.ptr)])?;
-        for k in (0..self.frames).rev() {
-            let later = self.frames - 1 - k;
-            let heard = [Double(self.weight), behinds, Ptr(self.losses.ptr), tokens, touches];
-            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &heard].concat())?;
-            net.windows(w, n)?;
-            self.each("unroll_said", &[chains, Int(k), said, behinds, Ptr(net.slope())])?;
-            net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
-            self.along("unroll_back", &[chains, Int(k), said, touches, Ptr(self.by_tokens.ptr), behinds])?;
-            let p = self.of_frame.len;
-            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
-            d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
-        }
-        d.launch("unroll_total", (1, 1), (256, 1), 0, &[Ptr(self.losses.ptr), Int(n), Ptr(all.at(self.of_frame.len))])
-    }
-}
-
 impl Learner for CudaChainLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let rows = self.drawn()?;
-        self.way.network.device.write(&self.way.rollouts, &rows)?;
-        self.optimiser.set_lr(&self.way.network.device, lr)?;
+        let d = &self.network.device;
+        d.write(&self.rollouts, &rows)?;
+        self.optimiser.set_lr(d, lr)?;
         self.step += 1;
-        let d = &self.way.network.device;
         self.replay.run(d, "update", (), || {
-            self.way.pass(&self.optimiser)?;
+            self.pass()?;
             self.optimiser.update(d, 1.0)
         })
     }
 
     fn progress(&mut self) -> Result<Progress, LearnError> {
-        self.optimiser.progress(&self.way.network.device)
+        self.optimiser.progress(&self.network.device)
     }
 
     /// As [`super::ChainLearner`]'s, on the CPU.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
-        let weights = self.state()?;
-        let network = Loaded::new(weights.weights.config.program(), &weights.average);
+        let state = self.state()?;
+        let network = Loaded::new(state.weights.config.program(), &state.average);
         Ok(missed(&self.chain, &self.course.validation, &network, &self.course.scale, frames) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {
-        self.optimiser.state(&self.way.network.device)
+        self.optimiser.state(&self.network.device)
     }
 }

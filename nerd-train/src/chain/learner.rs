@@ -8,7 +8,6 @@ use rayon::prelude::*;
 
 use super::course::{ASTRAY, BETA, Course, Draw};
 use super::judge::missed;
-use super::loss::Loss;
 use super::unroll::{Rollout, Unroll};
 use crate::learner::optimiser::Optimiser;
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
@@ -23,7 +22,6 @@ pub struct ChainLearner {
     optimiser: Optimiser,
     course: Course,
     network: Loaded,
-    loss: Loss,
     /// Of this rank, where the last update ended. A resumed run restarts all of them.
     rollouts: Vec<Option<Rollout>>,
     ranks: Arc<Ranks>,
@@ -39,9 +37,8 @@ impl ChainLearner {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
-        let loss = Loss::new(&course.scale, course.velocity, course.frames);
         let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
-        Ok(Self { chain, optimiser, course, network, loss, rollouts, ranks: Arc::default(), memory: Mutex::default() })
+        Ok(Self { chain, optimiser, course, network, rollouts, ranks: Arc::default(), memory: Mutex::default() })
     }
 
     /// Computes this rank's rollouts of every update.
@@ -53,8 +50,8 @@ impl ChainLearner {
 
     /// What rollouts go through.
     fn unroll(&self) -> Unroll<'_> {
-        let Self { chain, course, network, loss, .. } = self;
-        Unroll { chain, motions: &course.train, network, scale: &course.scale, frames: course.frames, loss: *loss }
+        let Self { chain, course, network, .. } = self;
+        Unroll { chain, course, network }
     }
 
     /// This rank's of an update: carried on, or begun where its draws say.

@@ -3,8 +3,7 @@
 use nerd_model::chain::{Chain, Look, OUTPUTS, Rods, Said};
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 
-use super::data::Motions;
-use super::loss::Loss;
+use super::course::Course;
 use super::view::View;
 
 /// A chain on its way along a motion.
@@ -25,15 +24,9 @@ pub struct Unroll<'a> {
     /// Of which chain.
     pub chain: &'a Chain,
     /// What they should do.
-    pub motions: &'a Motions,
+    pub course: &'a Course,
     /// With the weights of the update.
     pub network: &'a Loaded,
-    /// What its numbers mean.
-    pub scale: &'a [f64; OUTPUTS],
-    /// Frames, H.
-    pub frames: usize,
-    /// What errors are counted in.
-    pub loss: Loss,
 }
 
 /// What the way back needs of a frame.
@@ -52,19 +45,19 @@ impl Unroll<'_> {
     }
 
     fn truth(&self, motion: usize, frame: usize, view: &View) -> Rods {
-        view.rods(self.chain, &self.chain.rods(self.motions.state(motion, frame)))
+        view.rods(self.chain, &self.chain.rods(self.course.train.state(motion, frame)))
     }
 
     /// Moves rollouts through H frames; the sum of their losses times `weight` and its gradient by the weights. `memory` holds the
     /// network's activations by frame.
     pub fn pass(&self, rollouts: &mut [Rollout], weight: f64, memory: &mut Vec<Memory>) -> (f64, Vec<f32>) {
-        memory.resize_with(self.frames.max(memory.len()), Memory::default);
+        memory.resize_with(self.course.frames.max(memory.len()), Memory::default);
         let mut total = 0.0;
-        let kept: Vec<Kept> = (0..self.frames).map(|k| self.forward(k, rollouts, weight, &mut memory[k], &mut total)).collect();
+        let kept: Vec<Kept> = (0..self.course.frames).map(|k| self.forward(k, rollouts, weight, &mut memory[k], &mut total)).collect();
         let mut gradient: Vec<f32> = Vec::new();
         let mut behind: Vec<Rods> = Vec::new();
         for (k, kept) in kept.into_iter().enumerate().rev() {
-            let own = self.backward(&kept, (&behind, self.frames - 1 - k), &mut memory[k], &mut gradient);
+            let own = self.backward(&kept, (&behind, self.course.frames - 1 - k), &mut memory[k], &mut gradient);
             behind = own;
         }
         (total, gradient)
@@ -73,8 +66,8 @@ impl Unroll<'_> {
     fn forward(&self, k: usize, rollouts: &mut [Rollout], weight: f64, memory: &mut Memory, total: &mut f64) -> Kept {
         let chain = self.chain;
         let look = |r: &Rollout| {
-            let torques = r.view.torques(chain, self.motions.torques(r.motion, r.frame));
-            let scene = &self.motions.scenes[r.motion];
+            let torques = r.view.torques(chain, self.course.train.torques(r.motion, r.frame));
+            let scene = &self.course.train.scenes[r.motion];
             Look::at(chain, &r.rods, &torques, |place| r.view.contact(chain, scene, place))
         };
         let looks: Vec<Look> = rollouts.iter().map(look).collect();
@@ -83,10 +76,10 @@ impl Unroll<'_> {
         let said = self.network.forward(&tokens, memory, Pass::Kept(chain.rods)).clone();
         let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
         for ((r, look), numbers) in rollouts.iter_mut().zip(&looks).zip(said.chunks_exact(chain.rods * OUTPUTS)) {
-            let after = chain.advance(&r.rods, &look.glided, Said { numbers, scale: self.scale });
+            let after = chain.advance(&r.rods, &look.glided, Said { numbers, scale: &self.course.scale });
             r.frame += 1;
             let (truth, mut slope) = (self.truth(r.motion, r.frame, &r.view), Rods::zeros(chain.rods));
-            *total += self.loss.of(chain, (&after, &truth), k + 1, weight, &mut slope);
+            *total += self.course.loss().of(chain, (&after, &truth), k + 1, weight, &mut slope);
             before.push(std::mem::replace(&mut r.rods, after));
             slopes.push(slope);
         }
@@ -100,7 +93,7 @@ impl Unroll<'_> {
         all.iter_mut().zip(behind).for_each(|(own, behind)| join(own, behind, later));
         for ((before, numbers), behind) in kept.before.iter().zip(kept.said.chunks_exact(width)).zip(&all) {
             let mut slope = Rods::zeros(chain.rods);
-            by_said.extend(chain.advance_back(before, Said { numbers, scale: self.scale }, behind, &mut slope));
+            by_said.extend(chain.advance_back(before, Said { numbers, scale: &self.course.scale }, behind, &mut slope));
             slopes.push(slope);
         }
         let (by_weights, by_tokens) = self.network.backward(chain.rods, &by_said, memory, true);

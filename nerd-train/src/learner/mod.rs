@@ -50,7 +50,7 @@ impl LearnerConfig {
     pub fn check(&self) -> Result<(), String> {
         within("batch", self.batch as f64, 1.0..=1e6, "")?;
         within("clip", self.clip.into(), 1e-9..=1e9, "")?;
-        within("average", self.average, 0.0..=1.0 - f64::EPSILON, "")?;
+        within("average", self.average, 0.0..=0.999_999, "")?;
         self.huber.map_or(Ok(()), |d| within("huber", d.into(), 1e-9..=1e9, ""))
     }
 }
@@ -155,6 +155,13 @@ pub fn validation_rows(windows: usize, wanted: usize) -> Vec<u64> {
 impl From<nerd_cuda::DeviceError> for LearnError {
     fn from(nerd_cuda::DeviceError(said): nerd_cuda::DeviceError) -> Self {
         Self::Device(said)
+    }
+}
+
+#[cfg(feature = "cuda")]
+impl From<LearnError> for nerd_model::transformer::ForwardError {
+    fn from(error: LearnError) -> Self {
+        Self { message: error.to_string() }
     }
 }
 

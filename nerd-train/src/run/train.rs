@@ -100,7 +100,7 @@ impl Run {
     fn updates(&self, identity: &Identity, data: Data, state: LearnerState, started: Instant) -> Result<Option<()>> {
         let (plan, out) = (&self.plan, &self.plan.config.out);
         let (Data { judge, sets, windows, .. }, step) = (data, state.step);
-        let trainer = self.trainer(identity, started)?;
+        let mut trainer = self.trainer(identity, started)?;
         if self.ranks.leads() {
             let path = out.join("run.json");
             let text = serde_json::to_string_pretty(identity).map_err(Error::format(&path))?;
@@ -113,7 +113,7 @@ impl Run {
             trainer.run(&mut *engine, fresh, &mut |_, _| Ok(None))?;
             return Ok(None);
         }
-        let outcome = self.learn(identity, &judge, &trainer, &mut *engine, fresh, (step, started))?;
+        let outcome = self.learn(identity, &judge, &mut trainer, &mut *engine, fresh, (step, started))?;
         if !outcome.finished {
             self.say_stopped(&outcome, started);
             return Ok(None);
@@ -128,8 +128,9 @@ impl Run {
     /// What makes its updates until the minutes are over.
     fn trainer(&self, identity: &Identity, started: Instant) -> Result<Trainer> {
         let run = serde_json::to_string(identity).map_err(Error::format(&self.plan.config.out))?;
-        let trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run);
-        Ok(trainer.stop_at(self.left(started)).among(&self.ranks))
+        let mut trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run);
+        (trainer.stop_at, trainer.ranks) = (self.left(started), self.ranks.clone());
+        Ok(trainer)
     }
 
     /// What is left of its minutes, a second at least.
@@ -158,7 +159,7 @@ impl Run {
         &self,
         identity: &Identity,
         judge: &Judge,
-        trainer: &Trainer,
+        trainer: &mut Trainer,
         engine: &mut dyn Learner,
         fresh: Option<Supply>,
         (first, started): (u64, Instant),
@@ -174,7 +175,7 @@ impl Run {
         };
         let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>> {
             let error = if plan.config.rolls() {
-                let weights = Weights { config: plan.network, flat: learner.state()?.average };
+                let weights = learner.state()?.averaged();
                 // Early weights may leave; that is an infinite error, not the end of the run.
                 Some(rollout_error(plan, identity, judge, weights).unwrap_or_else(|e| {
                     eprintln!("{e}");
@@ -187,7 +188,8 @@ impl Run {
             Ok(error)
         };
         // Time that was spent until here is spent.
-        let outcome = trainer.clone().stop_at(self.left(started)).run(engine, fresh, &mut hook)?;
+        trainer.stop_at = self.left(started);
+        let outcome = trainer.run(engine, fresh, &mut hook)?;
         log(outcome.step)?;
         Ok(outcome)
     }

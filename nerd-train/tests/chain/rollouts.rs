@@ -8,7 +8,7 @@ use nerd_model::program::cpu::{Loaded, Memory};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate};
 use nerd_sim::prelude::*;
-use nerd_train::chain::{ChainLearner, Course, Loss, Motions, Rollout, Unroll, View, distance, scales};
+use nerd_train::chain::{ChainLearner, Course, Motions, Rollout, Unroll, View, distance, scales};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::ranks::Ranks;
 use nerd_train::run::{Run, RunConfig, Variant};
@@ -114,10 +114,8 @@ fn scenes_are_drawn_again_from_the_seed() {
 
 /// Loss and gradient of a few rollouts, some of which touch.
 fn passed(case: &Case, weights: &Weights, frames: usize) -> (f64, Vec<f32>) {
-    let Course { scale, velocity, .. } = course(case, frames);
-    let network = Loaded::new(weights.config.program(), &weights.flat);
-    let loss = Loss::new(&scale, velocity, frames);
-    let unroll = Unroll { chain: &case.chain, motions: &case.motions, network: &network, scale: &scale, frames, loss };
+    let (course, network) = (course(case, frames), Loaded::new(weights.config.program(), &weights.flat));
+    let unroll = Unroll { chain: &case.chain, course: &course, network: &network };
     let mut rollouts: Vec<Rollout> = (0..12).map(|k| unroll.begin(k, k, View::new(k as f64, k % 2 == 0))).collect();
     unroll.pass(&mut rollouts, 1.0 / 12.0, &mut Vec::<Memory>::new())
 }
@@ -147,8 +145,7 @@ fn rollouts_come_nearer_to_the_truth() {
     let (normalizer, _) = scales(&case.chain, &case.motions);
     let mut state = LearnerState::new(weights(&case.chain));
     let judged = |state: &LearnerState| {
-        let weights = Weights { flat: state.average.clone(), ..state.weights.clone() };
-        distance(&case.system, &case.motions, &weights, &normalizer).expect("a chain's")
+        distance(&case.system, &case.motions, &state.averaged(), &normalizer).expect("a chain's")
     };
     let first = judged(&state);
     let mut missed = [0.0; 2];

@@ -95,5 +95,6 @@ fn what_is_no_number_ends_the_run() {
         let mut cpu = CpuLearner::new(LEARNER, state, windows.clone(), windows).expect("windows fit");
         let error = cpu.update(1e-3).expect_err(&format!("NaN in {} is swallowed", tensor.name));
         assert!(error.to_string().contains("update 0"), "{}: {error}", tensor.name);
+        assert_eq!(cpu.state().expect("a state").step, 0, "{}", tensor.name);
     }
 }

@@ -22,7 +22,8 @@ const CONFIG: TrainerConfig = TrainerConfig {
 
 fn train(folder: &Path, state: LearnerState, wall: Option<Duration>) -> (Outcome, LearnerState) {
     let mut learner = learner(state);
-    let trainer = Trainer::new(CONFIG, LEARNER.batch, folder, "{\"name\":\"test\"}").stop_at(wall);
+    let mut trainer = Trainer::new(CONFIG, LEARNER.batch, folder, "{\"name\":\"test\"}");
+    trainer.stop_at = wall;
     let outcome = trainer.run(&mut learner, None, &mut |_, _| Ok(None)).unwrap();
     (outcome, learner.state().unwrap())
 }

@@ -76,8 +76,8 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    /// Memory for `rows` windows on a GPU; `train` adds what the way back needs.
-    pub fn new(ordinal: usize, plan: Plan, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
+    /// On this process's GPU; `train` adds what the way back needs.
+    pub fn new(plan: Plan, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
         let (homes, widths) = plan.homes(train);
         // Kernels and products count entries, and launches their blocks, in 31 bits.
         let warps = plan.attention.map_or(32, |a| 32 * a.heads);
@@ -86,7 +86,7 @@ impl Network {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
         let source = Source::of(&plan);
-        let mut device = Device::open(ordinal, &source.text, &source.kernels)?.with_products(precision)?;
+        let mut device = Device::open(nerd_cuda::ordinal(), &source.text, &source.kernels)?.with_products(precision)?;
         // Those whose tokens are asked for all at once.
         let along = plan.program.steps.iter().any(|step| matches!(step.op, Op::Neighbours(_)));
         // Older cards have no tensor cores for TF32.
@@ -129,6 +129,18 @@ impl Network {
             plan,
             device,
         })
+    }
+
+    /// The same with parameters, whose scales are folded.
+    pub fn with(plan: Plan, flat: &[f32], rows: usize, precision: Precision, train: bool) -> Result<(Self, Buffer<f32>), LearnError> {
+        let parameters = plan.parameters();
+        if flat.len() != parameters {
+            return Err(LearnError::Mismatch(format!("{} weights for a network of {parameters}", flat.len())));
+        }
+        let network = Self::new(plan, rows, precision, train)?;
+        let weights = network.device.upload(flat)?;
+        network.fold(weights.ptr)?;
+        Ok((network, weights))
     }
 
     /// Copies windows of so many tokens `[window][token][inputs]` to the device, where windows have all their tokens and rows are padded.

@@ -281,47 +281,9 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use nerd_model::program::specimens::{TOKENS, networks, operations};
-    use nerd_model::transformer::{Init, Positions};
+    use nerd_model::transformer::Init;
 
     use super::*;
-
-    /// A letter a part; small where it is fused with the next one.
-    fn letters(plan: &Plan) -> String {
-        let letter = |part: &Part| match part {
-            Part::Linear { folded: Some(_), .. } => 'F',
-            Part::Linear { add: true, .. } => 'A',
-            Part::Linear { .. } => 'L',
-            Part::Shift { joined: true, .. } => 's',
-            Part::Shift { .. } => 'S',
-            Part::Head { .. } => 'H',
-            Part::Step(step) => match step.op {
-                Op::Norm => 'N',
-                Op::Attend { .. } => 'M',
-                Op::Neighbours(_) => 'B',
-                Op::Activate(_) => 'G',
-                Op::Cell { .. } => 'C',
-                Op::Linear { .. } | Op::Place(_) => '?',
-            },
-        };
-        plan.parts.iter().map(letter).collect()
-    }
-
-    #[test]
-    fn what_stands_side_by_side_is_done_together() {
-        let paper = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
-        for positions in [Positions::Table, Positions::Rotary] {
-            let plan = Plan::of(&TransformerConfig { positions, ..paper }, 10).expect("a plan");
-            assert_eq!(letters(&plan), "LsNFMANFGANFMANFGANFLH");
-            // Behind the last attention, where only newest tokens go on: what it mixed, and what that is added to.
-            assert_eq!((plan.mixing(), plan.open(plan.mixing()).len()), (13, 2));
-        }
-        let plans = networks().into_iter().map(|s| Plan::new(s.program, TOKENS, true).expect("a plan"));
-        let all: Vec<String> = plans.map(|plan| letters(&plan)).collect();
-        assert_eq!(
-            all,
-            ["LsNFMANFGANFMANFGANFLH", "LsGLsGLsGLH", "LsCLsCLH", "LsCLsCLH", "LsNBLsGANBLsGANLS", "LsNFMANFGANFMANFGANFLH", "LsGLsGLS"]
-        );
-    }
 
     #[test]
     fn what_has_no_kernel_is_refused() {

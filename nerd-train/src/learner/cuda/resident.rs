@@ -93,34 +93,32 @@ impl Motion for Frames {
         let (engine, wide) = match &self.chain {
             Some((chain, scale)) => {
                 let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
-                let mut network = Network::new(nerd_cuda::ordinal(), plan, envs, self.precision, false).map_err(solver)?;
+                let (mut network, weights) = Network::with(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
                 let text = chain_program(chain, scale, &batch.system, reach.colliders);
                 network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
-                let weights = network.device.upload(&weights.flat).map_err(failed)?;
-                network.fold(weights.ptr).map_err(failed)?;
                 (Engine::Chain(network, weights), envs * numbers(chain))
             }
             None => {
                 let text = program(&self.model, &batch.system, self.real, reach.colliders).map_err(StepError::Solver)?;
                 let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
-                stream.device_mut().add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
+                stream.network.device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
                 (Engine::Stream(stream), batch.states.len())
             }
         };
-        let device = engine.device();
+        let device = &engine.network().device;
         let (before, hold) = (device.zeros(wide).map_err(failed)?, device.zeros(1).map_err(failed)?);
         self.made = Some(Made { engine, before, hold, replay: Replay::default(), next: vec![u64::MAX; envs] });
         Ok(())
     }
 
     fn device(&self) -> Option<&Device> {
-        self.made.as_ref().map(|made| made.engine.device())
+        self.made.as_ref().map(|made| &made.engine.network().device)
     }
 
     fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
         let Some(made) = &mut self.made else { return Ok(()) };
         made.follow(first, hold)?;
-        let device = made.engine.device();
+        let device = &made.engine.network().device;
         device.write(&held.faults, &vec![0; held.n])?;
         device.write(&held.done, &vec![0; held.n])?;
         (0..frames).try_for_each(|_| made.go(held))?;
@@ -136,7 +134,7 @@ impl Motion for Frames {
 
     fn memory(&self) -> u64 {
         match self.made.as_ref().map(|made| &made.engine) {
-            Some(Engine::Stream(stream)) => stream.taken(),
+            Some(Engine::Stream(stream)) => stream.taken.0.ptr,
             _ => 0,
         }
     }
@@ -159,13 +157,13 @@ impl Made {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
             stream.forget(&first.iter().enumerate().filter_map(begins).collect::<Vec<_>>())?;
         }
-        self.engine.device().write(&self.hold, &[u32::from(hold)])
+        self.engine.network().device.write(&self.hold, &[u32::from(hold)])
     }
 
     /// Which frames would follow on those that were made.
     fn remember(&mut self, held: &Held, first: &[u64]) -> Result<(), DeviceError> {
-        let Engine::Stream(stream) = &self.engine else { return Ok(()) };
-        let (went, faults) = (stream.device().download(&held.done)?, stream.device().download(&held.faults)?);
+        let Engine::Stream(CudaStream { network: Network { device, .. }, .. }) = &self.engine else { return Ok(()) };
+        let (went, faults) = (device.download(&held.done)?, device.download(&held.faults)?);
         for (env, next) in self.next.iter_mut().enumerate() {
             *next = if faults[env] == 0 { first[env] + u64::from(went[env]) } else { u64::MAX };
         }
@@ -174,29 +172,31 @@ impl Made {
 
     /// One frame, as a graph from the second on.
     fn go(&self, held: &Held) -> Result<(), DeviceError> {
-        self.replay.run(self.engine.device(), "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
+        self.replay.run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
     }
 
     /// What of a frame the device does.
     fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
-        let grid = |kernel, args: &[Arg]| self.engine.device().launch(kernel, (n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args);
+        let grid = |kernel, args: &[Arg]| self.engine.network().device.launch(kernel, (n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args);
         let seen = |tokens: u64| {
             let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr, self.before.ptr, tokens, faults.ptr, done.ptr].map(Ptr);
             [&world[..], &[Int(*n), Ptr(self.hold.ptr)]].concat()
         };
         let end = [Ptr(faults.ptr), Ptr(done.ptr), Int(*n)];
+        let network = self.engine.network();
+        let (tokens, predictions) = (network.at(Slot(0)), network.predictions().ptr);
         match &self.engine {
             Engine::Stream(stream) => {
-                grid("neural_tell", &seen(stream.tokens()))?;
+                grid("neural_tell", &seen(tokens))?;
                 stream.pass()?;
-                let after = [states.ptr, self.before.ptr, stream.predictions(), stream.taken()].map(Ptr);
+                let after = [states.ptr, self.before.ptr, predictions, stream.taken.0.ptr].map(Ptr);
                 grid("neural_apply", &[&after[..], &end].concat())
             }
-            Engine::Chain(network, weights) => {
-                grid("chain_tell", &seen(network.at(Slot(0))))?;
+            Engine::Chain(_, weights) => {
+                grid("chain_tell", &seen(tokens))?;
                 network.predict(weights.ptr, *n, None)?;
-                let after = [states.ptr, self.before.ptr, network.predictions().ptr].map(Ptr);
+                let after = [states.ptr, self.before.ptr, predictions].map(Ptr);
                 grid("chain_apply", &[&after[..], &end].concat())
             }
         }
@@ -204,10 +204,10 @@ impl Made {
 }
 
 impl Engine {
-    fn device(&self) -> &Device {
+    fn network(&self) -> &Network {
         match self {
-            Self::Stream(stream) => stream.device(),
-            Self::Chain(network, _) => &network.device,
+            Self::Stream(stream) => &stream.network,
+            Self::Chain(network, _) => network,
         }
     }
 }

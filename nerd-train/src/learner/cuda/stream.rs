@@ -1,7 +1,7 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
-use nerd_cuda::{Buffer, Device, DeviceError, Replay};
-use nerd_model::program::{Op, Slot};
+use nerd_cuda::{Buffer, DeviceError, Replay};
+use nerd_model::program::Op;
 use nerd_model::transformer::{ForwardError, Stream, Weights};
 
 use super::Precision;
@@ -9,16 +9,17 @@ use super::network::Network;
 use super::plan::Plan;
 use crate::learner::LearnError;
 
-/// Inference with memory on GPU 0: every frame computes the token of every environment, whatever is asked, so one graph serves.
+/// Inference with memory on this process's GPU: every frame computes the token of every environment, whatever is asked, so one graph
+/// serves. Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
 pub struct CudaStream {
     /// The pass over all environments.
     replay: Replay,
-    network: Network,
+    pub(super) network: Network,
     weights: Buffer<f32>,
     /// Keys and values `[attention][env][history][2 E]`.
     rings: Buffer<f32>,
     /// Tokens taken of each environment since it was cleared, there and here.
-    taken: (Buffer<u32>, Vec<u32>),
+    pub(super) taken: (Buffer<u32>, Vec<u32>),
     /// Of every environment.
     predictions: Vec<f32>,
 }
@@ -30,30 +31,17 @@ impl CudaStream {
     /// [`LearnError::Mismatch`] if the network sees windows (positions are a table, cells restart) or the kernels do not cover it,
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
-        let plan = Plan::stream(&weights.config)?;
-        if weights.flat.len() != plan.parameters() || envs == 0 {
-            let found = weights.flat.len();
-            return Err(LearnError::Mismatch(format!("{found} weights for a network of {}, {envs} environments", plan.parameters())));
-        }
+        let (network, weights) = Network::with(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
+        let (d, plan) = (&network.device, &network.plan);
         let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
-        let network = Network::new(nerd_cuda::ordinal(), plan, envs, precision, false)?;
-        let d = &network.device;
-        let weights = d.upload(&weights.flat)?;
-        network.fold(weights.ptr)?;
         Ok(Self {
             replay: Replay::default(),
             weights,
-            rings: d.zeros(attentions * envs * network.plan.attention.map_or(0, |a| a.ring()))?,
+            rings: d.zeros(attentions * envs * plan.attention.map_or(0, |a| a.ring()))?,
             taken: (d.zeros(envs)?, vec![0; envs]),
-            predictions: vec![0.0; envs * network.plan.outputs()],
+            predictions: vec![0.0; envs * plan.outputs()],
             network,
         })
-    }
-
-    /// Copies one token `[env][inputs]` of each environment to the device.
-    fn load(&mut self, tokens: &[f32]) -> Result<(), LearnError> {
-        self.network.load(tokens, 1)?;
-        Ok(self.network.device.write(&self.taken.0, &self.taken.1)?)
     }
 
     /// What of a frame the device does: the tokens last loaded to `predictions`.
@@ -65,32 +53,6 @@ impl CudaStream {
             attention.stream(&net.device, net.rows, [qkv, ring, self.taken.0.ptr, out, net.turns.ptr])
         };
         net.run(self.weights.ptr, 0..net.plan.parts.len(), &net.addresses(), net.rows, &attend)
-    }
-
-    /// The device it is on.
-    pub(super) fn device(&self) -> &Device {
-        &self.network.device
-    }
-
-    /// The same, for more kernels.
-    pub(super) fn device_mut(&mut self) -> &mut Device {
-        &mut self.network.device
-    }
-
-    /// Where tokens `[env][padded]` stand before a pass, predictions after it, and how many tokens were taken, which whoever makes the pass
-    /// without [`Stream::push`] counts.
-    pub(super) fn tokens(&self) -> u64 {
-        self.network.at(Slot(0))
-    }
-
-    /// See [`CudaStream::tokens`].
-    pub(super) fn predictions(&self) -> u64 {
-        self.network.predictions().ptr
-    }
-
-    /// See [`CudaStream::tokens`].
-    pub(super) fn taken(&self) -> u64 {
-        self.taken.0.ptr
     }
 
     /// Empties the memory of some environments whose tokens are counted on the device.
@@ -113,7 +75,8 @@ impl CudaStream {
         if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
             return Err(LearnError::Mismatch(format!("the environments asked for are not increasing numbers below {envs}")));
         }
-        self.load(tokens)?;
+        self.network.load(tokens, 1)?;
+        self.network.device.write(&self.taken.0, &self.taken.1)?;
         self.replay.run(&self.network.device, "forward pass", (), || self.pass())?;
         self.taken.1[..envs].iter_mut().for_each(|taken| *taken += 1);
         out.clear();
@@ -127,7 +90,7 @@ impl CudaStream {
 
 impl Stream for CudaStream {
     fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        self.frame(tokens, asked, out).map_err(|e| ForwardError { message: e.to_string() })
+        Ok(self.frame(tokens, asked, out)?)
     }
 
     fn clear(&mut self, env: usize) {

@@ -79,7 +79,7 @@ impl CudaLearner {
     ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
         crate::learner::check(&config, &state, [("training", train), ("validation", validation)])?;
-        let network = Network::new(nerd_cuda::ordinal(), Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
+        let network = Network::new(Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
         let d = &network.device;
         let sums = joined(ranks, d)?;
         let data = |w: &Windows| -> Result<Data, LearnError> {

@@ -94,7 +94,7 @@ impl CudaEngine {
         // An observation is a window of one token.
         let plan = Plan::new(shape.program(), 1, false)?;
         let (padded, parameters) = (plan.padded, plan.parameters());
-        let mut net = Network::new(nerd_cuda::ordinal(), plan, rows.max(own), Precision::F32, true)?;
+        let mut net = Network::new(plan, rows.max(own), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &KERNELS)?;
         let sums = joined(ranks, &net.device)?;
         let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
