@@ -42,7 +42,9 @@ pub fn windows(checks: &mut Checks) -> Outcome {
         }
     }
     // A chain's products have kernels of their own on tensor cores, which round operands to 11 bits: 2^13 times as coarse as f32.
-    for (config, (precision, bound)) in rivals().iter().filter(is_chain).flat_map(|c| [(c, (Precision::F32, 1e-4)), (c, (Precision::Tf32, 1e-2))]) {
+    for (config, (precision, bound)) in
+        rivals().iter().filter(is_chain).flat_map(|c| [(c, (Precision::F32, 1e-4)), (c, (Precision::Tf32, 1e-2))])
+    {
         let (w, inputs, rows) = (weights(*config), numbers(2, 33 * 10 * 37), (0..33 * 10).collect::<Vec<_>>());
         let (loaded, mut memory) = (Loaded::new(config.program(), &w.flat), Memory::default());
         let there = loaded.forward(&inputs, &mut memory, Pass::Windows(10, &rows));

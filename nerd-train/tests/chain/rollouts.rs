@@ -144,9 +144,7 @@ fn rollouts_come_nearer_to_the_truth() {
     let case = case();
     let (normalizer, _) = scales(&case.chain, &case.motions);
     let mut state = LearnerState::new(weights(&case.chain));
-    let judged = |state: &LearnerState| {
-        distance(&case.system, &case.motions, &state.averaged(), &normalizer).expect("a chain's")
-    };
+    let judged = |state: &LearnerState| distance(&case.system, &case.motions, &state.averaged(), &normalizer).expect("a chain's");
     let first = judged(&state);
     let mut missed = [0.0; 2];
     for (frames, updates) in [(1, 150), (4, 50)] {
