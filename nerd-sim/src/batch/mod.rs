@@ -64,21 +64,17 @@ impl Batch {
     }
 
     /// Refuses a batch whose fields are not of one length: they are public.
-    ///
-    /// # Errors
-    /// What the lengths are.
     pub fn check(&self) -> Result<(), String> {
         let (n, d) = (self.scenes.len(), self.system.robot.state_dim());
-        let (drives, joints) = (self.drives.len(), n * self.system.robot.joint_count());
-        if drives != 0 && drives != joints {
-            return Err(format!("a batch of {n} scenes needs {joints} `drives`, one a joint of each, or none; it has {drives}"));
-        }
-        let (forces, points) = (self.forces.len(), n * self.system.robot.contact_points.len());
-        if forces != 0 && forces != points {
-            return Err(format!("a batch of {n} scenes needs {points} `forces`, one a contact point of each, or none; it has {forces}"));
-        }
-        if !self.systems.is_empty() && self.systems.len() != n {
-            return Err(format!("a batch of {n} scenes needs {n} `systems`, one for each, or none; it has {}", self.systems.len()));
+        let (joints, points) = (self.system.robot.joint_count(), self.system.robot.contact_points.len());
+        for (field, found, needed, each) in [
+            ("drives", self.drives.len(), n * joints, "one a joint of each"),
+            ("forces", self.forces.len(), n * points, "one a contact point of each"),
+            ("systems", self.systems.len(), n, "one for each"),
+        ] {
+            if found != 0 && found != needed {
+                return Err(format!("a batch of {n} scenes needs {needed} `{field}`, {each}, or none; it has {found}"));
+            }
         }
         if self.states.len() == n * d && self.frames.len() == n {
             return Ok(());

@@ -27,18 +27,12 @@ pub enum BatchError {
 
 impl Batch {
     /// Position (rad or m) and velocity (rad/s or m/s) of a joint.
-    ///
-    /// # Errors
-    /// If there is none of this name; names that are near.
     pub fn joint(&self, env: usize, name: &str) -> Result<[f64; 2], UnknownName> {
         let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
         Ok([self.state(env)[at.q], self.state(env)[nq + at.qd]])
     }
 
     /// Sets them. Of a run that goes on, tell the solver ([`crate::solver::Solver::reset`]).
-    ///
-    /// # Errors
-    /// As [`Batch::joint`].
     pub fn set_joint(&mut self, env: usize, name: &str, [position, velocity]: [f64; 2]) -> Result<(), UnknownName> {
         let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
         let state = self.state_mut(env);
@@ -47,18 +41,12 @@ impl Batch {
     }
 
     /// Where a link or a frame (sole, tool) is in the world.
-    ///
-    /// # Errors
-    /// If there is none of this name; names that are near.
     pub fn pose(&self, env: usize, name: &str) -> Result<Isometry3<f64>, UnknownName> {
         let robot = &self.of(env).robot;
         Ok(robot.pose(self.state(env), &robot.frame(name)?))
     }
 
     /// Angular velocity (rad/s) of a link or a frame, and velocity (m/s) of its origin, world axes.
-    ///
-    /// # Errors
-    /// As [`Batch::pose`].
     pub fn velocity(&self, env: usize, name: &str) -> Result<Motion, UnknownName> {
         let robot = &self.of(env).robot;
         let (q, qd) = robot.split(self.state(env));
@@ -67,9 +55,6 @@ impl Batch {
 
     /// Puts a free root at a pose, with an angular velocity and a velocity of its origin, world axes. Of a run that goes on, tell the
     /// solver ([`crate::solver::Solver::reset`]).
-    ///
-    /// # Errors
-    /// If the base is fixed.
     pub fn set_root(&mut self, env: usize, pose: &Isometry3<f64>, velocity: Motion) -> Result<(), BatchError> {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -85,9 +70,6 @@ impl Batch {
     }
 
     /// Mean force (N) of the scene on a moving link in the last frame, world axes.
-    ///
-    /// # Errors
-    /// If there is no such link, or if the solver of the last frame tells no forces.
     pub fn contact_force(&self, env: usize, link: &str) -> Result<Vector3<f64>, BatchError> {
         let robot = &self.system.robot;
         let link = robot.link(link)?;

@@ -61,9 +61,6 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[
 }
 
 /// Refuses rates that the poses contradict, and says what would explain them.
-///
-/// # Errors
-/// Which columns, by how much, and what fits instead.
 pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
     if let Some(root) = &spec.root {
         let seconds = |a: &Moment, b: &Moment| b.time - a.time;
@@ -134,9 +131,6 @@ fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<Strin
 
 /// What free fall says of lengths and time; an error where only a wrong unit explains it. Frames before a release are taken
 /// away: what a hand holds does not fall.
-///
-/// # Errors
-/// Free fall that no gravity has.
 pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
     if !log.system.robot.floating() || g == 0.0 {

@@ -27,16 +27,14 @@ pub(crate) use tidy::turned;
 use data::bad;
 pub use data::{Log, LogError, Trajectory};
 pub use read::specified;
-pub use spec::{Axes, JointColumns, LogSpec, Order, Published, RootColumns, Units};
+pub use spec::{LogSpec, Published};
 
 /// Between two rows lie at most so many frames.
 const FEW: f64 = 100.0;
 
 impl Log {
     /// From the TOML that describes a table; `csv` is the table, by default the one that the TOML names.
-    ///
-    /// # Errors
-    /// What is wrong in either, with file, line and column; numbers that contradict each other.
+    /// Errors name file, line and column.
     pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
         let (spec, system) = read::specified(path)?;
         let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);

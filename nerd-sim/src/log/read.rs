@@ -9,7 +9,7 @@ use nerd_core::robot::JointKind;
 use nerd_core::state::write_quaternion;
 
 use super::data::{LogError, bad};
-use super::spec::{Axes, LogSpec, Order, RootColumns};
+use super::spec::{Axes, LogSpec, Order, RootColumns, Units};
 use crate::files::FileError;
 use crate::system::System;
 use crate::table::{Row, Table, twice};
@@ -43,27 +43,24 @@ pub(super) struct Raw {
 }
 
 /// Positions of the columns.
-struct Columns {
+struct Columns<'a> {
+    spec: &'a LogSpec,
     trajectory: Option<usize>,
     time: usize,
-    root: Option<Root>,
+    root: Option<Root<'a>>,
     /// Position, velocity and torque; whether it slides.
     joints: Vec<([Option<usize>; 3], bool)>,
 }
 
-struct Root {
+struct Root<'a> {
+    spec: &'a RootColumns,
     position: Vec<usize>,
     quaternion: Vec<usize>,
-    order: Order,
     velocity: Option<Vec<usize>>,
     angular: Option<Vec<usize>>,
-    axes: Axes,
 }
 
 /// The file's specification, and the robot that it names.
-///
-/// # Errors
-/// What is wrong with either.
 pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     let text = crate::files::read_text(path).map_err(|e| bad(path, e.to_string()))?;
     let spec: LogSpec = toml::from_str(&text).map_err(|e| bad(path, e.to_string().trim().replace('\n', " ")))?;
@@ -97,20 +94,14 @@ fn columns(spec: &LogSpec) -> Vec<&String> {
     spec.trajectory.iter().chain([&spec.time]).chain(root).chain(joints).collect()
 }
 
-impl Columns {
-    fn new(table: &Table, spec: &LogSpec, system: &System) -> Result<Self, FileError> {
+impl<'a> Columns<'a> {
+    fn new(table: &Table, spec: &'a LogSpec, system: &System) -> Result<Self, FileError> {
         let many = |names: &[String]| table.columns(names);
         let one = |name: &String| many(std::slice::from_ref(name)).map(|c| c[0]);
         let some = |names: &Option<[String; 3]>| names.as_ref().map(|n| many(n)).transpose();
-        let root = |r: &RootColumns| -> Result<Root, FileError> {
-            Ok(Root {
-                position: many(&r.position)?,
-                quaternion: many(&r.quaternion)?,
-                order: r.order,
-                velocity: some(&r.velocity)?,
-                angular: some(&r.angular)?,
-                axes: r.axes,
-            })
+        let root = |spec: &'a RootColumns| -> Result<Root<'a>, FileError> {
+            let (position, quaternion) = (many(&spec.position)?, many(&spec.quaternion)?);
+            Ok(Root { spec, position, quaternion, velocity: some(&spec.velocity)?, angular: some(&spec.angular)? })
         };
         let joints = system.robot.joints().filter_map(|joint| Some((joint, spec.joints.iter().find(|j| j.name == joint.name)?)));
         let joints = joints.map(|(joint, j)| {
@@ -119,6 +110,7 @@ impl Columns {
             Ok((columns, joint.kind == JointKind::Prismatic))
         });
         Ok(Self {
+            spec,
             trajectory: spec.trajectory.as_ref().map(one).transpose()?,
             time: one(&spec.time)?,
             root: spec.root.as_ref().map(root).transpose()?,
@@ -126,13 +118,14 @@ impl Columns {
         })
     }
 
-    fn moment(&self, row: &Row<'_>, [length, angle, time]: [f64; 3]) -> Result<Moment, FileError> {
+    fn moment(&self, row: &Row<'_>) -> Result<Moment, FileError> {
+        let Units { length, angle, time } = self.spec.units;
         let (mut q, mut qd, mut torques) = (Vec::new(), Vec::new(), Vec::new());
         if let Some(root) = &self.root {
             let p = row.numbers(&root.position)?;
             let x = row.numbers(&root.quaternion)?;
             row.unit(&root.quaternion, &x)?;
-            let [w, i, j, k] = match root.order {
+            let [w, i, j, k] = match root.spec.order {
                 Order::Wxyz => [x[0], x[1], x[2], x[3]],
                 Order::Xyzw => [x[3], x[0], x[1], x[2]],
             };
@@ -145,7 +138,7 @@ impl Columns {
                 Ok(x.map_or(Vector3::repeat(f64::NAN), |x| Vector3::new(x[0], x[1], x[2]) * unit))
             };
             let angular = three(&root.angular, angle)?;
-            let angular = if root.axes == Axes::Body { turn * angular } else { angular };
+            let angular = if root.spec.axes == Axes::Body { turn * angular } else { angular };
             qd.extend(angular.iter().chain(three(&root.velocity, length)?.iter()));
         }
         for (joint, slides) in &self.joints {
@@ -160,17 +153,13 @@ impl Columns {
 }
 
 /// All rows by trajectory, in the order of their names.
-///
-/// # Errors
-/// A column that is not there, a cell that is not a number, a quaternion that is none, time that does not go on; with its line.
 pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
     let mut table = Table::open(csv)?;
     let columns = Columns::new(&table, spec, system)?;
-    let factors = [spec.units.length, spec.units.angle, spec.units.time];
     let mut all: BTreeMap<u64, Raw> = BTreeMap::new();
     table.rows(|row| {
         let id = columns.trajectory.map_or(Ok(0), |c| row.whole(c, u64::MAX))?;
-        let moment = columns.moment(row, factors)?;
+        let moment = columns.moment(row)?;
         // Squares of what is larger leave the range of numbers, and nothing that moves is.
         if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
             return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));

@@ -8,16 +8,17 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// ```toml
 /// file = "tosses.csv"               # beside this one
 /// robot = "cube.urdf"               # beside this one, or a built-in robot's name
+/// scene = "ground"                  # where it was measured, by default this one
 /// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
 /// time = "t"
-/// units = { length = "m", angle = "rad", time = "s" }
+/// units = { length = "m", angle = "rad", time = "s" }   # these by default; also cm, mm; deg; ms, us, ns
 /// [root]                            # of a floating robot
 /// position = ["px", "py", "pz"]     # the root link's origin, world axes
 /// quaternion = ["qw", "qx", "qy", "qz"]
 /// order = "wxyz"                    # of the four columns above
 /// velocity = ["vx", "vy", "vz"]     # of the origin, world axes; without it from differences
 /// angular = ["wx", "wy", "wz"]      # without it from differences
-/// axes = "body"                     # of `angular`: body or world
+/// axes = "body"                     # of `angular`: body or world, by default the world's
 /// [[joint]]                         # one for every joint of the robot
 /// name = "hinge"
 /// position = "theta"
@@ -33,28 +34,18 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub struct LogSpec {
     /// CSV beside this file.
     pub file: String,
-    /// URDF beside this file, or a built-in robot's name.
-    pub robot: String,
-    /// Scene in which it was measured.
+    pub(super) robot: String,
     #[serde(default = "ground")]
-    pub scene: String,
-    /// Column that names a row's trajectory.
+    pub(super) scene: String,
+    pub(super) trajectory: Option<String>,
+    pub(super) time: String,
     #[serde(default)]
-    pub trajectory: Option<String>,
-    /// Column of time.
-    pub time: String,
-    /// Units of all columns.
-    #[serde(default)]
-    pub units: Units,
-    /// Columns of a floating root.
-    #[serde(default)]
-    pub root: Option<RootColumns>,
-    /// Columns of joints.
+    pub(super) units: Units,
+    pub(super) root: Option<RootColumns>,
     #[serde(default, rename = "joint")]
-    pub joints: Vec<JointColumns>,
-    /// What others published.
+    pub(super) joints: Vec<JointColumns>,
     #[serde(default)]
-    pub published: Vec<Published>,
+    pub(super) published: Vec<Published>,
 }
 
 /// A figure that others published of the same measurements.
@@ -76,14 +67,11 @@ fn ground() -> String {
 /// Units, as factors to metres, radians and seconds; velocities are in those of length or angle over seconds.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Units {
-    /// Of lengths: `m` (default), `cm` or `mm`.
+pub(super) struct Units {
     #[serde(deserialize_with = "length")]
     pub length: f64,
-    /// Of angles: `rad` (default) or `deg`.
     #[serde(deserialize_with = "angle")]
     pub angle: f64,
-    /// Of the column of time: `s` (default), `ms`, `us` or `ns`.
     #[serde(deserialize_with = "time")]
     pub time: f64,
 }
@@ -116,20 +104,12 @@ fn time<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
 /// Columns of a floating root.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RootColumns {
-    /// Position of its origin, world axes.
+pub(super) struct RootColumns {
     pub position: [String; 3],
-    /// Its orientation, body to world.
     pub quaternion: [String; 4],
-    /// Which of the four is the real part.
     pub order: Order,
-    /// Velocity of its origin, world axes.
-    #[serde(default)]
     pub velocity: Option<[String; 3]>,
-    /// Angular velocity.
-    #[serde(default)]
     pub angular: Option<[String; 3]>,
-    /// Axes of the angular velocity.
     #[serde(default)]
     pub axes: Axes,
 }
@@ -137,36 +117,26 @@ pub struct RootColumns {
 /// Order of a quaternion's four numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Order {
-    /// The real part first.
+pub(super) enum Order {
     Wxyz,
-    /// The real part last.
     Xyzw,
 }
 
-/// Axes of an angular velocity.
+/// Axes of an angular velocity: the world's, or the root link's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Axes {
-    /// The world's.
+pub(super) enum Axes {
     #[default]
     World,
-    /// The root link's.
     Body,
 }
 
 /// Columns of a joint.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct JointColumns {
-    /// Name in the URDF.
+pub(super) struct JointColumns {
     pub name: String,
-    /// Its position.
     pub position: String,
-    /// Its velocity.
-    #[serde(default)]
     pub velocity: Option<String>,
-    /// Its torque.
-    #[serde(default)]
     pub torque: Option<String>,
 }

@@ -1,11 +1,11 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Quaternion, Vector3};
 use nerd_core::contact::ContactEvent;
+use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
-use super::convert::{from_parry, pose_to_parry, to_parry};
-use super::material::Material;
+use super::spec::Material;
 
 /// The half-space `normal . x <= offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,4 +112,23 @@ impl Collider {
         let normal = if length > 1e-12 { gap * (sign / length) } else { Vector3::zeros() };
         ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
     }
+}
+
+pub(crate) fn to_parry(v: &Vector3<f64>) -> ParryVector {
+    ParryVector::new(v.x, v.y, v.z)
+}
+
+pub(crate) fn from_parry(v: &ParryVector) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+pub(crate) fn pose_to_parry(pose: &Isometry3<f64>) -> Pose {
+    let q: &Quaternion<f64> = pose.rotation.quaternion();
+    Pose::from_parts(to_parry(&pose.translation.vector), Rotation::from_xyzw(q.i, q.j, q.k, q.w))
+}
+
+#[cfg(feature = "rapier")]
+pub(crate) fn pose_from_parry(pose: &Pose) -> Isometry3<f64> {
+    let (t, r) = (from_parry(&pose.translation), pose.rotation);
+    Isometry3::from_parts(t.into(), nalgebra::UnitQuaternion::new_normalize(Quaternion::new(r.w, r.x, r.y, r.z)))
 }

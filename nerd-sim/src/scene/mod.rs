@@ -1,21 +1,18 @@
 //! Everything that is not the robot: gravity and static colliders.
 
 mod collider;
-mod convert;
-mod material;
 mod spec;
 mod worlds;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::robot::Robot;
 
 pub use collider::{Collider, Plane};
 #[cfg(feature = "rapier")]
-pub(crate) use convert::{from_parry, pose_from_parry, pose_to_parry, to_parry};
-pub use material::Material;
-pub use spec::{BoxSpec, PegSpec, PlaneSpec, SceneSpec};
+pub(crate) use collider::{from_parry, pose_from_parry, pose_to_parry, to_parry};
+pub use spec::{BoxSpec, Material, PegSpec, PlaneSpec, SceneSpec};
 pub use worlds::{WORLDS, hill, world};
 pub(crate) use worlds::{described, peg};
 
@@ -105,16 +102,6 @@ impl Scene {
 /// The up direction: against gravity, z where there is none.
 pub(crate) fn up(gravity: &Vector3<f64>) -> Vector3<f64> {
     -gravity.try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
-}
-
-/// The horizontal plane turned by extrinsic x-y-z angles.
-pub(crate) fn turned_plane(gravity: &Vector3<f64>, height: f64, angles: [f64; 3]) -> Plane {
-    let up = up(gravity);
-    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angles[2])
-        * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angles[1])
-        * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angles[0]);
-    let normal = turn * up;
-    Plane { normal, offset: normal.dot(&(up * height)) }
 }
 
 /// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.

@@ -10,9 +10,8 @@ use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
 use super::collider::{Collider, Plane};
-use super::material::Material;
-use super::spec::{PegSpec, SceneSpec};
-use super::{Scene, turned_plane, up};
+use super::spec::{Material, PegSpec, PlaneSpec, SceneSpec};
+use super::{Scene, up};
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
@@ -32,7 +31,7 @@ static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(
 /// A scene that a robot's TOML describes; `material` where it names none.
 pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Scene {
     let (upright, material) = (upright(gravity), spec.material.unwrap_or(material));
-    let plane = turned_plane(gravity, spec.plane.height, spec.plane.angles);
+    let plane = turned_plane(gravity, &spec.plane);
     let solid = |shape, at: Vector3<f64>, turn: UnitQuaternion<f64>| {
         Collider::new(shape, Isometry3::from_parts(at.into(), upright * turn), material)
     };
@@ -43,6 +42,16 @@ pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Mate
     let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
     let colliders = std::iter::once(Collider::plane(plane, material)).chain(boxes).chain(pegs).collect();
     Scene { name: spec.name.clone(), gravity: *gravity, colliders }
+}
+
+/// The horizontal plane turned by extrinsic x-y-z angles.
+fn turned_plane(gravity: &Vector3<f64>, PlaneSpec { height, angles }: &PlaneSpec) -> Plane {
+    let up = up(gravity);
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angles[2])
+        * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angles[1])
+        * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angles[0]);
+    let normal = turn * up;
+    Plane { normal, offset: normal.dot(&(up * *height)) }
 }
 
 /// An upright cylinder.

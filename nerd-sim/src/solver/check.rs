@@ -4,17 +4,13 @@ use std::sync::Arc;
 
 use nerd_core::state::wrap_state;
 
-use super::capabilities::Capabilities;
-use super::error::{Fault, StepError};
+use super::refusal::{Capabilities, Fault, StepError};
 use crate::batch::Batch;
 use crate::scene::Scene;
 use crate::system::System;
 
 /// Refuses a batch or torques of other lengths than the system needs, and what takes more than [`Capabilities::default`]; finds
 /// environments whose state or torque is not a number, or whose scene is none.
-///
-/// # Errors
-/// [`StepError::Refused`] or [`StepError::Solver`].
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities::default().admit(batch)?;
     sound(batch, torques, faults)
@@ -66,10 +62,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
 }
 
 /// Ends a frame of a solver that knows no contact forces: takes over the states `next` of every environment without a fault, wraps
-/// angles, counts the frame. A state that is not finite is a fault, too.
-///
-/// # Errors
-/// [`StepError::Environments`] with all faults, by environment.
+/// angles, counts the frame. A state that is not finite is a fault, too; [`StepError::Environments`] has all of them.
 pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.forces.clear();
     finish(batch, next, faults)

@@ -1,20 +1,16 @@
 //! The trait of solvers, which advance a batch by one frame, and the simulation that holds one.
 
-mod capabilities;
 mod check;
 #[cfg(feature = "cuda")]
 pub mod device;
-mod error;
 pub(crate) mod parallel;
-mod simulation;
+mod refusal;
 
-pub use capabilities::Capabilities;
 pub(crate) use check::gone;
 pub use check::{check, commit};
 #[cfg(feature = "cuda")]
 pub(crate) use check::{finish, sound};
-pub use error::{Fault, StepError};
-pub use simulation::Simulation;
+pub use refusal::{Capabilities, Fault, StepError};
 
 use crate::batch::Batch;
 
@@ -58,5 +54,31 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn device::Resident> {
         (**self).resident()
+    }
+}
+
+/// A batch with the solver that advances it; assign `solver` to swap it mid-run.
+pub struct Simulation {
+    /// States and scenes.
+    pub batch: Batch,
+    /// What advances them.
+    pub solver: Box<dyn Solver>,
+}
+
+impl Simulation {
+    /// From a batch and a solver.
+    pub fn new(batch: Batch, solver: impl Solver + 'static) -> Self {
+        Self { batch, solver: Box::new(solver) }
+    }
+
+    /// One frame; see [`Solver::step`].
+    pub fn step(&mut self, torques: &[f64]) -> Result<(), StepError> {
+        self.solver.step(&mut self.batch, torques)
+    }
+
+    /// Puts one environment at `state`; the solver forgets its past.
+    pub fn reset(&mut self, env: usize, state: &[f64]) {
+        self.batch.reset(env, state);
+        self.solver.reset(env);
     }
 }

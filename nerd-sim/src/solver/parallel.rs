@@ -6,9 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::capabilities::Capabilities;
 use super::check::{finish, sound};
-use super::error::{Fault, StepError};
+use super::refusal::{Capabilities, Fault, StepError};
 use crate::batch::Batch;
 use crate::drive::Drive;
 use crate::scene::Scene;

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use nerd_core::robot::{Base, Robot, UrdfError, UrdfRobot};
 use toml::Table;
 
+use super::build::name_columns;
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
 use super::cable::CableSpec;
-use super::columns::name_columns;
 #[cfg(feature = "meshes")]
 use super::derive::touch;
 use super::derive::{derived, floats, plain};

@@ -3,7 +3,6 @@
 mod build;
 mod built_in;
 pub mod cable;
-mod columns;
 mod derive;
 mod identity;
 mod load;

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 use nerd_core::robot::{JointKind, Robot};
 
 use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
-use crate::range::{law, within};
+use crate::range::{Range, law, within};
 use crate::scene::WORLDS;
 
 /// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.
@@ -66,7 +66,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         within("random_pegs.count", pegs.count as f64, 1.0..=100.0, "")?;
         law("random_pegs.radius", &pegs.radius, 1e-6..=WIDE, "m")?;
         within("random_pegs.height", pegs.height, 1e-6..=WIDE, "m")?;
-        pegs.at.iter().enumerate().try_for_each(|(i, range)| law(&format!("random_pegs.at[{i}]"), range, -FAR..=FAR, "m"))?;
+        laws("random_pegs.at", &pegs.at, FAR, "m")?;
     }
     if let Some(pace) = &spec.smooth {
         law("smooth", pace, 0.0..=1e6, "s")?;
@@ -80,6 +80,10 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
 
 fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String> {
     values.iter().enumerate().try_for_each(|(i, x)| within(format!("{key}[{i}]"), *x, -most..=most, unit))
+}
+
+fn laws(key: &str, ranges: &[Range], most: f64, unit: &str) -> Result<(), String> {
+    ranges.iter().enumerate().try_for_each(|(i, range)| law(&format!("{key}[{i}]"), range, -most..=most, unit))
 }
 
 /// Every joint of the robot has one entry, in any order.
@@ -151,11 +155,9 @@ fn root(root: &RootSpec, has_scene: bool) -> Result<(), String> {
 
 fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> {
     let at = |key: &str| format!("{table} {key}");
-    for (key, laws, most, unit) in
-        [("position", &start.position, FAR, "m"), ("angular", &start.angular, FAST, "rad/s"), ("linear", &start.linear, FAST, "m/s")]
-    {
-        laws.iter().enumerate().try_for_each(|(i, l)| law(&at(&format!("{key}[{i}]")), l, -most..=most, unit))?;
-    }
+    laws(&at("position"), &start.position, FAR, "m")?;
+    laws(&at("angular"), &start.angular, FAST, "rad/s")?;
+    laws(&at("linear"), &start.linear, FAST, "m/s")?;
     law(&at("tilt"), &start.tilt, -WIDE..=WIDE, "rad")?;
     let Some(clearance) = start.clearance else { return Ok(()) };
     within(at("clearance"), clearance, 0.0..=FAR, "m")?;

@@ -35,9 +35,6 @@ pub struct Held {
 
 impl Held {
     /// Memory for a batch.
-    ///
-    /// # Errors
-    /// If there is not enough, or the kernel that takes torques does not compile.
     pub fn new(device: &Device, batch: &Batch) -> Result<Self, DeviceError> {
         let (n, robot) = (batch.len(), &batch.system.robot);
         Ok(Self {

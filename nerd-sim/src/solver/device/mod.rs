@@ -8,7 +8,7 @@ pub(crate) use torques::acting;
 
 use nerd_cuda::{Device, DeviceError};
 
-use super::error::StepError;
+use super::refusal::StepError;
 use crate::batch::Batch;
 
 /// An error of the device as one of a step.
@@ -18,10 +18,7 @@ pub fn failed(error: DeviceError) -> StepError {
 
 /// A batch that stays on a device while others work on it there, too.
 pub trait Resident {
-    /// Takes a batch over. What the host has of it grows old from here on.
-    ///
-    /// # Errors
-    /// What has no kernel; as [`super::Solver::step`].
+    /// Takes a batch over; refuses what has no kernel. What the host has of it grows old from here on.
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError>;
 
     /// The device, and what is held there.
@@ -31,8 +28,5 @@ pub trait Resident {
     fn memory(&self) -> u64;
 
     /// One frame of what is held, on the device's main stream. Environments whose fault is not 0 may stay as they are.
-    ///
-    /// # Errors
-    /// If the device fails.
     fn frame(&mut self) -> Result<(), DeviceError>;
 }

@@ -1,4 +1,31 @@
-//! Why a frame could not be stepped.
+//! What a solver can do beside stepping states, and why it could not step.
+
+use crate::batch::Batch;
+
+/// What a solver can do beside stepping states; ask [`super::Solver::capabilities`] before the first step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Holds a batch's drives inside its frame ([`Batch::drives`]).
+    pub drives: bool,
+    /// Tells contact forces ([`Batch::contact_force`]).
+    pub forces: bool,
+    /// Steps a robot of its own in each environment ([`Batch::systems`]).
+    pub systems: bool,
+}
+
+impl Capabilities {
+    /// Refuses a batch that needs what is not there ([`StepError::Refused`]).
+    pub fn admit(&self, batch: &Batch) -> Result<(), StepError> {
+        let missing = if !self.drives && !batch.drives.is_empty() {
+            "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated"
+        } else if !self.systems && !batch.systems.is_empty() {
+            "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier"
+        } else {
+            return Ok(());
+        };
+        Err(StepError::Refused(missing.into()))
+    }
+}
 
 /// Why a frame could not be stepped.
 #[derive(Debug, thiserror::Error)]
@@ -21,10 +48,7 @@ impl StepError {
         Self::Solver(format!("{found} torques for {environments} environments of {joints} joints"))
     }
 
-    /// The environments that were set aside, for who goes on with the others.
-    ///
-    /// # Errors
-    /// Itself, if nothing was stepped.
+    /// The environments that were set aside, for who goes on with the others; itself, if nothing was stepped.
     pub fn faults(self) -> Result<Vec<Fault>, Self> {
         match self {
             Self::Environments(faults) => Ok(faults),
