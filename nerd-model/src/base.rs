@@ -1,8 +1,5 @@
-//! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight, or after a draft
-//! of the frame.
-//!
-//! A draft ([`nerd_sim::articulated::Draft`]) is one or a few substeps of our implicit dynamics, with contact. A model on it learns what
-//! the truth's many substeps change, and runs in every frame.
+//! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight, or after a draft: one or a few
+//! substeps of our implicit dynamics, with contact. A model on a draft learns what the truth's many substeps change.
 //!
 //! Flight is one frame of our articulated dynamics, joint limits and damping included, in an empty scene, integrated as the truth does:
 //! with the reference simulator's settings for the truth `paper`, exactly for every other (rapier's own error over a frame is then the
@@ -43,10 +40,7 @@ pub enum Base {
 impl Base {
     /// The flight nearest to a truth's own, what the residual form adds to.
     pub fn flight_of(truth: Truth) -> Self {
-        match truth {
-            Truth::Paper => Self::Flight,
-            _ => Self::ExactFlight,
-        }
+        if truth == Truth::Paper { Self::Flight } else { Self::ExactFlight }
     }
 
     /// Whether predictions are added to a motion, not to the state before it.
@@ -54,10 +48,7 @@ impl Base {
         self.flies() || matches!(self, Self::Draft(_))
     }
 
-    /// Drafts that predictions are added to, if any.
-    ///
-    /// # Errors
-    /// If the system cannot be stepped.
+    /// Drafts that predictions are added to, if any; an error if the system cannot be stepped.
     pub fn draft(self, system: &System) -> Option<Result<Draft, SystemError>> {
         if let Self::Draft(substeps) = self { Some(Draft::new(system, substeps)) } else { None }
     }
@@ -89,15 +80,12 @@ pub struct Flight {
 
 impl Flight {
     fn new(system: &Arc<System>, config: ArticulatedConfig) -> Self {
-        let solver = Articulated::new(config);
-        let batch = Batch::new(system, &Arc::new(Scene::free(system.gravity())), 0);
-        Self { solver, batch }
+        Self { solver: Articulated::new(config), batch: Batch::new(system, &Arc::new(Scene::free(system.gravity())), 0) }
     }
 
     /// States `[env][q, qd]` a frame after `states`, with torques `[env][joint]`.
     pub fn step(&mut self, states: &[f64], scenes: &[Arc<Scene>], torques: &[f64]) -> Result<&[f64], StepError> {
-        let batch = &mut self.batch;
-        let n = scenes.len();
+        let (batch, n) = (&mut self.batch, scenes.len());
         // Of a scene only its gravity is felt in flight.
         for (env, scene) in scenes.iter().enumerate() {
             match batch.scenes.get_mut(env) {

@@ -165,15 +165,10 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
 #[test]
 fn what_has_no_kernel_is_named() {
     let system = System::named("ant").expect("built in");
-    type Change<'a> = &'a dyn Fn(&mut Model);
-    let refused = |change: Change| {
+    for (word, base, view) in [("Flight", Base::Flight, View::Own), ("view is World", Base::Draft(1), View::World)] {
         let mut model = placed(&system, Base::Draft(1), Positions::Rotary);
-        change(&mut model);
-        program(&model, &system, Real::F32, 1).expect_err("it has no kernel")
-    };
-    let table: [(&str, Change); 2] = [("Flight", &|m| m.config.base = Base::Flight), ("view is World", &|m| m.config.view = View::World)];
-    for (word, change) in table {
-        let said = refused(change);
+        (model.config.base, model.config.view) = (base, view);
+        let said = program(&model, &system, Real::F32, 1).expect_err("it has no kernel");
         assert!(said.contains(word) && said.contains("CPU"), "{said}");
     }
 }

@@ -194,29 +194,6 @@ fn a_network_that_says_nothing_leaves_the_draft() {
     }
 }
 
-/// A token's last numbers are what its draft changes, as a target says it; so a network may say it back.
-#[test]
-fn a_token_says_what_its_draft_changes() {
-    for (robot, scene) in CASES {
-        let system = System::named(robot).expect("built in");
-        let (batch, torques) = batch(&system, scene, 8);
-        let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
-        let mut after = batch.clone();
-        drafted(&mut Draft::new(&system, 1).expect("a draft"), &mut after, &torques);
-        let mut features = Features::new(&system, Base::Draft(1));
-        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-        for env in 0..8 {
-            let (state, base) = (batch.state(env), after.state(env));
-            contacts(&system.robot, &batch.scenes[env], state, &mut data, &mut events);
-            let (mut token, mut change) = (vec![0.0f32; Features::inputs(&system, Base::Draft(1))], vec![0.0f32; d]);
-            let tau = &torques[env * joints..][..joints];
-            features.token(state, base, &events, tau, &batch.scenes[env].gravity, &mut token);
-            features.target(state, state, base, &mut change);
-            assert_eq!(token[token.len() - d..], change[..], "{robot} on {scene}");
-        }
-    }
-}
-
 #[test]
 fn what_cannot_be_drafted_is_set_aside_alone() {
     let system = System::named("pendulum").expect("built in");

@@ -1,6 +1,6 @@
 //! Which robots are chains, and a chain's constants.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use nerd_core::robot::{Base, Joint, JointKind, Robot};
 use nerd_sim::system::System;
 
@@ -40,9 +40,6 @@ pub struct Chain {
 
 impl Chain {
     /// That of a system.
-    ///
-    /// # Errors
-    /// [`NoChain`], with what makes it none.
     pub fn of(system: &System) -> Result<Self, NoChain> {
         Self::read(system).map_err(|reason| NoChain { robot: system.name.clone(), reason })
     }
@@ -62,14 +59,12 @@ impl Chain {
         if robot.mimics() || !in_line || joints.len() < AXES + 4 || !joints.len().is_multiple_of(2) {
             return Err("a gripper's six axes and at least two rods on two hinges each, one behind the other, are needed".into());
         }
-        let (axes, hinges) = joints.split_at(AXES);
-        carriage(axes)?;
-        let length = hinges[2].origin().translation.vector.x;
-        rods(hinges, length)?;
-        let rods = hinges.len() / 2;
+        let length = joints[AXES + 2].origin().translation.vector.x;
+        joints.iter().enumerate().try_for_each(|(i, joint)| fits(i, joint, length))?;
+        let rods = (joints.len() - AXES) / 2;
         let radius = radius(robot, rods, length)?;
-        let stiffness = std::array::from_fn(|k| axes[k].stiffness);
-        let pulse = std::array::from_fn(|k| (axes[k].stiffness / axes[k].armature).sqrt());
+        let stiffness = std::array::from_fn(|k| joints[k].stiffness);
+        let pulse = std::array::from_fn(|k| (joints[k].stiffness / joints[k].armature).sqrt());
         Ok(Self { rods, length, radius, frame_time: system.frame_time, home, stiffness, pulse })
     }
 
@@ -79,38 +74,25 @@ impl Chain {
     }
 }
 
-fn is(joint: &Joint, slides: bool, axis: Vector3<f64>, origin: Isometry3<f64>) -> bool {
-    (joint.kind == JointKind::Prismatic) == slides
+/// Refuses a joint that is not the i-th of a chain with rods of this length.
+fn fits(i: usize, joint: &Joint, length: f64) -> Result<(), String> {
+    let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let axis = if i < AXES { [x, y, z, z, y, x][i] } else { [z, y][i % 2] };
+    let ahead = if i > AXES && i.is_multiple_of(2) { x * length } else { Vector3::zeros() };
+    let is = (joint.kind == JointKind::Prismatic) == (i < 3)
         && joint.limit.is_none()
         && (joint.axis().into_inner() - axis).norm() < 1e-12
-        && (joint.origin().translation.vector - origin.translation.vector).norm() < 1e-9
-        && joint.origin().rotation.angle() < 1e-12
-}
-
-fn carriage(axes: &[&Joint]) -> Result<(), String> {
-    let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
-    let wanted = [(true, x), (true, y), (true, z), (false, z), (false, y), (false, x)];
-    for (joint, (slides, axis)) in axes.iter().zip(wanted) {
-        let critical = 2.0 * (joint.armature * joint.stiffness).sqrt();
-        if !is(joint, slides, axis, Isometry3::identity()) {
-            return Err(format!("joint `{}` is not one of a gripper's axes x, y, z, yaw, pitch, roll in this order", joint.name));
-        }
-        if !(joint.rest == 0.0 && critical > 0.0 && (joint.damping / critical - 1.0).abs() < NEAR) {
-            return Err(format!("joint `{}` is driven by no critically damped spring about 0", joint.name));
-        }
-    }
-    Ok(())
-}
-
-fn rods(hinges: &[&Joint], length: f64) -> Result<(), String> {
-    for (i, joint) in hinges.iter().enumerate() {
-        let axis = if i.is_multiple_of(2) { Vector3::z() } else { Vector3::y() };
-        let ahead = if i >= 2 && i.is_multiple_of(2) { length } else { 0.0 };
-        if !is(joint, false, axis, Isometry3::translation(ahead, 0.0, 0.0)) || length <= 0.0 {
-            return Err(format!("joint `{}` is not a hinge of a rod: z, then y, along x, no twist, equal lengths", joint.name));
-        }
-    }
-    Ok(())
+        && (joint.origin().translation.vector - ahead).norm() < 1e-9
+        && joint.origin().rotation.angle() < 1e-12;
+    let critical = 2.0 * (joint.armature * joint.stiffness).sqrt();
+    let driven = joint.rest == 0.0 && critical > 0.0 && (joint.damping / critical - 1.0).abs() < NEAR;
+    let reason = match i < AXES {
+        true if !is => "is not one of a gripper's axes x, y, z, yaw, pitch, roll in this order",
+        true if !driven => "is driven by no critically damped spring about 0",
+        false if !is || length <= 0.0 => "is not a hinge of a rod: z, then y, along x, no twist, equal lengths",
+        _ => return Ok(()),
+    };
+    Err(format!("joint `{}` {reason}", joint.name))
 }
 
 /// One contact point at the end of each rod, all of one radius.

@@ -32,10 +32,7 @@ struct Work {
 }
 
 impl ChainSolver {
-    /// The network of `system`'s chain; `normalizer` scales its outputs; its tokens are taken as they are.
-    ///
-    /// # Errors
-    /// If the robot is not a chain, or one of more or fewer rods than the network was trained on.
+    /// The network of `system`'s chain, of as many rods as it was trained on; `normalizer` scales its outputs, tokens are taken as they are.
     pub fn new(weights: &Weights, normalizer: &Normalizer, system: &System) -> Result<Self, NoChain> {
         let chain = Chain::of(system)?;
         let wrong = |reason: String| NoChain { robot: system.name.clone(), reason };
@@ -48,10 +45,7 @@ impl ChainSolver {
         Ok(Self { chain, network, scale, rows, work: Vec::new(), next: Vec::new(), faults: Vec::new() })
     }
 
-    /// The scale of each output.
-    ///
-    /// # Errors
-    /// If tokens or means would have to be shifted: a chain's are in fixed units, about 0.
+    /// The scale of each output; refused if tokens or means would have to be shifted: a chain's are in fixed units, about 0.
     pub fn scale(normalizer: &Normalizer) -> Result<[f64; OUTPUTS], String> {
         let Normalizer { inputs, outputs } = normalizer;
         let scale: Vec<f64> = outputs.scale().collect();

@@ -23,10 +23,7 @@ pub use crate::program::op::padded;
 pub use places::Products;
 pub use whole::{Whole, whole_program};
 
-/// The settings with which scenes are put in order for a model's kernels.
-///
-/// # Errors
-/// What of a model has no kernel, in a line that says where it can be stepped.
+/// The settings with which scenes are put in order for a model's kernels; or what of it has no kernel, and where it can be stepped.
 pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
     let Model { config, .. } = model;
     let on_cpu = "which has no kernel; step it with the network alone on the device, or on the CPU";
@@ -42,10 +39,7 @@ pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Re
     Ok((settings, Reach { faced: Some(material.mean(&system.spec.material)), ..Reach::default() }))
 }
 
-/// The text for one model of `system`, for scenes of at most so many colliders.
-///
-/// # Errors
-/// As [`settings`].
+/// The text for one model of `system`, for scenes of at most so many colliders; an error as of [`settings`].
 pub fn program(model: &Model, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
     let (config, reach) = settings(model, system)?;
     let robot = &system.robot;

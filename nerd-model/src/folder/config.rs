@@ -53,9 +53,6 @@ pub struct ModelConfig {
 
 impl ModelConfig {
     /// That of a model's folder. Its network can be, whatever the other files hold.
-    ///
-    /// # Errors
-    /// If there is none, or none that can be.
     pub fn read(folder: &Path) -> Result<Self, ModelError> {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
@@ -68,9 +65,6 @@ impl ModelConfig {
     }
 
     /// The truth of the model in a folder.
-    ///
-    /// # Errors
-    /// As [`Self::read`], and if this program knows no truth of that name.
     pub fn truth_of(folder: &Path) -> Result<Truth, ModelError> {
         Truth::named(&Self::read(folder)?.truth).map_err(|e| wrong(&folder.join("config.json"), e))
     }

@@ -37,9 +37,6 @@ pub struct Model {
 impl Model {
     /// Loads the model of `system` from a folder; refuses one of another robot, or of another truth if one is named, and one
     /// whose files are not those it was written with.
-    ///
-    /// # Errors
-    /// One line that says which file, what is wrong, and both sides where two do not agree.
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let model = Self::read(folder, system, truth)?;
         let ModelConfig { robot, robot_sha256, model_sha256, .. } = &model.config;
@@ -58,9 +55,6 @@ impl Model {
     }
 
     /// The same without a look at the hashes: for [`Model::stamp`].
-    ///
-    /// # Errors
-    /// As [`Model::load`].
     pub fn read(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let config = ModelConfig::read(folder)?;
         config.check(folder, system, truth)?;
@@ -106,9 +100,7 @@ impl Model {
     }
 
     /// Writes the folder, `config.json` last; `card` becomes its `README.md`. The configuration's `model_sha256` is made here.
-    ///
-    /// # Errors
-    /// If it cannot be written, or a weight is not a number as it would be stored.
+    /// A weight that is not a number as it would be stored is refused.
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let (moments_path, weights_path) = (folder.join("normalizer.json"), folder.join("model.safetensors"));
         let metadata = HashMap::from([("robot".into(), self.config.robot.clone())]);

@@ -104,11 +104,8 @@ impl TransformerConfig {
         (0..half).map(move |m| ROTARY_BASE.powf(-(m as f64) / half as f64))
     }
 
-    /// Says what of the shape cannot be, if anything. What passes has at most 2^30 parameters, so that no count of it
+    /// Refuses a shape that cannot be, by its key. What passes has at most 2^30 parameters, so that no count of it
     /// overflows and its memory is known before any is taken.
-    ///
-    /// # Errors
-    /// One line that names the key and what it may be.
     pub fn check(&self) -> Result<(), String> {
         let Self { inputs, outputs, embedding, layers, heads, block, history, head, .. } = *self;
         let counts = [

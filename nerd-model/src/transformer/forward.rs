@@ -9,9 +9,6 @@ pub trait Forward: Send {
     /// `inputs` is `[windows][tokens][inputs]`, normalised, row-major, the oldest token first; `last[w]` is the index
     /// of the newest token of window `w`, and later tokens are padding of any finite value. `out` is
     /// replaced by `[windows][outputs]`.
-    ///
-    /// # Errors
-    /// If the lengths do not fit the network, or the device fails.
     fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
 }
 

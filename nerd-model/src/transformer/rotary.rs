@@ -63,10 +63,7 @@ struct Work {
 }
 
 impl PackedStream {
-    /// Packs `weights`.
-    ///
-    /// # Panics
-    /// If their positions are a table; that network wants [`super::PackedForward`].
+    /// Packs `weights`, whose positions must be rotary.
     pub fn new(weights: &Weights) -> Self {
         let config = weights.config;
         assert_eq!(config.positions, Positions::Rotary, "keys and values can be kept only if positions are relative");

@@ -11,9 +11,6 @@ pub trait Stream: Send {
     /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions for the environments
     /// `asked` (increasing), in normalised target units, replace `out`: `[asked][outputs]`. The same number of environments
     /// in every call.
-    ///
-    /// # Errors
-    /// If the lengths do not fit the network, or the device fails.
     fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError>;
 
     /// Forgets the frames of one environment.

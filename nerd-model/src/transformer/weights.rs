@@ -86,9 +86,6 @@ impl Weights {
 
     /// Refuses a configuration that cannot be, or a file of so many bytes that cannot be its: what is left to read takes no more
     /// memory than the file.
-    ///
-    /// # Errors
-    /// What is wrong with the configuration, or the size.
     pub fn check_size(config: &TransformerConfig, found: u64) -> Result<(), WeightsError> {
         config.check().map_err(WeightsError)?;
         let n = config.parameters() as u64;
@@ -101,9 +98,6 @@ impl Weights {
     }
 
     /// Reads the parameters of `config` from the bytes of a safetensors file: exactly its tensors, all of them finite.
-    ///
-    /// # Errors
-    /// What does not fit.
     pub fn from_bytes(config: TransformerConfig, bytes: &[u8]) -> Result<Self, WeightsError> {
         Self::check_size(&config, bytes.len() as u64)?;
         let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());
