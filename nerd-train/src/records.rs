@@ -109,17 +109,13 @@ impl Session {
     pub fn any(out: &Path) -> bool {
         sessions(out).exists()
     }
-
-    /// Minutes of all of them, and the machine of the last one.
-    pub fn sum(all: &[Self]) -> (String, String) {
-        let seconds: f64 = all.iter().map(|s| s.seconds).sum();
-        (format!("{:.1}", seconds / 60.0), all.last().map(|s| s.machine.clone()).unwrap_or_default())
-    }
 }
 
 /// What a card has of a run in `out` whose record is there: the rows by name, and as a table. `own` are those of its kind.
 pub(crate) fn rows(out: &Path, seed: u64, own: Vec<(&str, String)>) -> Result<(BTreeMap<String, String>, String)> {
-    let (minutes, machine) = Session::sum(&Session::all(out)?);
+    let sessions = Session::all(out)?;
+    let minutes = format!("{:.1}", sessions.iter().map(|s| s.seconds).sum::<f64>() / 60.0);
+    let machine = sessions.last().map(|s| s.machine.clone()).unwrap_or_default();
     let Provenance { commit, command, date, .. } = Provenance::now(seed);
     let seed = seed.to_string();
     let mut rows =

@@ -41,7 +41,7 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     nerd_train::progress::notes(&system);
     let config = args.keys.settings()?;
     let started = std::time::Instant::now();
-    let Some(manifest) = config.write_part(&system, args.transitions, part, &args.out)? else {
+    let Some(manifest) = config.write(&system, args.transitions, part, &args.out)? else {
         println!("part {part} is there; {} is complete once all parts are", args.out.display());
         return Ok(());
     };

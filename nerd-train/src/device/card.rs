@@ -4,18 +4,14 @@ use std::sync::Arc;
 
 use nerd_model::folder::Model;
 use nerd_model::pick::Setting;
-use nerd_model::transformer::{Architecture, Stream, Weights};
+use nerd_model::transformer::Architecture;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 use nerd_sim::batch::Batch;
 use nerd_sim::solver::{Capabilities, Solver, StepError};
 use nerd_sim::system::System;
 
 use crate::error::{Error, Result};
-use crate::learner::cuda::{self, Precision, stream};
-
-pub(super) fn network(weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
-    Ok(stream(weights, Precision::F32, envs)?)
-}
+use crate::learner::cuda::{self, Precision};
 
 /// A solver at one setting whose batch stays on a GPU.
 pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {

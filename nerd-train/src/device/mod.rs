@@ -84,7 +84,7 @@ impl Device {
                 refuse!("--device cuda computes a chain in whole frames only")
             }
             #[cfg(feature = "cuda")]
-            Self::Cuda => card::network(weights, envs),
+            Self::Cuda => Ok(crate::learner::cuda::stream(weights, crate::learner::cuda::Precision::F32, envs)?),
             #[cfg(feature = "burn")]
             Self::Flex | Self::Wgpu => {
                 use nerd_model::transformer::{BurnForward, Windowed};

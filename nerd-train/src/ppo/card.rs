@@ -1,12 +1,14 @@
-//! The card of a policy.
+//! What a run makes of its best policy: its folder with a card and the learning curve.
 
 use std::path::Path;
 
-use super::curve;
 use super::folder::{PolicyConfig, save};
-use super::trainer::Trainer;
-use crate::error::Result;
+use super::trainer::{Iteration, Trainer};
+use crate::error::{Error, Result};
 use crate::records::{Session, rows};
+
+/// Points that a shipped curve has, about.
+const POINTS: usize = 100;
 
 /// Writes `<out>/policy`.
 pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer) -> Result<()> {
@@ -27,5 +29,21 @@ pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer:
     );
     let config = PolicyConfig { task: task.into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
     save(&out.join("policy"), &config, policy, &card)?;
-    curve::write(out, &out.join("policy"))
+    curve(out, &out.join("policy"))
+}
+
+/// Writes `curve.csv` for a run's policy: steps, mean reward and mean length of episodes, thinned out.
+fn curve(out: &Path, folder: &Path) -> Result<()> {
+    let metrics = out.join("metrics.jsonl");
+    let lines = std::fs::read_to_string(&metrics).map_err(Error::file(&metrics))?;
+    let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::format(&metrics))?;
+    let every = lines.len().div_ceil(POINTS).max(1);
+    let mut text = String::from("steps,reward,length\n");
+    for line in lines.iter().filter(|l| (l.step as usize).is_multiple_of(every)) {
+        if let (Some(reward), Some(length)) = (line.reward, line.length) {
+            text.push_str(&format!("{},{reward:.2},{length:.1}\n", line.frames));
+        }
+    }
+    let path = folder.join("curve.csv");
+    nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
 }

@@ -5,7 +5,7 @@
 //! `return.variance` the value.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nerd_model::transformer::TensorSpec;
 use nerd_tasks::Task;
@@ -56,22 +56,29 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 
 /// Reads the folder of a policy of a built-in task.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
-    read(folder, |config| check(config, &*nerd_tasks::named(&config.task).map_err(|e| e.to_string())?))
+    let (path, config) = config(folder)?;
+    let task = nerd_tasks::named(&config.task).map_err(Error::format(&path))?;
+    read(folder, config, &*task)
 }
 
 /// Reads the folder of a policy of this task, built-in or not.
 pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
-    read(folder, |config| match config.task == task.name() {
-        true => check(config, task),
-        false => Err(format!("a policy of task `{}`, not of `{}`", config.task, task.name())),
-    })
+    let (path, config) = config(folder)?;
+    if config.task != task.name() {
+        return Err(Error::format(&path)(format!("a policy of task `{}`, not of `{}`", config.task, task.name())));
+    }
+    read(folder, config, task)
 }
 
-fn read(folder: &Path, check: impl Fn(&PolicyConfig) -> Result<(), String>) -> Result<(PolicyConfig, Policy)> {
+fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     let path = folder.join("config.json");
     let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
-    let config: PolicyConfig = serde_json::from_str(&text).map_err(Error::format(&path))?;
-    check(&config).map_err(Error::format(&path))?;
+    let config = serde_json::from_str(&text).map_err(Error::format(&path))?;
+    Ok((path, config))
+}
+
+fn read(folder: &Path, config: PolicyConfig, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
+    check(&config, task).map_err(Error::format(&folder.join("config.json")))?;
     let file = Tensors::open(&folder.join("policy.safetensors"))?;
     let policy = get(&file, "", config.shape.clone())?;
     Ok((config, policy))

@@ -20,7 +20,6 @@ mod config;
 mod cpu;
 #[cfg(feature = "cuda")]
 mod cuda;
-mod curve;
 mod engine;
 pub mod folder;
 mod gae;

@@ -9,7 +9,7 @@ use nerd_sim::dataset::{Act, Pilot};
 use nerd_sim::sampling::FASTEST;
 use nerd_sim::scene::Scene;
 use nerd_sim::system::System;
-use nerd_tasks::{Task, TaskError, View, Work, fast_start, named};
+use nerd_tasks::{Task, View, Work, fast_start};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -34,14 +34,8 @@ pub struct Policies {
 }
 
 impl Policies {
-    /// Policies with the names of built-in tasks.
-    pub fn new(of: Vec<(String, Policy)>) -> Result<Self, TaskError> {
-        let of = of.into_iter().map(|(task, policy)| Ok((Arc::from(named(&task)?), policy)));
-        Ok(Self::of(of.collect::<Result<_, TaskError>>()?))
-    }
-
     /// Policies with their tasks, built-in or not.
-    pub fn of(of: Vec<(Arc<dyn Task>, Policy)>) -> Self {
+    pub fn new(of: Vec<(Arc<dyn Task>, Policy)>) -> Self {
         Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(Actor::new(policy)))).collect() }
     }
 }

@@ -1,12 +1,43 @@
 //! Motions as pages that any browser plays. [`episode`] shows an episode of a policy, of a task of one's own, too.
 
-mod game;
 mod page;
 mod solids;
 
-pub use game::{episode, record};
+use nerd_sim::solver::StepError;
+use nerd_tasks::Episodes;
 pub use page::{Replay, Track};
-pub use solids::Solid;
 // For pages that hold several.
 #[doc(hidden)]
 pub use page::{SCRIPT, escape, script};
+pub use solids::Solid;
+
+use crate::ppo::{Actor, Policy, Running};
+
+/// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
+/// step; and its whole reward. [`Replay::html`] is the page.
+pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
+    let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
+    let mut page = Replay::new(title, &episodes.simulation.batch, dt);
+    let total = record(&mut page, title, &Actor::new(policy.clone()), episodes, usize::MAX)?;
+    Ok((page, total))
+}
+
+/// Adds such an episode under mean actions, or its first steps, to a page, with goals and rewards so far of the page's first one;
+/// its reward.
+pub fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episodes, steps: usize) -> Result<f64, StepError> {
+    page.begin(name);
+    let (mut running, mut reached, mut total) = (Running::new(episodes, actor.policy.shape.stack), Vec::new(), 0.0);
+    for _ in 0..steps {
+        page.add(&episodes.simulation.batch);
+        if page.tracks.len() == 1 {
+            page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
+            page.rewards.push(total as f32);
+        }
+        let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
+        total += stepped.result.rewards[0];
+        if !stepped.ended.is_empty() {
+            break;
+        }
+    }
+    Ok(total)
+}

@@ -12,7 +12,7 @@ use nerd_sim::truth::Truth;
 use crate::bounds::{self, FRAMES, SEEDS};
 use crate::chain::Motions;
 use crate::device::{Device, truth_on_card};
-use crate::error::{Error, Result, refuse};
+use crate::error::{Result, refuse};
 use crate::ppo::Policies;
 use crate::prepare::{Prepared, generate};
 use crate::progress::bar;
@@ -80,13 +80,13 @@ impl RecordConfig {
         let mut policies = Vec::new();
         for folder in &self.policy {
             let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
-            let robot = nerd_tasks::named(&config.task)?.robot();
-            if robot != system.name {
-                refuse!("{} acts on `{robot}`, not on `{}`", folder.display(), system.name);
+            let task = nerd_tasks::named(&config.task)?;
+            if task.robot() != system.name {
+                refuse!("{} acts on `{}`, not on `{}`", folder.display(), task.robot(), system.name);
             }
-            policies.push((config.task, policy));
+            policies.push((task.into(), policy));
         }
-        Ok(Some((Arc::new(Policies::new(policies)?), self.policy_share)))
+        Ok(Some((Arc::new(Policies::new(policies)), self.policy_share)))
     }
 
     /// Who acts in which share of the trajectories, for a card: policies by the names of their folders and the first digits of
@@ -105,15 +105,9 @@ impl RecordConfig {
         Ok(format!("in {} % of the trajectories: {}", (1e4 * self.policy_share).round() / 100.0, names.join(", ")))
     }
 
-    /// Records so many transitions into a folder: shards and a manifest, those that are there already kept. One process at a time writes
-    /// there.
-    pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
-        let made = self.write_part(system, transitions, Part::WHOLE, folder)?;
-        made.ok_or_else(|| Error::Refused(format!("{}: another process removed or changed its shards", folder.display())))
-    }
-
-    /// The same of a part: the manifest once all parts are there. Parts share the folder.
-    pub fn write_part(&self, system: &Arc<System>, transitions: usize, part: Part, folder: &Path) -> Result<Option<Manifest>> {
+    /// Records so many transitions, or a part of them, into a folder, shards that are there already kept; the manifest once all parts are
+    /// there. Parts share the folder, else one process at a time writes there.
+    pub fn write(&self, system: &Arc<System>, transitions: usize, part: Part, folder: &Path) -> Result<Option<Manifest>> {
         let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.
         let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);

@@ -5,23 +5,24 @@ use std::sync::Arc;
 
 use nerd_sim::dataset::{GenerateConfig, Recording, record};
 use nerd_sim::prelude::*;
+use nerd_tasks::{Task, named};
 use nerd_train::ppo::{Activation, Policies, Policy};
 
 /// A policy that pulls all joints so strongly one way, hardly noisy.
-fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (String, Policy) {
+fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (Arc<dyn Task>, Policy) {
     let mut policy = crate::policy(observation, stack, action, &[4], Activation::Relu);
     policy.flat.fill(0.0);
     let (outputs, end) = (action + 1, policy.flat.len() - action);
     policy.flat[end - outputs..end - 1].fill(pull);
     policy.flat[end..].fill(-4.0);
-    (task.into(), policy)
+    (named(task).expect("known").into(), policy)
 }
 
 /// Trajectories of so many frames in which these policies act, and the robot's joints.
-fn recorded(robot: &str, policies: Vec<(String, Policy)>, share: f64, frames: usize, trajectories: usize) -> (Recording, usize) {
+fn recorded(robot: &str, policies: Vec<(Arc<dyn Task>, Policy)>, share: f64, frames: usize, trajectories: usize) -> (Recording, usize) {
     let system = System::named(robot).expect("built in");
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-    let pilot = Some((Arc::new(Policies::new(policies).expect("known tasks")) as _, share));
+    let pilot = Some((Arc::new(Policies::new(policies)) as _, share));
     let config = GenerateConfig { frames, pilot, ..Default::default() };
     (record(&system, &mut truth, &config, 0, trajectories).expect("recorded"), system.robot.joint_count())
 }

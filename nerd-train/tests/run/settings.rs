@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::transformer::{Architecture, TransformerConfig};
+use nerd_sim::dataset::Part;
 use nerd_sim::prelude::*;
 use nerd_train::run::{BaseName, Recipe, Run, RunConfig, Variant};
 use nerd_train::settings::{Given, Settings};
@@ -110,7 +111,7 @@ fn a_data_set_holds_what_a_run_would_have_recorded() {
     let mut read = tiny(folder.path().join("read"));
     let data = folder.path().join("data");
     let system = System::named("pendulum").expect("built in");
-    alone.record.write(&system, alone.transitions, &data).expect("shards");
+    alone.record.write(&system, alone.transitions, Part::WHOLE, &data).expect("shards").expect("all of them");
     read.data = Some(data);
     let train = |run: &RunConfig| weights(Run::new(run).expect("settings").train().expect("trained"));
     assert!(train(&alone) == train(&read), "data from a folder led to other weights");

@@ -13,15 +13,13 @@ pub(super) const PARTS: usize = 1024;
 pub(super) struct Kept {
     pub(super) environments: usize,
     pub(super) horizon: usize,
-    /// Steps taken.
     pub(super) step: usize,
-    /// Stacked observations.
     pub(super) observations: Buffer<f64>,
     /// Values in units of reward, by step, of the last answer too.
     pub(super) values: Buffer<f64>,
     /// Values of what was reached where time ran out.
     pub(super) cut: Buffer<f64>,
-    /// Advantages and returns, by step.
+    /// Advantages and returns.
     pub(super) both: Buffer<f64>,
     /// What came of each step (`gae.rs`).
     pub(super) rewards: Buffer<f64>,

@@ -1,5 +1,6 @@
 //! A rollout that never leaves the device: policy, task, solver and reward, step by step.
 
+use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{DeviceError, Lane};
 use nerd_sim::articulated::device::Resident;
 
@@ -8,7 +9,7 @@ use super::super::noise::StreamKey;
 use super::super::policy::Policy;
 use super::super::rollout::{Ended, Running, Taken};
 use super::CudaEngine;
-use super::world::{Places, World};
+use super::world::World;
 use crate::error::Result;
 
 impl CudaEngine {
@@ -61,17 +62,11 @@ impl CudaEngine {
         let last = t + 1 == self.kept.horizon;
         let next = if last { self.kept.rows.ptr } else { self.kept.observations.at((t + 1) * n * width) };
         let [cut, cuts] = self.kept.over.as_ref().map_or([0; 2], |(rows, counts)| [rows.ptr, counts.ptr]);
-        let to = Places {
-            rows: self.kept.observations.at(t * n * width),
-            next,
-            cut,
-            cuts,
-            rewards: self.kept.rewards.at(t * n),
-            ends: self.kept.ends.at(t * n),
-        };
+        let [rows, rewards, ends] = [self.kept.observations.at(t * n * width), self.kept.rewards.at(t * n), self.kept.ends.at(t * n)];
+        let judge = [Ptr(rows), Ptr(next), Ptr(cut), Ptr(cuts), Int(depth), Ptr(rewards), Ptr(ends)];
         let [acted, judged] = &self.kept.marks;
         self.net.device.mark(Lane::Main, acted)?;
-        world.step(resident, self.kept.actions.ptr, depth, to, [acted, judged])?;
+        world.step(resident, self.kept.actions.ptr, &judge, [acted, judged])?;
         self.net.device.after(Lane::Main, judged)?;
         self.kept.step = t + 1;
         Ok(())

@@ -19,18 +19,6 @@ struct Fields {
     n: i32,
 }
 
-/// Where results of a step go: rows before it and after it, rows where time ran out and how many there are of each environment, rewards,
-/// ends.
-#[derive(Clone, Copy)]
-pub(super) struct Places {
-    pub(super) rows: u64,
-    pub(super) next: u64,
-    pub(super) cut: u64,
-    pub(super) cuts: u64,
-    pub(super) rewards: u64,
-    pub(super) ends: u64,
-}
-
 /// Episodes of one task on a device.
 pub(super) struct World {
     device: Device,
@@ -110,13 +98,12 @@ impl World {
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, &[&[Ptr(self.fields.ptr)], args].concat())
     }
 
-    /// One step under actions on the device, after the work that `acted` marks; `judged` marks its own.
+    /// One step under actions on the device, after the work that `acted` marks; `judged` marks its own, which has these arguments.
     pub(super) fn step(
         &mut self,
         resident: &mut dyn Resident,
         actions: u64,
-        depth: usize,
-        to: Places,
+        judge: &[Arg],
         [acted, judged]: [&Event; 2],
     ) -> Result<(), DeviceError> {
         self.device.after(Lane::Main, acted)?;
@@ -133,8 +120,7 @@ impl World {
             }
             self.device.after(Lane::Main, &self.turns[1])?;
         }
-        let Places { rows, next, cut, cuts, rewards, ends } = to;
-        self.launch("task_judge", &[Ptr(rows), Ptr(next), Ptr(cut), Ptr(cuts), Int(depth), Ptr(rewards), Ptr(ends)])?;
+        self.launch("task_judge", judge)?;
         self.device.mark(Lane::Main, judged)
     }
 
