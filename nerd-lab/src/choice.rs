@@ -39,7 +39,7 @@ impl Choice {
     pub fn in_scene(&self, system: &System, scene: &str) -> Result<Self> {
         let Self::Within(tolerance) = self else { return Ok(self.clone()) };
         let picked = pick(&shipped::results(), &system.name, scene, *tolerance)?;
-        eprintln!("{}: {:.2} us a frame for {:.2e}", picked.setting, picked.microseconds, picked.error);
+        tell!("{}: {:.2} us a frame for {:.2e}", picked.setting, picked.microseconds, picked.error);
         Ok(Self::Setting(picked.setting))
     }
 

@@ -2,10 +2,8 @@
 // Nobody outside this repository calls it, and every error is one line for whoever gave the command.
 #![allow(missing_docs, clippy::missing_errors_doc)]
 
-/// The standard `eprintln!` panics on a closed pipe.
-macro_rules! eprintln {
-    ($($text:tt)*) => { nerd_train::progress::tell(format_args!($($text)*)) };
-}
+#[macro_use(tell)]
+extern crate nerd_train;
 
 pub mod campaign;
 pub mod choice;

@@ -1,7 +1,8 @@
 #![doc = include_str!("../README.md")]
 
-/// The standard `eprintln!` panics on a closed pipe.
-macro_rules! eprintln {
+/// A line on standard error, unless the process is quiet. The standard `eprintln!` panics on a closed pipe.
+#[macro_export]
+macro_rules! tell {
     ($($text:tt)*) => { $crate::progress::tell(format_args!($($text)*)) };
 }
 

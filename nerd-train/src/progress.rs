@@ -94,7 +94,7 @@ impl Bar {
             let rate = done.saturating_sub(self.origin.0) as f64 / self.origin.1.elapsed().as_secs_f64();
             let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
             let said = self.said.lock().map(|said| said.clone()).unwrap_or_default();
-            eprintln!("{} {done}/{}, {rate:.0}/s, {left:.0} s left{said}", self.what, self.total);
+            tell!("{} {done}/{}, {rate:.0}/s, {left:.0} s left{said}", self.what, self.total);
             *printed = Instant::now();
         }
     }
@@ -113,7 +113,7 @@ impl Bar {
     pub fn line(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            None => eprintln!("{text}"),
+            None => tell!("{text}"),
         }
     }
 

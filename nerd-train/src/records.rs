@@ -99,7 +99,7 @@ impl Session {
         for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty()) {
             match serde_json::from_str(line) {
                 Ok(session) => all.push(session),
-                Err(e) => eprintln!("{}, line {}: {e}; the minutes of that session are not counted", path.display(), number + 1),
+                Err(e) => tell!("{}, line {}: {e}; the minutes of that session are not counted", path.display(), number + 1),
             }
         }
         Ok(all)

@@ -43,7 +43,7 @@ pub fn run(args: CampaignArgs, call: Call) -> Result<()> {
         if !wrong.is_empty() {
             bail!("{} of {tried} cases: {}", wrong.len(), wrong.join("; "));
         }
-        println!("{tried} cases ended as they should");
+        say!("{tried} cases ended as they should");
         return Ok(());
     }
     let CampaignArgs { cases, seed, kills, faults: kept, .. } = args;
@@ -54,7 +54,7 @@ pub fn run(args: CampaignArgs, call: Call) -> Result<()> {
     };
     crate::out::tables(&tables);
     let found: Found = serde_json::from_value(data.into())?;
-    found.faults.iter().take(20).for_each(|words| eprintln!("{words}"));
+    found.faults.iter().take(20).for_each(|words| tell!("{words}"));
     match found.faults.len() {
         0 => Ok(()),
         n => bail!("{n} faults; files of the first are in {}", campaign.kept.display()),

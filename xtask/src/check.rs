@@ -42,14 +42,14 @@ const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.
 pub fn run(args: CheckArgs) -> Result<()> {
     let started = Instant::now();
     let lines = circles::of_workspace(&root())?;
-    lines.iter().for_each(|line| eprintln!("{line}"));
+    lines.iter().for_each(|line| tell!("{line}"));
     if !lines.is_empty() {
         bail!("{} circles of imports", lines.len());
     }
     let mut took: Vec<(&str, Duration)> = vec![("no circle of imports:", started.elapsed())];
     for (what, line) in STEPS.into_iter().filter(|(what, _)| !(args.circles || args.quick && *what == "tests")) {
         let line = if line == OUTSIDE { format!("{line} {what} -- -D warnings") } else { line.into() };
-        eprintln!("{what}: cargo {line}");
+        tell!("{what}: cargo {line}");
         let started = Instant::now();
         let mut cargo = Command::new("cargo");
         cargo.args(line.split(' '));
@@ -62,7 +62,7 @@ pub fn run(args: CheckArgs) -> Result<()> {
             bail!("{what} failed; {}", words(&took));
         }
     }
-    println!("all checks passed; {}", words(&took));
+    say!("all checks passed; {}", words(&took));
     Ok(())
 }
 

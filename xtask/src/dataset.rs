@@ -42,11 +42,11 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     let config = args.keys.settings()?;
     let started = std::time::Instant::now();
     let Some(manifest) = config.write(&system, args.transitions, part, &args.out)? else {
-        println!("part {part} is there; {} is complete once all parts are", args.out.display());
+        say!("part {part} is there; {} is complete once all parts are", args.out.display());
         return Ok(());
     };
     let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
-    println!(
+    say!(
         "{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}",
         manifest.shards.len(),
         n as f64 / seconds,

@@ -83,7 +83,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     };
     let passive = Passive::new(&name, args.seed, &[case])?;
     if args.control {
-        println!("control: the truth against itself; anything but 0 is a fault of the program\n");
+        say!("control: the truth against itself; anything but 0 is a fault of the program\n");
     }
     match folder {
         Some(folder) => drop(conduct(&passive, &folder)?),

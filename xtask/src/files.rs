@@ -13,6 +13,6 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Writes a replay as a page.
 pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
     write(path, replay.html().as_bytes())?;
-    eprintln!("replay written to {}", path.display());
+    tell!("replay written to {}", path.display());
     Ok(())
 }

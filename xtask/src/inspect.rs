@@ -38,7 +38,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
         format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf, of a cable PATH/{1}.toml", folder.display(), manifest.robot)
     })?;
     let found = Inspection::of(folder, &manifest, &system, args.bound)?;
-    println!("{}", found.words());
+    say!("{}", found.words());
     crate::out::table(&found.table());
     Ok(())
 }
@@ -47,12 +47,12 @@ pub fn run(args: InspectArgs) -> Result<()> {
 fn known(robot: &str) -> Result<()> {
     let system = System::named(robot)?;
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
-    println!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
-    system.notes.iter().for_each(|note| println!("# {note}"));
+    say!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
+    system.notes.iter().for_each(|note| say!("# {note}"));
     // A built-in robot's file exists and is complete; a cable's has the keys besides `[cable]`.
     if System::texts(&system.name).is_none() && system.source != Source::Cable {
-        println!("like = \"urdf\"");
+        say!("like = \"urdf\"");
     }
-    println!("{}", system.spec_text());
+    say!("{}", system.spec_text());
     Ok(())
 }

@@ -10,12 +10,12 @@ use nerd_lab::experiments::calibrated::Calibration;
 use nerd_lab::experiments::chart::Chart;
 use nerd_train::provenance::Provenance;
 
-// The standard macros panic on a closed pipe.
-macro_rules! println {
+#[macro_use(tell)]
+extern crate nerd_train;
+
+/// A line on standard output. The standard `println!` panics on a closed pipe.
+macro_rules! say {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
-}
-macro_rules! eprintln {
-    ($($text:tt)*) => { nerd_train::progress::tell(format_args!($($text)*)) };
 }
 
 mod campaign;

@@ -61,7 +61,7 @@ pub fn run(args: MeasureArgs) -> Result<()> {
 /// The experiments, and what may be set.
 fn list() -> Result<()> {
     for entry in &REGISTRY {
-        println!("{}: {}", entry.name, entry.about);
+        say!("{}: {}", entry.name, entry.about);
         let rows = (entry.keys)().into_iter().map(|key| vec![key.name(), key.help().to_string()]);
         table(&Table::new(entry.name, &["setting", "what it means"]).with(rows));
     }

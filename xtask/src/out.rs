@@ -21,7 +21,7 @@ pub fn json() {
 /// A line, as `println!` writes it.
 pub fn line(text: Arguments) {
     match TABLES.get() {
-        Some(_) => eprintln!("{text}"),
+        Some(_) => tell!("{text}"),
         None => write(text),
     }
 }

@@ -28,6 +28,6 @@ pub fn run(args: ReportArgs) -> Result<()> {
     let bar = bar("motions", MOTIONS as u64);
     page(args.frames, &results(), &args.out, args.gif.as_deref(), &bar)?;
     bar.finish();
-    println!("written to {}", args.out.display());
+    say!("written to {}", args.out.display());
     Ok(())
 }

@@ -60,7 +60,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     let before = Artifact::read(&shipped::results(), "passive").and_then(|found| found.parse::<Rows>());
     let rows: Rows = conduct(&Passive::new("passive", args.seed, &cases)?, &out)?.parse()?;
     if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before)) {
-        eprintln!("beside the committed results: {agreement}");
+        tell!("beside the committed results: {agreement}");
     }
     for (robot, scene) in CHARTS.into_iter().filter(|_| !args.tables_only) {
         let models = cases.iter().filter(|c| c.robot == robot).filter_map(|c| match &c.solver {
@@ -77,7 +77,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
 /// A small model trained here and now, unless an earlier call has.
 fn small(robot: &str, args: &ReproduceArgs) -> Result<Case> {
     let out = shipped::root().join(OWN).join(robot);
-    eprintln!("training a small model of {robot} in {}", out.display());
+    tell!("training a small model of {robot} in {}", out.display());
     let mut run = RunConfig::recipe("quick", robot, out)?;
     run.device = args.device;
     Run::new(&run)?.train()?;

@@ -40,7 +40,7 @@ pub fn run(args: ResultsArgs, reference: String) -> Result<()> {
         Some(Part::Check) => check(&manifest, &reference),
         Some(Part::Make { names, all }) => make(&manifest, &names, all),
         Some(Part::Write) => {
-            fill(&reference, true)?.iter().for_each(|words| eprintln!("{words}"));
+            fill(&reference, true)?.iter().for_each(|words| tell!("{words}"));
             Ok(())
         }
     }
@@ -71,7 +71,7 @@ fn check(manifest: &Manifest, reference: &str) -> Result<()> {
     wrong.extend(fill(reference, false)?);
     match wrong.is_empty() {
         true => {
-            println!("{} results hold, and the documents say what they say", manifest.artefact.len());
+            say!("{} results hold, and the documents say what they say", manifest.artefact.len());
             Ok(())
         }
         false => bail!("{}", wrong.join("; ")),
@@ -94,7 +94,7 @@ fn fill(reference: &str, write_them: bool) -> Result<Vec<String>> {
         };
         if filled != text && write_them {
             write(&path, filled.as_bytes())?;
-            println!("{} written", path.display());
+            say!("{} written", path.display());
         } else if filled != text {
             let what = if commands { "not this program's commands" } else { "figures that its results do not have" };
             wrong.push(format!("{}: {what}; `cargo xtask results write` mends it", path.display()));
@@ -118,7 +118,7 @@ fn make(manifest: &Manifest, names: &[String], all: bool) -> Result<()> {
         }
     }
     for (k, command) in commands.iter().enumerate() {
-        eprintln!("{} of {}: cargo xtask {command}", k + 1, commands.len());
+        tell!("{} of {}: cargo xtask {command}", k + 1, commands.len());
         let program = std::env::current_exe().context("cannot find this program")?;
         let status = Command::new(program).args(command.split_whitespace()).arg("--out").arg(results()).status()?;
         if !status.success() {

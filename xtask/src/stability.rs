@@ -39,7 +39,7 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
         let broken = Stability::new(&args.rows, Some(fault))?;
         tables(&broken.measure()?.tables);
-        println!("rows that {} must turn red: {}", fault.name(), broken.reddened(fault).join(", "));
+        say!("rows that {} must turn red: {}", fault.name(), broken.reddened(fault).join(", "));
         return Ok(());
     }
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
@@ -55,7 +55,7 @@ pub fn run(args: StabilityArgs) -> Result<()> {
     }
     let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>>>()?;
     for model in models {
-        println!("{}\n", model.title());
+        say!("{}\n", model.title());
         conduct(&model, &out)?;
     }
     Ok(())

@@ -49,7 +49,7 @@ pub fn run(args: UrdfArgs) -> Result<()> {
         _ => ("urdfs", n, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
     };
     crate::out::tables(&tables);
-    notes.iter().for_each(|note| eprintln!("{note}"));
+    notes.iter().for_each(|note| tell!("{note}"));
     let Some(out) = args.out else { return Ok(()) };
     let inputs = Inputs(vec![Input::files("URDFs", &files.into_iter().map(|found| found.path).collect::<Vec<_>>())?]);
     let (provenance, data) = (Provenance::now(0), Default::default());

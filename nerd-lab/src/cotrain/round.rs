@@ -42,7 +42,7 @@ impl Plan {
         }
         let mut gaps = Vec::new();
         for run in self.policies(k) {
-            eprintln!("round {k}: {}, seed {}", run.task, run.seed);
+            tell!("round {k}: {}, seed {}", run.task, run.seed);
             if !trained(&run)? {
                 return Ok(None);
             }
@@ -59,7 +59,7 @@ impl Plan {
         if k == 0 || run.made()?.is_some() {
             return Ok(true);
         }
-        eprintln!("round {k}: the model of round {} learns from {} policies", k - 1, run.record.policy.len());
+        tell!("round {k}: the model of round {} learns from {} policies", k - 1, run.record.policy.len());
         Ok(Run::new(&run)?.train()?.is_some())
     }
 

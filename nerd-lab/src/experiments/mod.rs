@@ -84,6 +84,6 @@ pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     for (file, figure) in figures {
         figure.save(&out.join(&name).join(file + ".svg"))?;
     }
-    eprintln!("written to {}", out.join(name).display());
+    tell!("written to {}", out.join(name).display());
     Ok(artifact)
 }

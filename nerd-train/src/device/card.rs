@@ -36,7 +36,7 @@ pub(super) fn frames(
             Ok(Box::new(WithFallback { whole: Box::new(whole), stepped: false, alone: Some(Box::new(alone)), rest, fallback: None }))
         }
         Err(why) => {
-            eprintln!("{why}");
+            tell!("{why}");
             alone()
         }
     }
@@ -77,7 +77,7 @@ impl Solver for WithFallback {
         let mut fallback = alone().map_err(|e| StepError::Solver(format!("{why}; without kernels: {e}")))?;
         let done = fallback.step(batch, torques);
         if !matches!(done, Err(StepError::Refused(_))) {
-            eprintln!("from now on {}: {why}", self.rest);
+            tell!("from now on {}: {why}", self.rest);
         }
         self.fallback = Some(fallback);
         done

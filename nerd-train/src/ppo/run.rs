@@ -100,7 +100,7 @@ impl PolicyRun {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
             trainer.resume(&out.join(LAST), &identity).map_err(other)?;
             if leads {
-                eprintln!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
+                tell!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
             }
         }
         let first = trainer.state.iteration;

@@ -26,11 +26,6 @@ impl Stack {
         stack
     }
 
-    /// Observations in a row.
-    pub fn depth(&self) -> usize {
-        self.depth
-    }
-
     /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then those of episodes that `ended` restart
     /// with `fresh`.
     pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool + Sync, fresh: &[f64], out: &mut Vec<f64>) {

@@ -89,15 +89,8 @@ impl Team {
 
     /// What all ranks have, in their order, on every rank.
     pub fn exchange(&self, mine: Vec<u64>) -> Result<Vec<Vec<u64>>, RankError> {
-        let bytes = |words: &[u64]| words.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
-        let told = self.ranks.gather(bytes(&mine))?;
-        // Each rank's bytes, after how many words they are.
-        let joined = || told.iter().flat_map(|own| (own.len() as u64 / 8).to_le_bytes().into_iter().chain(own.iter().copied())).collect();
-        let all = self.ranks.share(0, joined)?;
-        let (mut words, mut parts) = (all.as_chunks().0.iter().map(|x| u64::from_le_bytes(*x)), Vec::new());
-        while let Some(len) = words.next() {
-            parts.push(words.by_ref().take(len as usize).collect());
-        }
-        Ok(parts)
+        let words = |bytes: Vec<u8>| bytes.as_chunks().0.iter().map(|x| u64::from_le_bytes(*x)).collect();
+        let bytes = || mine.iter().flat_map(|x| x.to_le_bytes()).collect();
+        (0..self.ranks.world()).map(|from| self.ranks.share(from, bytes).map(words)).collect()
     }
 }

@@ -77,15 +77,6 @@ impl Ranks {
         Ok(all)
     }
 
-    /// What all ranks have, in their order, on rank 0; nothing on the others.
-    pub fn gather(&self, mine: Vec<u8>) -> Result<Vec<Vec<u8>>, RankError> {
-        if !self.leads() {
-            self.send(0, &mine)?;
-            return Ok(Vec::new());
-        }
-        std::iter::once(Ok(mine)).chain((1..self.place.world).map(|rank| self.receive(rank))).collect()
-    }
-
     /// Parts from the others: done, or for a reason that they will tell; waits a little for them to part, too. Once is enough.
     pub fn leave(&self, reason: Option<&str>) {
         if self.parted.swap(true, SeqCst) {

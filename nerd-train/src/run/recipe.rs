@@ -122,7 +122,9 @@ impl Recipe {
                 last = Some(done);
                 continue;
             }
-            last = Run::new(run)?.among(ranks)?.after(&cache).train()?;
+            let mut next = Run::new(run)?.among(ranks)?;
+            next.cache.clone_from(&cache);
+            last = next.train()?;
             if last.is_none() || run.finish {
                 break;
             }
@@ -146,7 +148,7 @@ impl RunConfig {
         let (done, system) = (self.out.join("model"), System::named(&self.robot)?);
         match Model::load(&done, &system, Some(&self.record.truth(&system).name())) {
             Ok(_) => return Ok(Some(done)),
-            Err(e) if done.exists() => eprintln!("{e}; it is made again"),
+            Err(e) if done.exists() => tell!("{e}; it is made again"),
             Err(_) => {}
         }
         Ok(None)

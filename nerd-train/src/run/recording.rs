@@ -138,7 +138,7 @@ impl RecordConfig {
         let motions = match record(on_card) {
             // What is too large for the card, or has no kernels; whatever else it was the CPU says again.
             Err(error) if on_card => {
-                eprintln!("{error}; it is recorded on the CPU");
+                tell!("{error}; it is recorded on the CPU");
                 bar.set(0);
                 record(false)?
             }

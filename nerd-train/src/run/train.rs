@@ -28,8 +28,8 @@ use crate::trainer::{Outcome, Trainer, TrainerConfig};
 pub struct Run {
     plan: Plan,
     ranks: Arc<Ranks>,
-    /// Of the runs before it.
-    cache: Arc<Cache>,
+    /// What the runs before it have read or recorded.
+    pub(super) cache: Arc<Cache>,
 }
 
 impl Run {
@@ -51,12 +51,6 @@ impl Run {
         }
         self.ranks = ranks.clone();
         Ok(self)
-    }
-
-    /// The same, with what the runs before it have read or recorded.
-    pub(super) fn after(mut self, cache: &Arc<Cache>) -> Self {
-        self.cache = cache.clone();
-        self
     }
 
     /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before. Rank 0 keeps
@@ -105,7 +99,7 @@ impl Run {
             let path = out.join("run.json");
             let text = serde_json::to_string_pretty(identity).map_err(Error::format(&path))?;
             nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
-            eprintln!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
+            tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
         }
         let fresh = self.supply(&judge.normalizer, step)?;
         let mut engine = engine(plan, &self.ranks, state, sets)?;
@@ -178,7 +172,7 @@ impl Run {
                 let weights = learner.state()?.averaged();
                 // Early weights may leave; that is an infinite error, not the end of the run.
                 Some(rollout_error(plan, identity, judge, weights).unwrap_or_else(|e| {
-                    eprintln!("{e}");
+                    tell!("{e}");
                     f64::INFINITY
                 }))
             } else {
@@ -200,7 +194,7 @@ impl Run {
             Some((step, _)) => format!("with --finish it makes a model of the best weights so far, those of update {step}"),
             None => format!("there is no model yet: the first validation is at update {}", validate_every.max(1).min(updates)),
         };
-        eprintln!("stopped at update {} of {updates} after {seconds} s; the same command continues; {so_far}", outcome.step);
+        tell!("stopped at update {} of {updates} after {seconds} s; the same command continues; {so_far}", outcome.step);
     }
 
     fn averaged(&self, best: &Best) -> String {
@@ -223,7 +217,7 @@ impl Run {
 
     fn export(&self, identity: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<()> {
         let folder = export(&self.plan, identity, normalizer, weights, chosen)?;
-        eprintln!("model written to {}", folder.display());
+        tell!("model written to {}", folder.display());
         Ok(())
     }
 }

@@ -135,10 +135,10 @@ fn train(args: TrainArgs) -> Result<()> {
 fn say(done: &Learned) {
     let reward = done.reward.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
     let seconds = done.elapsed.as_secs_f64();
-    println!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());
-    println!("{}", done.spent);
+    say!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());
+    say!("{}", done.spent);
     if done.failed > 0 {
-        eprintln!("{} episodes ended because the solver could not go on with them", done.failed);
+        tell!("{} episodes ended because the solver could not go on with them", done.failed);
     }
 }
 
@@ -146,7 +146,7 @@ fn cotrain(args: CoTrainArgs) -> Result<()> {
     ranks::alone("policy co-train", "leave it out")?;
     let done = co_train(args.tasks, args.keys.settings()?, args.out)?;
     out::tables(&[done.table]);
-    println!("{}", done.said);
+    say!("{}", done.said);
     Ok(())
 }
 
@@ -156,6 +156,6 @@ fn show(args: ShowArgs) -> Result<()> {
     let arena = args.arena.of(&task)?;
     let title = format!("{task} on {}", arena.title()?);
     let (page, reward) = replay::episode(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
-    println!("{title}: {} steps, reward {reward:.1}; {}", page.frames(), args.out.display());
+    say!("{title}: {} steps, reward {reward:.1}; {}", page.frames(), args.out.display());
     crate::files::write(&args.out, page.html().as_bytes())
 }

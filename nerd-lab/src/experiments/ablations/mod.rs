@@ -169,7 +169,7 @@ impl Experiment for Ablations {
             for bar in self.bars() {
                 let mut trained = Vec::new();
                 for seed in &self.seed {
-                    eprintln!("{robot}, {}, seed {seed}", bar.name);
+                    tell!("{robot}, {}, seed {seed}", bar.name);
                     trained.push(self.measured(&bar.run(&self.nerd(robot, *seed)?), &truth)?);
                 }
                 rows.extend(Row::new(robot, bar, &trained));

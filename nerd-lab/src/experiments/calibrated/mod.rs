@@ -143,7 +143,7 @@ impl Calibration {
 
     pub fn all(&self) -> Result<CalibratedAll> {
         let log = Log::read(&self.log, self.data.as_deref())?;
-        log.notes.iter().for_each(|note| eprintln!("{note}"));
+        log.notes.iter().for_each(|note| tell!("{note}"));
         self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;

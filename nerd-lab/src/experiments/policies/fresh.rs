@@ -46,7 +46,7 @@ impl Policies {
         let runs = self.plan()?;
         for (k, run) in runs.iter().enumerate() {
             if !done(run)? {
-                eprintln!("policy {} of {}: {}", k + 1, runs.len(), run.out.display());
+                tell!("policy {} of {}: {}", k + 1, runs.len(), run.out.display());
                 run.train()?;
             }
         }

@@ -13,7 +13,6 @@ use super::memory::Kept;
 use super::world::World;
 use super::{CudaEngine, own, sizes};
 use crate::error::{Result, refuse};
-use crate::progress::tell;
 
 impl CudaEngine {
     /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
@@ -26,7 +25,7 @@ impl CudaEngine {
         }
         match World::new(episodes) {
             Err(StepError::Refused(why)) => {
-                tell(format_args!("{why}; what is seen goes to the card once a step, and actions come back"));
+                tell!("{why}; what is seen goes to the card once a step, and actions come back");
                 Ok(None)
             }
             // The solver's own kernels: it says more when it steps.

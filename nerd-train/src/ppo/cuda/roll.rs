@@ -29,7 +29,7 @@ impl CudaEngine {
         self.ready(running, world.cuts(horizon))?;
         for t in 0..horizon {
             let noise = StreamKey { number: noise.number + t as u64, ..noise };
-            self.step((world, resident), running.stack.depth(), t, noise)?;
+            self.step((world, resident), t, noise)?;
         }
         let taken = Taken { failed: world.end(resident)?, ended: self.ended(running)? };
         self.finished(config)?;
@@ -50,20 +50,14 @@ impl CudaEngine {
         d.write(&self.kept.observations, &running.stack.rows)
     }
 
-    fn step(
-        &mut self,
-        (world, resident): (&mut World, &mut dyn Resident),
-        depth: usize,
-        t: usize,
-        noise: StreamKey,
-    ) -> Result<(), DeviceError> {
+    fn step(&mut self, (world, resident): (&mut World, &mut dyn Resident), t: usize, noise: StreamKey) -> Result<(), DeviceError> {
         let (n, width) = (self.kept.environments, self.shape.inputs());
         self.drawn(t, noise)?;
         let last = t + 1 == self.kept.horizon;
         let next = if last { self.kept.rows.ptr } else { self.kept.observations.at((t + 1) * n * width) };
         let [cut, cuts] = self.kept.over.as_ref().map_or([0; 2], |(rows, counts)| [rows.ptr, counts.ptr]);
         let [rows, rewards, ends] = [self.kept.observations.at(t * n * width), self.kept.rewards.at(t * n), self.kept.ends.at(t * n)];
-        let judge = [Ptr(rows), Ptr(next), Ptr(cut), Ptr(cuts), Int(depth), Ptr(rewards), Ptr(ends)];
+        let judge = [Ptr(rows), Ptr(next), Ptr(cut), Ptr(cuts), Int(self.shape.stack), Ptr(rewards), Ptr(ends)];
         let [acted, judged] = &self.kept.marks;
         self.net.device.mark(Lane::Main, acted)?;
         world.step(resident, self.kept.actions.ptr, &judge, [acted, judged])?;
