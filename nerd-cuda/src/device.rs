@@ -33,9 +33,6 @@ pub fn ordinal() -> usize {
 }
 
 /// Makes the GPU of this number, among those of this machine, that of this process: for one of several, before anything is opened.
-///
-/// # Errors
-/// If there is none of that number.
 pub fn take(local: usize) -> Result<usize, DeviceError> {
     let ordinal = match Device::count()? {
         // A launcher may show each process its own card alone.
@@ -79,18 +76,12 @@ pub struct Device {
 
 impl Device {
     /// How many GPUs this process sees.
-    ///
-    /// # Errors
-    /// A driver that is missing.
     pub fn count() -> Result<usize, DeviceError> {
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
         CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
     }
 
     /// Free bytes of this process's GPU.
-    ///
-    /// # Errors
-    /// If there is none.
     pub fn free() -> Result<usize, DeviceError> {
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
         let context = CudaContext::new(ordinal()).map_err(failed("no usable GPU"))?;
@@ -99,9 +90,6 @@ impl Device {
     }
 
     /// Opens a GPU, counted from 0, and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
-    ///
-    /// # Errors
-    /// A library that is missing, no such GPU, kernels that do not compile.
     pub fn open(ordinal: usize, source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
         // cudarc panics when a library is absent, so look first.
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
@@ -115,9 +103,6 @@ impl Device {
     }
 
     /// Compiles another text and adds its kernels, which have names of their own.
-    ///
-    /// # Errors
-    /// Kernels that do not compile or load.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
         let ptx = compiled(source, self.capability()?)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
@@ -133,17 +118,11 @@ impl Device {
     }
 
     /// Its compute capability, major and minor.
-    ///
-    /// # Errors
-    /// If the driver does not tell.
     pub fn capability(&self) -> Result<(i32, i32), DeviceError> {
         self.context.compute_capability().map_err(failed("compute capability"))
     }
 
     /// The same device, with cuBLAS.
-    ///
-    /// # Errors
-    /// If that is missing, or has no memory.
     pub fn with_products(mut self, precision: Precision) -> Result<Self, DeviceError> {
         present("cuBLAS (libcublas)", unsafe { blas::is_culib_present() })?;
         for queue in &mut self.queues {

@@ -36,9 +36,6 @@ impl<K> Replay<K> {
 
 impl<K: PartialEq> Replay<K> {
     /// Does `work`, which is the same as long as `key` is; `what` names it in an error.
-    ///
-    /// # Errors
-    /// Those of the work, and of the driver.
     pub fn run<E: From<DeviceError>>(
         &self,
         device: &Device,

@@ -87,9 +87,6 @@ unsafe impl Send for Sums {}
 
 impl Sums {
     /// What one process makes and all others have to be given.
-    ///
-    /// # Errors
-    /// If the library is missing or fails.
     pub fn id() -> Result<Vec<u8>, DeviceError> {
         let (nccl, mut id) = (Nccl::get()?, Id([0; 128]));
         // SAFETY: it writes the 128 bytes.
@@ -98,9 +95,6 @@ impl Sums {
     }
 
     /// Joins `world` processes that were given the same `id` and each their `rank`; waits for all of them.
-    ///
-    /// # Errors
-    /// If the library is missing or fails: two ranks with one GPU, for example.
     pub fn join(device: &Device, id: &[u8], rank: usize, world: usize) -> Result<Self, DeviceError> {
         let nccl = Nccl::get()?;
         let id = Id(id.try_into().map_err(|_| DeviceError(format!("NCCL's id has 128 bytes, not {}", id.len())))?);
@@ -112,9 +106,6 @@ impl Sums {
     }
 
     /// Adds up the buffers of all ranks in place, as work of the main stream. All of them get the same bits.
-    ///
-    /// # Errors
-    /// The library's error.
     pub fn sum(&self, device: &Device, buffer: &Buffer<f32>) -> Result<(), DeviceError> {
         device.bind()?;
         let (at, stream) = (buffer.ptr as *mut c_void, device.stream(Lane::Main).cu_stream());

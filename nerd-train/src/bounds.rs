@@ -2,6 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use indicatif::DecimalBytes;
+
 use crate::error::{Result, refuse};
 
 /// Rollouts, trajectories, games, environments.
@@ -62,10 +64,8 @@ fn words(factors: &[(&str, usize)]) -> String {
     factors.iter().map(|(option, n)| format!("{option} {n}")).collect::<Vec<_>>().join(" x ")
 }
 
-fn size(bytes: u128) -> String {
-    let units = ["B", "kB", "MB", "GB", "TB", "PB"];
-    let power = (bytes.max(1).ilog10() / 3).min(units.len() as u32 - 1);
-    format!("{:.1} {}", bytes as f64 / 1000f64.powi(power as i32), units[power as usize])
+fn size(bytes: u128) -> DecimalBytes {
+    DecimalBytes(u64::try_from(bytes).unwrap_or(u64::MAX))
 }
 
 /// Memory that this process may still have (bytes): the least of what the machine, its container and a `ulimit` say.
@@ -87,7 +87,7 @@ mod tests {
         let most = usize::MAX;
         assert!(memory(&[("--starts", 16), ("--frames", 100)], 8).is_ok());
         let said = memory(&[("--starts", most), ("--frames", most), ("--envs", most)], most).expect_err("too much").to_string();
-        assert!(said.starts_with("--starts 18446744073709551615 x --frames") && said.contains("PB of memory"), "{said}");
+        assert!(said.starts_with("--starts 18446744073709551615 x --frames") && said.contains("EB of memory"), "{said}");
         assert!(time(&[("--starts", 2048), ("--frames", 1000), ("--substeps", 128)]).is_ok());
         assert!(time(&[("--starts", 1_000_000), ("--frames", 1_000_000)]).is_err());
     }

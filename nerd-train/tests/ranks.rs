@@ -38,7 +38,7 @@ fn sums_are_the_same_bits_everywhere_and_bytes_come_whole() {
 #[test]
 fn losses_do_not_depend_on_the_number_of_ranks() {
     let train = |ranks: &Arc<Ranks>| -> (Vec<f32>, LearnerState) {
-        let learner = CpuLearner::new(LEARNER, fresh(), windows(0.0), windows(0.5)).expect("windows fit");
+        let learner = CpuLearner::new(LEARNER, fresh(), [windows(0.0), windows(0.5)]).expect("windows fit");
         let mut learner = learner.shards(5, 1).among(ranks);
         let losses = (0..40).map(|_| {
             learner.update(1e-3).expect("an update");

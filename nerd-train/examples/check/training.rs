@@ -24,7 +24,7 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
         let (data, centre) = (Arc::new(windows(2, config, 20, 80)), weights(config));
         let (settings, state) = (LearnerConfig { huber, ..settings(64) }, LearnerState::new(centre.clone()));
         let mut cuda = CudaLearner::new(&Ranks::default(), settings, Precision::F32, state.clone(), [&data, &data])?;
-        let mut cpu = CpuLearner::new(settings, state, data.clone(), data.clone())?;
+        let mut cpu = CpuLearner::new(settings, state, [data.clone(), data.clone()])?;
         // Those that the device draws for the first update.
         let rows: Vec<u64> = (0..settings.batch as u64).map(|row| draw(settings.seed, 0, row, data.len() as u64)).collect();
         let ((loss, found), (of_cpu, expected)) = (cuda.gradient()?, cpu.gradient(&rows)?);
@@ -58,7 +58,7 @@ pub fn updates(checks: &mut Checks) -> Outcome {
             checks.demand(cuda.is_err(), "Muon has nothing to do in a chain".into());
             continue;
         }
-        let (mut cuda, mut cpu) = (cuda?, CpuLearner::new(settings, state, data.clone(), data.clone())?);
+        let (mut cuda, mut cpu) = (cuda?, CpuLearner::new(settings, state, [data.clone(), data.clone()])?);
         (0..10).try_for_each(|_| cuda.update(1e-3).and_then(|()| cpu.update(1e-3)))?;
         let (a, b) = (cuda.state()?, cpu.state()?);
         let off = [share_of_way(&a.weights.flat, &b.weights.flat, &first), share_of_way(&a.average, &b.average, &first)];

@@ -23,15 +23,9 @@ impl Sharded<Burn> {
     /// Continues `state` on `device` (autodiff is switched on here), in shards of 32 windows on every core.
     ///
     /// # Errors
-    /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
-    pub fn new(
-        config: LearnerConfig,
-        state: LearnerState,
-        train: Arc<Windows>,
-        validation: Arc<Windows>,
-        device: &BurnDevice,
-    ) -> Result<Self, LearnError> {
-        Self::with(Burn { device: device.clone().autodiff() }, config, state, train, validation)
+    /// As [`super::CpuLearner`]'s.
+    pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2], device: &BurnDevice) -> Result<Self, LearnError> {
+        Self::with(Burn { device: device.clone().autodiff() }, config, state, sets)
     }
 }
 

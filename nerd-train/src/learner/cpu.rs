@@ -20,12 +20,12 @@ pub struct Fused {
 }
 
 impl Sharded<Fused> {
-    /// Continues `state`, in shards of 32 windows on every core.
+    /// Continues `state` on windows to train on and to validate with, in shards of 32 on every core.
     ///
     /// # Errors
     /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
-    pub fn new(config: LearnerConfig, state: LearnerState, train: Arc<Windows>, validation: Arc<Windows>) -> Result<Self, LearnError> {
-        Self::with(Fused::default(), config, state, train, validation)
+    pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2]) -> Result<Self, LearnError> {
+        Self::with(Fused::default(), config, state, sets)
     }
 }
 

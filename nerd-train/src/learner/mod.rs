@@ -176,7 +176,7 @@ impl From<LearnError> for nerd_cuda::DeviceError {
 }
 
 /// Refuses settings, a state or windows that do not fit the network or each other.
-fn check(config: &LearnerConfig, state: &LearnerState, sets: [(&str, &Windows); 2]) -> Result<(), LearnError> {
+fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> Result<(), LearnError> {
     let (network, mismatch) = (state.weights.config, LearnError::Mismatch);
     config.check().map_err(mismatch)?;
     network.check().map_err(mismatch)?;
@@ -184,7 +184,7 @@ fn check(config: &LearnerConfig, state: &LearnerState, sets: [(&str, &Windows); 
     if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) {
         return Err(mismatch(format!("a state of {n} parameters is needed")));
     }
-    for (name, set) in sets {
+    for (name, set) in ["training", "validation"].into_iter().zip(sets) {
         let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
         if found != expected {
             return Err(mismatch(format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}")));

@@ -53,28 +53,19 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     let (e, mut offset) = (config.embedding, 0);
     let (mut square, mut wide) = (Vec::new(), Vec::new());
     for tensor in config.tensors() {
-        let matrix = |shift: usize, stride: usize, columns: usize, transposed| Hidden {
-            offset: offset + shift,
-            stride,
-            rows: e,
-            columns,
-            transposed,
-        };
+        let columns = tensor.shape.last().copied().unwrap_or(0);
+        let gates = (0..columns / e).map(|k| Hidden { offset: offset + k * e, stride: columns, rows: e, columns: e, transposed: false });
+        let whole = Hidden { offset, stride: columns, rows: tensor.shape[0], columns, transposed: false };
+        let transposed = Hidden { rows: columns, columns: tensor.shape[0], transposed: true, ..whole };
         let mut path = tensor.name.split('.');
         let (place, layer, rest) = (path.next().unwrap_or(""), path.next().unwrap_or(""), path.collect::<Vec<_>>().join("."));
         match (place, rest.as_str()) {
-            ("blocks", "attn.qkv.weight") => square.extend((0..3).map(|k| matrix(k * e, 3 * e, e, false))),
-            ("blocks", "attn.proj.weight") => square.push(matrix(0, e, e, false)),
-            ("blocks", "mlp.up.weight") => wide.push(matrix(0, 4 * e, 4 * e, false)),
-            ("blocks", "mlp.down.weight") => wide.push(matrix(0, e, 4 * e, true)),
+            ("blocks", "attn.qkv.weight" | "attn.proj.weight") | ("cells", "state.weight") => square.extend(gates),
+            ("blocks", "mlp.up.weight") => wide.push(whole),
+            ("blocks", "mlp.down.weight") => wide.push(transposed),
             // A matrix that reads the token itself is not hidden.
-            ("cells", "state.weight") => square.extend((0..tensor.shape[1] / e).map(|k| matrix(k * e, tensor.shape[1], e, false))),
-            ("cells", "token.weight") if layer != "0" => {
-                square.extend((0..tensor.shape[1] / e).map(|k| matrix(k * e, tensor.shape[1], e, false)));
-            }
-            ("layers", "weight") if layer != "0" => {
-                wide.push(Hidden { rows: tensor.shape[1], ..matrix(0, tensor.shape[1], tensor.shape[0], true) });
-            }
+            ("cells", "token.weight") if layer != "0" => square.extend(gates),
+            ("layers", "weight") if layer != "0" => wide.push(transposed),
             _ => {}
         }
         offset += tensor.len();

@@ -68,19 +68,10 @@ pub struct Sharded<P> {
 }
 
 impl<P: Pass> Sharded<P> {
-    /// Continues `state`, in shards of 32 windows on every core.
-    ///
-    /// # Errors
-    /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
-    pub(super) fn with(
-        pass: P,
-        config: LearnerConfig,
-        state: LearnerState,
-        train: Arc<Windows>,
-        validation: Arc<Windows>,
-    ) -> Result<Self, LearnError> {
-        super::check(&config, &state, [("training", &train), ("validation", &validation)])?;
+    pub(super) fn with(pass: P, config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2]) -> Result<Self, LearnError> {
+        super::check(&config, &state, [&sets[0], &sets[1]])?;
         let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
+        let [train, validation] = sets;
         Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads, ranks: Arc::default() })
     }
 

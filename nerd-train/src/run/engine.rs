@@ -23,10 +23,10 @@ pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets:
     #[cfg(feature = "cuda")]
     let precision = if plan.config.f32 { Precision::F32 } else { Precision::Tf32 };
     Ok(match (plan.config.device, sets) {
-        (Device::Cpu, Sets::Windows([train, validation])) => Box::new(CpuLearner::new(learner, state, train, validation)?.among(ranks)),
+        (Device::Cpu, Sets::Windows(sets)) => Box::new(CpuLearner::new(learner, state, sets)?.among(ranks)),
         #[cfg(feature = "burn")]
-        (device @ (Device::Flex | Device::Wgpu), Sets::Windows([train, validation])) => {
-            let made = BurnLearner::new(learner, state, train, validation, &device.burn()?)?.among(ranks);
+        (device @ (Device::Flex | Device::Wgpu), Sets::Windows(sets)) => {
+            let made = BurnLearner::new(learner, state, sets, &device.burn()?)?.among(ranks);
             // A card wants all windows at once.
             Box::new(if device == Device::Wgpu { made.shards(learner.batch, 1) } else { made })
         }

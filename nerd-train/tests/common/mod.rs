@@ -45,7 +45,7 @@ pub fn windows(phase: f32) -> Arc<Windows> {
 
 /// A learner on the CPU that continues `state`.
 pub fn learner(state: LearnerState) -> CpuLearner {
-    CpuLearner::new(LEARNER, state, windows(0.0), windows(0.5)).expect("windows fit the network")
+    CpuLearner::new(LEARNER, state, [windows(0.0), windows(0.5)]).expect("windows fit the network")
 }
 
 /// The state before the first update.

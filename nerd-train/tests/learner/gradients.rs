@@ -34,9 +34,9 @@ fn gradient_is_burns_for_every_shape_and_loss() {
         for huber in [None, Some(0.1)] {
             let (state, windows) = case(network);
             let config = LearnerConfig { huber, ..LEARNER };
-            let mut cpu = CpuLearner::new(config, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
+            let mut cpu = CpuLearner::new(config, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");
             let device = nerd_model::BurnDevice::flex();
-            let mut burn = BurnLearner::new(config, state, windows.clone(), windows, &device).expect("windows fit");
+            let mut burn = BurnLearner::new(config, state, [windows.clone(), windows], &device).expect("windows fit");
             let (expected, found) = (burn.gradient(&rows).expect("finite"), cpu.gradient(&rows).expect("finite"));
             assert!((found.0 / expected.0 - 1.0).abs() < 1e-5, "{network:?}: loss {} for burn's {}", found.0, expected.0);
             let mut first = 0;
@@ -58,7 +58,7 @@ fn gradient_is_burns_for_every_shape_and_loss() {
 #[test]
 fn an_update_leaves_nothing_to_the_next() {
     let (state, windows) = case(SHAPES[2]);
-    let fresh = || CpuLearner::new(LEARNER, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
+    let fresh = || CpuLearner::new(LEARNER, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");
     let used = fresh();
     for rows in [(0..60).collect::<Vec<u64>>(), vec![5], (3..40).collect()] {
         let found = used.gradient(&rows).expect("finite");
@@ -77,7 +77,7 @@ fn a_validation_looks_at_the_same_windows_on_every_engine() {
         assert!(left <= windows.div_ceil(rows.len()) as u64, "{wanted} of {windows}: the last {left} are never looked at");
     }
     let (state, windows) = case(NETWORK);
-    let mut cpu = CpuLearner::new(LEARNER, state.clone(), windows.clone(), windows.clone()).expect("windows fit");
+    let mut cpu = CpuLearner::new(LEARNER, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");
     for wanted in [20, 199] {
         // The squared error of the chosen windows alone, each by the gradient's own loss.
         let expected = cpu.gradient(&validation_rows(windows.len(), wanted)).expect("finite").0;
@@ -92,7 +92,7 @@ fn what_is_no_number_ends_the_run() {
         let (mut state, windows) = case(NETWORK);
         let first: usize = NETWORK.tensors().iter().take_while(|t| t.name != tensor.name).map(|t| t.len()).sum();
         state.weights.flat[first] = f32::NAN;
-        let mut cpu = CpuLearner::new(LEARNER, state, windows.clone(), windows).expect("windows fit");
+        let mut cpu = CpuLearner::new(LEARNER, state, [windows.clone(), windows]).expect("windows fit");
         let error = cpu.update(1e-3).expect_err(&format!("NaN in {} is swallowed", tensor.name));
         assert!(error.to_string().contains("update 0"), "{}: {error}", tensor.name);
         assert_eq!(cpu.state().expect("a state").step, 0, "{}", tensor.name);

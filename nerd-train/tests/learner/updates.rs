@@ -36,7 +36,7 @@ fn gradient_does_not_depend_on_threads_and_hardly_on_shards() {
 fn a_linear_map_is_learnt() {
     for (network, optimizer) in networks().flat_map(|network| [(network, Optimizer::Adam), (network, Optimizer::Muon)]) {
         let config = LearnerConfig { optimizer, ..LEARNER };
-        let mut learner = CpuLearner::new(config, begun(network), windows(0.0), windows(0.5)).expect("windows fit");
+        let mut learner = CpuLearner::new(config, begun(network), [windows(0.0), windows(0.5)]).expect("windows fit");
         let before = learner.validate(1000).unwrap();
         (0..600).for_each(|_| learner.update(3e-3).expect("finite"));
         let (after, progress) = (learner.validate(1000).unwrap(), learner.progress().unwrap());
@@ -50,7 +50,7 @@ fn a_linear_map_is_learnt() {
 #[test]
 fn windows_that_do_not_fit_are_refused() {
     let wide = Arc::new(Windows { history: 5, ..(*windows(0.0)).clone() });
-    let made = |config, state, train| CpuLearner::new(config, state, train, windows(0.5)).err();
+    let made = |config, state, train| CpuLearner::new(config, state, [train, windows(0.5)]).err();
     assert!(matches!(made(LEARNER, fresh(), wide), Some(LearnError::Mismatch(m)) if m.contains("(3, 2, 5)")));
     assert!(matches!(made(LearnerConfig { batch: 0, ..LEARNER }, fresh(), windows(0.0)), Some(LearnError::Mismatch(_))));
     assert!(made(LEARNER, LearnerState { m: vec![0.0; 3], ..fresh() }, windows(0.0)).is_some());

@@ -19,8 +19,8 @@ fn losses_on_a_card_follow_the_cpus() {
     for (network, huber) in [(NETWORK, None), (rotary, Some(0.5)), (gru, None)] {
         let (config, state) = (LearnerConfig { huber, ..LEARNER }, LearnerState::new(Weights::init(network, 3)));
         let [train, validation] = [windows(0.0), windows(0.5)];
-        let mut cpu = CpuLearner::new(config, state.clone(), train.clone(), validation.clone()).expect("windows fit");
-        let mut card = BurnLearner::new(config, state, train, validation, &device).expect("windows fit").shards(config.batch, 1);
+        let mut cpu = CpuLearner::new(config, state.clone(), [train.clone(), validation.clone()]).expect("windows fit");
+        let mut card = BurnLearner::new(config, state, [train, validation], &device).expect("windows fit").shards(config.batch, 1);
         let mut worst = 0.0f32;
         for update in 0..60 {
             let losses = [&mut cpu as &mut dyn Learner, &mut card].map(|learner| {

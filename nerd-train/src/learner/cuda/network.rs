@@ -13,7 +13,7 @@ use nerd_model::program::{Activation, Slot, Step, Weight};
 
 use super::Precision;
 use super::plan::{Part, Plan};
-use super::source::Source;
+use super::source::source;
 use crate::learner::LearnError;
 
 /// Rows of partial sums of losses.
@@ -85,8 +85,8 @@ impl Network {
         if !(1..=most).contains(&rows) {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
-        let source = Source::of(&plan);
-        let mut device = Device::open(nerd_cuda::ordinal(), &source.text, &source.kernels)?.with_products(precision)?;
+        let (text, kernels) = source(&plan);
+        let mut device = Device::open(nerd_cuda::ordinal(), &text, &kernels)?.with_products(precision)?;
         // Those whose tokens are asked for all at once.
         let along = plan.program.steps.iter().any(|step| matches!(step.op, Op::Neighbours(_)));
         // Older cards have no tensor cores for TF32.

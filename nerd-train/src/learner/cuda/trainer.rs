@@ -78,7 +78,7 @@ impl CudaLearner {
         [train, validation]: [&Windows; 2],
     ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
-        crate::learner::check(&config, &state, [("training", train), ("validation", validation)])?;
+        crate::learner::check(&config, &state, [train, validation])?;
         let network = Network::new(Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
         let d = &network.device;
         let sums = joined(ranks, d)?;
