@@ -23,11 +23,7 @@ pub struct Controller {
 impl Controller {
     /// The controller that `system.spec.control` describes.
     pub fn new(system: &Arc<System>) -> Self {
-        Self::with_ahead(system, system.spec.control.as_ref().is_some_and(|c| c.ahead))
-    }
-
-    /// The same, but whether a PD law looks a frame ahead is said here; see [`Self::torques`].
-    pub fn with_ahead(system: &Arc<System>, ahead: bool) -> Self {
+        let ahead = system.spec.control.is_some_and(|control| control.ahead);
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
         let wraps = system.robot.joints().map(|j| j.wraps()).collect();
         Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(system)), wraps, gaps: Vec::new() }

@@ -172,22 +172,16 @@ struct Columns {
 impl Columns {
     fn find(table: &Table, system: &System) -> Result<Self, FileError> {
         let (states, torques) = (&system.spec.state_columns, &system.spec.torque_columns);
-        let wanted: Vec<&str> = ["traj", "step"].into_iter().chain(states.iter().chain(torques).map(String::as_str)).collect();
-        if let Some(name) = twice(wanted.iter().copied()) {
-            let robot = &system.name;
-            let reason =
-                format!("robot `{robot}` has two columns `{name}`: give its joints other names in tables, `column = ..` in its TOML");
-            return Err(table.wrong(reason));
-        }
         let there: Vec<&str> = table.names.iter().map(String::as_str).collect();
         if let Some(name) = twice(there.iter().copied().filter(|name| !name.is_empty())) {
             return Err(table.wrong(format!("line 1: column `{name}` appears twice")));
         }
         let needed = |name: &str| {
             there.iter().position(|h| *h == name).ok_or_else(|| {
-                let (needed, driving) = (wanted[..2 + states.len()].join(", "), torques.join(", "));
-                let there = there.join(", ");
-                table.wrong(format!("line 1: no column `{name}`; there are {there}; needed are {needed} and, for torques, {driving}"))
+                let (there, states, driving) = (there.join(", "), states.join(", "), torques.join(", "));
+                table.wrong(format!(
+                    "line 1: no column `{name}`; there are {there}; needed are traj, step, {states} and, for torques, {driving}"
+                ))
             })
         };
         let given = |name: &&&str| torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name);

@@ -23,23 +23,14 @@ use crate::range::Range;
 pub use crate::system::vary::VarySpec;
 use crate::system::{System, SystemError};
 
-/// A robot with numbers of its own.
-#[derive(Clone, Debug)]
-pub struct Varied {
-    /// The robot.
-    pub system: Arc<System>,
-    /// What was drawn, by [`columns`].
-    pub drawn: Vec<f64>,
-}
-
-/// A system with numbers drawn from the ranges of its `[vary]`; itself, where it has none.
-pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> Varied {
+/// A system with numbers drawn from the ranges of its `[vary]`, itself where it has none; and what was drawn, by [`columns`].
+pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {
     let mut drawn = Vec::new();
     let varied = varied(system, &mut |_, _, range| {
         drawn.push(range.draw(rng));
         drawn[drawn.len() - 1]
     });
-    Varied { system: varied.map_or_else(|| system.clone(), Arc::new), drawn }
+    (varied.map_or_else(|| system.clone(), Arc::new), drawn)
 }
 
 /// Names of what [`draw`] draws, in order: `mass:LINK`, `friction`, `gain:JOINT`.
@@ -103,7 +94,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&str, &str, &Range) -> f64) -> O
 pub fn batch(system: &Arc<System>, scene: &str, n: usize, seed: u64) -> Result<Batch, SystemError> {
     let mut batch = Batch::new(system, &system.scene(scene)?, n);
     if system.spec.vary.is_some() {
-        batch.systems = (0..n as u64).map(|env| draw(system, &mut stream(seed, env)).system).collect();
+        batch.systems = (0..n as u64).map(|env| draw(system, &mut stream(seed, env)).0).collect();
         batch.scenes = batch.systems.iter().map(|own| own.scene(scene)).collect::<Result<_, _>>()?;
     }
     Ok(batch)

@@ -53,11 +53,11 @@ impl Begun {
             let state = if act.is_some() { state } else { start(system, which, rng) };
             // Last of all, so that a start is what it is without.
             if system.spec.vary.is_some() {
-                let varied = vary::draw(system, rng);
-                batch.scenes[env] = scene(&varied.system, &state, rng);
-                drives.push(Drive::new(&varied.system));
-                batch.systems.push(varied.system);
-                drawn.extend(varied.drawn);
+                let (own, numbers) = vary::draw(system, rng);
+                batch.scenes[env] = scene(&own, &state, rng);
+                drives.push(Drive::new(&own));
+                batch.systems.push(own);
+                drawn.extend(numbers);
             } else {
                 batch.scenes[env] = scene(system, &state, rng);
             }

@@ -33,20 +33,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// Replaces the file at `path` by what `fill` writes, under a temporary name first, so a reader of `path` sees an old or
 /// a new file, never half of one. A symbolic link stays, and what it leads to is replaced; a device or a pipe is written
-/// into. What writers that were killed left in the folder is removed.
-///
-/// # Errors
-/// What `fill` returns or the file system says; then an older file at `path` is untouched.
-///
-/// ```
-/// let path = std::env::temp_dir().join("nerd-files-example.txt");
-/// nerd_sim::files::write(&path, b"whole")?;
-/// let full = |file: &mut dyn std::io::Write| file.write_all(b"ha").and(Err(std::io::Error::other("disk full")));
-/// assert!(nerd_sim::files::write_with(&path, full).is_err());
-/// assert_eq!(std::fs::read(&path)?, b"whole");
-/// # std::fs::remove_file(&path)?;
-/// # Ok::<(), std::io::Error>(())
-/// ```
+/// into. What writers that were killed left in the folder is removed. After an error an older file at `path` is untouched.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let path = &target(path)?;
     match std::fs::metadata(path) {

@@ -27,8 +27,6 @@ pub struct Log {
 pub struct Trajectory {
     /// Its name in the file.
     pub id: u64,
-    /// Line of its first row.
-    pub line: u64,
     /// States `[q, qd]` as solvers have them, one a frame.
     pub states: Vec<Vec<f64>>,
     /// Torques of the joints, as many.

@@ -4,14 +4,6 @@
 //! A [`Log`] holds states as solvers have them, one a frame of the robot. What had to be done for that is said in its `notes`:
 //! velocities taken from differences, gaps at which a trajectory was cut, other rates that were resampled, copies left out. What
 //! cannot be right ends in an error, or in a note with the figure: rates that are not those of the poses, free fall that is not g.
-//!
-//! ```no_run
-//! use nerd_sim::log::Log;
-//! let log = Log::read("tosses/cube.log.toml".as_ref(), None)?;
-//! log.notes.iter().for_each(|note| eprintln!("{note}"));
-//! println!("{} trajectories of {}", log.trajectories.len(), log.system.name);
-//! # Ok::<(), nerd_sim::log::LogError>(())
-//! ```
 
 mod check;
 mod data;

@@ -150,13 +150,12 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
             });
             moments = even.collect();
         }
-        let line = moments[0].line;
         let states = moments.iter().map(|m| {
             let mut qd = m.qd.clone();
             to_world(robot, &m.q, &mut qd);
             [&m.q[..], &qd[..]].concat()
         });
-        Trajectory { id, line, states: states.collect(), torques: moments.iter().map(|m| m.torques.clone()).collect() }
+        Trajectory { id, states: states.collect(), torques: moments.iter().map(|m| m.torques.clone()).collect() }
     });
     let all: Vec<Trajectory> = all.collect();
     if differences > 0 {

@@ -1,13 +1,4 @@
 //! Small systems for single questions: a free body, pendulums, a slider. Written as URDF and TOML; up is z.
-//!
-//! ```
-//! use nerd_sim::suite::bodies::Body;
-//! use nerd_sim::prelude::*;
-//! let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), ..Default::default() }.system()?;
-//! let mut batch = Batch::new(&ball, &ball.scene("ground")?, 1);
-//! batch.reset(0, &Body::at([0.0, 0.0, 0.1]));
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 use std::sync::Arc;
 

@@ -41,6 +41,11 @@ pub(super) static PASSIVE: [Row; 6] = [
         .why("Whatever starts inside the ground must come out of it."),
 ];
 
+/// A ball of 5 cm and 1 kg.
+fn ball() -> Body {
+    Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() }
+}
+
 fn rest(trial: &Trial) -> Result<f64, Error> {
     let body = Body::default();
     let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.1]), 300)?;
@@ -52,12 +57,7 @@ fn rest(trial: &Trial) -> Result<f64, Error> {
 fn restitution(trial: &Trial) -> Result<f64, Error> {
     let mut worst = 0.0f64;
     for damping in [10.0, 40.0] {
-        let body = Body {
-            shape: r#"<sphere radius="0.05"/>"#.into(),
-            inertia: [1e-3; 3],
-            material: [1e4, damping, 1e3, 0.5],
-            ..Default::default()
-        };
+        let body = Body { material: [1e4, damping, 1e3, 0.5], ..ball() };
         let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 1.05]), 90)?;
         let z: Vec<f64> = motion.states.iter().map(|s| s[2] - 0.05).collect();
         let landed = z.windows(2).position(|w| w[1] > w[0]).unwrap_or(z.len() - 1);
@@ -90,16 +90,14 @@ fn gain(trial: &Trial, system: &Arc<System>, scene: &str, start: &[f64], frames:
 }
 
 fn stiff(trial: &Trial) -> Result<f64, Error> {
-    let body =
-        Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], material: [1e7, 100.0, 1e3, 0.5], ..Default::default() };
+    let body = Body { material: [1e7, 100.0, 1e3, 0.5], ..ball() };
     let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.55]), 60)?;
     let speeds = motion.states.iter().map(|s| (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))).norm());
     Ok(speeds.fold(0.0, f64::max) / (2.0 * GRAVITY * 0.5).sqrt())
 }
 
 fn under(trial: &Trial) -> Result<f64, Error> {
-    let ball = Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() };
-    let (system, x, y) = (ball.system()?, 1.0, 2.0);
+    let (system, x, y) = (ball().system()?, 1.0, 2.0);
     let start = Body::at([x, y, crate::scene::hill(x, y) - 0.03 + 0.05]);
     let motion = trial.passive(&system, "hills", &start, 60)?;
     let event = system.scene("hills")?.contact(&vector(motion.last()));

@@ -75,8 +75,9 @@ fn ant(trial: &Trial) -> Result<f64, Error> {
 fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Result<f64, Error> {
     let mut system = (*trial.robot("anymal")?).clone();
     system.robot.joints_mut().for_each(|j| j.armature = armature);
+    system.spec.control.iter_mut().for_each(|control| control.ahead = ahead);
     let system = Arc::new(system);
-    let mut controller = Controller::with_ahead(&system, ahead);
+    let mut controller = Controller::new(&system);
     controller.gains.fill([kp, kd]);
     let state = start(&system, Start::Reset, &mut stream(13, 0));
     let hold = vec![0.0; 12];
