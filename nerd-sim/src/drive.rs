@@ -18,12 +18,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::robot::{Joint, JointKind};
 use serde::{Deserialize, Serialize};
 
 use crate::range::within;
-use crate::scene::{GRAVITY, up};
+use crate::scene::{GRAVITY, points, up};
 use crate::system::{System, stiffness};
 
 /// `tau = kp (target - q) + kd (speed - qd)`, kept within the effort. Beyond the joint's largest velocity
@@ -74,11 +73,8 @@ impl Drive {
 /// as strongly as on Earth.
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
-    let mut data = Data::new(robot);
-    kinematics(robot, state, &mut data);
-    let up = up(&system.gravity());
-    let heights = robot.contact_points.iter().map(|p| up.dot(&point_position(&data, p.link, &p.local)));
-    let [low, high] = heights.fold([f64::INFINITY, -f64::INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
+    let (up, points) = (up(&system.gravity()), points(robot, state));
+    let [low, high] = points.iter().map(|p| up.dot(p)).fold([f64::INFINITY, -f64::INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
     let extent = if high > low { high - low } else { 1.0 };
     let gravity = system.gravity().norm();
     let weight = robot.mass() * if gravity > 0.0 { gravity } else { GRAVITY };

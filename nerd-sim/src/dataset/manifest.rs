@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::begin::begin;
 use super::config::GenerateConfig;
-use super::recording::{Recording, sha256_of};
-use super::shard::{DatasetError, check_format, read_shard};
+use super::shard::{DatasetError, Recording, check_format, read_shard, sha256_of};
 use crate::files::{FileError, read_text};
 use crate::scene::Scene;
 use crate::system::System;

@@ -5,7 +5,6 @@ mod config;
 mod drive;
 mod generate;
 mod manifest;
-mod recording;
 mod shard;
 
 pub use begin::begin;
@@ -13,5 +12,4 @@ pub use config::{GenerateConfig, Part};
 pub use drive::{Act, Drive, Pilot, Smooth};
 pub use generate::{generate, generate_part, record};
 pub use manifest::Manifest;
-pub use recording::{Recording, sha256_of};
-pub use shard::{DatasetError, FORMAT, read_shard, write_shard};
+pub use shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};

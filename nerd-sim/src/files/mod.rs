@@ -1,13 +1,12 @@
 //! Files: output that is there whole or not at all, folders that one process at a time writes, texts.
 
-mod claim;
-mod partial;
+mod lock;
 
 use std::fs::OpenOptions;
 use std::io::{Error, Result, Write};
 use std::path::{Path, PathBuf};
 
-pub use claim::{Claim, claim, share};
+pub use lock::{Claim, claim, share};
 
 /// What is wrong with a file; one line.
 #[derive(Debug, thiserror::Error)]
@@ -46,8 +45,8 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
-    partial::sweep(folder);
-    let mut file = partial::create(folder)?;
+    lock::sweep(folder);
+    let mut file = lock::create(folder)?;
     fill(&mut file)?;
     // On the disk before the rename is: otherwise a power cut may leave the new name with no content.
     file.as_file().sync_all()?;

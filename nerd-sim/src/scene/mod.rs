@@ -104,6 +104,13 @@ pub(crate) fn up(gravity: &Vector3<f64>) -> Vector3<f64> {
     -gravity.try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
 }
 
+/// Where a robot's contact points are at a state (m, world).
+pub(crate) fn points(robot: &Robot, state: &[f64]) -> Vec<Vector3<f64>> {
+    let mut data = Data::new(robot);
+    kinematics(robot, state, &mut data);
+    robot.contact_points.iter().map(|point| point_position(&data, point.link, &point.local)).collect()
+}
+
 /// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
 pub fn contacts(robot: &Robot, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
     kinematics(robot, state, data);

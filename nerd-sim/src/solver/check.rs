@@ -34,15 +34,13 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
         let checked = scene.check();
         last = Some((scene, checked.is_ok()));
         if let Err(reason) = checked {
-            faults.push(Fault { env, frame: batch.frames[env], reason });
+            add(faults, batch, env, reason);
         }
     }
     for (at, drive) in batch.drives.iter().enumerate() {
         if let Err(reason) = drive.check() {
             let (env, joint) = (at / joints, system.robot.joints().nth(at % joints).map_or("", |j| &j.name));
-            if faults.iter().all(|f| f.env != env) {
-                faults.push(Fault { env, frame: batch.frames[env], reason: format!("joint `{joint}`: {reason}") });
-            }
+            add(faults, batch, env, format!("joint `{joint}`: {reason}"));
         }
     }
     let names = [&system.spec.state_columns, &system.spec.torque_columns];
@@ -52,10 +50,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
         }
         for (at, x) in numbers.iter().enumerate().filter(|(_, x)| !x.is_finite()) {
             let env = at / width;
-            if faults.iter().all(|f| f.env != env) {
-                let reason = format!("`{}` is {x} before the step", names[at % width]);
-                faults.push(Fault { env, frame: batch.frames[env], reason });
-            }
+            add(faults, batch, env, format!("`{}` is {x} before the step", names[at % width]));
         }
     }
     Ok(())
@@ -75,9 +70,7 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fa
     if !next.iter().all(|x| x.is_finite()) {
         for (env, state) in next.chunks_exact(d).enumerate() {
             let Some(reason) = gone(&system, state) else { continue };
-            if faults.iter().all(|f| f.env != env) {
-                faults.push(Fault { env, frame: batch.frames[env], reason: system.source.lost(reason) });
-            }
+            add(faults, batch, env, system.source.lost(reason));
         }
     }
     faults.iter().for_each(|f| next[f.env * d..][..d].copy_from_slice(batch.state(f.env)));
@@ -92,6 +85,13 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fa
     faults.iter().for_each(|f| batch.frames[f.env] = f.frame);
     faults.sort_by_key(|f| f.env);
     Err(StepError::Environments(std::mem::take(faults)))
+}
+
+/// Notes why an environment cannot go on, unless a reason is known.
+fn add(faults: &mut Vec<Fault>, batch: &Batch, env: usize, reason: String) {
+    if faults.iter().all(|f| f.env != env) {
+        faults.push(Fault { env, frame: batch.frames[env], reason });
+    }
 }
 
 /// Names the first number of a state, or of its first part, that is not finite.

@@ -1,15 +1,19 @@
 //! Batches that stay in a GPU's memory.
 
-mod held;
 mod torques;
 
-pub use held::Held;
-pub(crate) use torques::acting;
+use std::sync::Arc;
 
-use nerd_cuda::{Device, DeviceError};
+use nalgebra::Vector3;
+use nerd_cuda::{Buffer, Device, DeviceError};
 
 use super::refusal::StepError;
 use crate::batch::Batch;
+use crate::scene::Scene;
+
+pub(crate) use torques::acting;
+
+use torques::Sender;
 
 /// An error of the device as one of a step.
 pub fn failed(error: DeviceError) -> StepError {
@@ -29,4 +33,69 @@ pub trait Resident {
 
     /// One frame of what is held, on the device's main stream. Environments whose fault is not 0 may stay as they are.
     fn frame(&mut self) -> Result<(), DeviceError>;
+}
+
+/// Memory for so many environments, and the scenes that the device knows.
+pub struct Held {
+    /// Environments.
+    pub n: usize,
+    /// `[env][q, qd]`.
+    pub states: Buffer<f64>,
+    /// Five numbers a joint, where there are drives.
+    pub drives: Buffer<f64>,
+    /// Of each environment, or `[frame]` of each.
+    pub torques: Buffer<f64>,
+    /// Scenes, one after the other, and which of them is whose.
+    pub records: Buffer<f64>,
+    /// See `records`.
+    pub scene_of: Buffer<i32>,
+    /// Why an environment went no further, or 0.
+    pub faults: Buffer<i32>,
+    /// Frames that went well.
+    pub done: Buffer<u32>,
+    pub(crate) sender: Sender,
+    forces: Buffer<f64>,
+    pub(crate) told: bool,
+    pub(crate) scenes: Vec<Arc<Scene>>,
+}
+
+impl Held {
+    /// Memory for a batch.
+    pub fn new(device: &Device, batch: &Batch) -> Result<Self, DeviceError> {
+        let (n, robot) = (batch.len(), &batch.system.robot);
+        Ok(Self {
+            n,
+            states: device.zeros(n * robot.state_dim())?,
+            drives: device.zeros(5 * batch.drives.len())?,
+            torques: device.zeros(n * robot.joint_count())?,
+            records: device.zeros(0)?,
+            scene_of: device.zeros(n)?,
+            faults: device.zeros(n)?,
+            done: device.zeros(n)?,
+            sender: Sender::new(device)?,
+            forces: device.zeros(3 * n * robot.contact_points.len())?,
+            told: false,
+            scenes: Vec::new(),
+        })
+    }
+
+    /// Where contact forces go; 0 unless requested.
+    pub fn forces(&self) -> u64 {
+        if self.told { self.forces.ptr } else { 0 }
+    }
+
+    /// States and forces after the frames; each environment's fault and the frames that it made.
+    pub(crate) fn give(&self, device: &Device, batch: &mut Batch, next: &mut Vec<f64>) -> Result<Vec<(i32, u32)>, DeviceError> {
+        next.resize(batch.states.len(), 0.0);
+        device.read(&self.states, next)?;
+        let (mut wrong, mut went) = (vec![0i32; self.n], vec![0u32; self.n]);
+        device.read(&self.faults, &mut wrong)?;
+        device.read(&self.done, &mut went)?;
+        if self.told {
+            let mut forces = vec![0.0; 3 * batch.forces.len()];
+            device.read(&self.forces, &mut forces)?;
+            batch.forces.iter_mut().zip(forces.as_chunks::<3>().0).for_each(|(f, x)| *f = Vector3::from(*x));
+        }
+        Ok(wrong.into_iter().zip(went).collect())
+    }
 }

@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use nerd_core::dynamics::{Data, kinematics, point_position};
+use nalgebra::Vector3;
 
-use crate::scene::GRAVITY;
+use crate::scene::{GRAVITY, points};
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Trial};
 use crate::system::System;
@@ -28,11 +28,8 @@ fn cable(keys: &str) -> Result<Arc<System>, Error> {
 }
 
 /// Place of the free end.
-fn end(system: &System, state: &[f64]) -> nalgebra::Vector3<f64> {
-    let mut data = Data::new(&system.robot);
-    kinematics(&system.robot, state, &mut data);
-    let last = &system.robot.contact_points[system.robot.contact_points.len() - 1];
-    point_position(&data, last.link, &last.local)
+fn end(system: &System, state: &[f64]) -> Vector3<f64> {
+    points(&system.robot, state).pop().unwrap_or_default()
 }
 
 fn sag(trial: &Trial) -> Result<f64, Error> {

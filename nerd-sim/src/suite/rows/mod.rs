@@ -7,12 +7,11 @@ mod friction;
 mod joints;
 mod robots;
 mod runner;
-mod sameness;
 
 use super::row::Row;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
-    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&sameness::ROWS);
+    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&robots::SAMENESS);
     flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }
