@@ -43,7 +43,7 @@ fn chain(c: &mut Criterion) {
     let system = System::named(path).expect("the lead");
     let paper = TransformerConfig::paper(INPUTS, OUTPUTS, 48);
     let network = TransformerConfig { layers: 8, heads: 1, block: 40, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
-    // Says next to nothing, so that the cable stays where it is.
+    // Adds next to nothing, so that the cable stays where it is.
     let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: vec![1e-12; OUTPUTS], epsilon: 1e-24 };
     let normalizer = Normalizer { inputs: Moments::identity(INPUTS), outputs };
     let scene = nerd_sim::dataset::begin(&system, &Default::default(), 0, 1).expect("pegs").scenes.remove(0);

@@ -108,7 +108,7 @@ impl Flight {
     }
 }
 
-/// Whether contact points may touch something in the frame: if they do where the robot stands (`events`) or where flight takes
+/// Whether contact points may touch something in the frame: if they do where the robot is (`events`) or where flight takes
 /// it (`flown`). `data` and `far` are working memory.
 pub(crate) fn may_touch(
     system: &System,

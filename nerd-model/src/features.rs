@@ -42,7 +42,7 @@ impl Features {
         Self { data, system: system.clone(), form: form.into(), ways: Vec::new(), near, far }
     }
 
-    /// Whether the robot's surroundings matter: it has contact points or a free base.
+    /// Whether the robot has surroundings: it has contact points or a free base.
     fn situated(system: &System) -> bool {
         system.robot.floating() || !system.robot.contact_points.is_empty()
     }

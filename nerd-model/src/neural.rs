@@ -94,7 +94,7 @@ impl Solver for Neural {
         self.begin(batch)?;
         if let Some(Err(error)) = self.flight.as_mut().map(|flight| flight.step(&batch.states, &batch.scenes, torques)) {
             for fault in error.faults()? {
-                if self.faults.iter().all(|known| known.env != fault.env) {
+                if self.faults.iter().all(|other| other.env != fault.env) {
                     self.faults.push(Fault { frame: batch.frames[fault.env], ..fault });
                 }
             }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said};
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Outputs, Rods};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_sim::dataset::{GenerateConfig, begin};
@@ -71,13 +71,13 @@ fn rates_are_how_directions_change() {
 }
 
 /// A frame of a chain above the floor, tokens and outcome weighed by fixed numbers: a value whose slopes can be asked for.
-fn weighed(chain: &Chain, rods: &Rods, torques: &[f64], said: Said, scene: &Scene) -> f64 {
+fn weighed(chain: &Chain, rods: &Rods, torques: &[f64], outputs: Outputs, scene: &Scene) -> f64 {
     let look = Look::at(chain, rods, torques, |place| scene.contact(place));
     let mut tokens = Vec::new();
     look.tokens(chain, rods, &mut tokens);
-    let after = chain.advance(rods, &look.glided, said);
-    let (told, out) = (numbers(tokens.len(), 9.0, 1.0), weights(chain));
-    tokens.iter().zip(told).map(|(x, w)| f64::from(*x) * w).sum::<f64>()
+    let after = chain.advance(rods, &look.glided, outputs);
+    let (by_tokens, out) = (numbers(tokens.len(), 9.0, 1.0), weights(chain));
+    tokens.iter().zip(by_tokens).map(|(x, w)| f64::from(*x) * w).sum::<f64>()
         + flat(&after).iter().zip(flat(&out)).map(|(a, b)| a * b).sum::<f64>()
 }
 
@@ -110,14 +110,14 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let (mut state, torques) = state(&chain, f64::from(seed));
         state[2] = -0.45;
         let rods = chain.rods(&state);
-        let numbers_said: Vec<f32> = numbers(chain.rods * OUTPUTS, 7.0, 1.0).iter().map(|x| *x as f32).collect();
-        let said = Said { numbers: &numbers_said, scale: &scale };
+        let raw: Vec<f32> = numbers(chain.rods * OUTPUTS, 7.0, 1.0).iter().map(|x| *x as f32).collect();
+        let outputs = Outputs { numbers: &raw, scale: &scale };
         let look = Look::at(&chain, &rods, &torques, |place| scene.contact(place));
-        let told: Vec<f32> = numbers(chain.rods * INPUTS, 9.0, 1.0).iter().map(|x| *x as f32).collect();
-        let (mut slope, behind) = (Rods::zeros(chain.rods), weights(&chain));
-        let by_said = chain.advance_back(&rods, said, &behind, &mut slope);
-        let mut glided = look.tokens_back(&chain, &rods, &told, &mut slope);
-        glided.numbers_mut().zip(behind.gripper.numbers()).for_each(|(x, b)| *x += b);
+        let by_tokens: Vec<f32> = numbers(chain.rods * INPUTS, 9.0, 1.0).iter().map(|x| *x as f32).collect();
+        let (mut slope, upstream) = (Rods::zeros(chain.rods), weights(&chain));
+        let by_outputs = chain.advance_back(&rods, outputs, &upstream, &mut slope);
+        let mut glided = look.tokens_back(&chain, &rods, &by_tokens, &mut slope);
+        glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, b)| *x += b);
         let gripper = chain.glide_back(&glided);
         slope.gripper.numbers_mut().zip(gripper.numbers()).for_each(|(x, g)| *x += g);
 
@@ -131,17 +131,17 @@ fn slopes_of_a_frame_are_those_of_differences() {
                 _ => way.rates = any.rates.clone(),
             }
             let h = 1e-5 * [1.0, 1.0, 100.0][part];
-            let value = |h: f64| weighed(&chain, &moved(&rods, &way, h), &torques, said, &scene);
+            let value = |h: f64| weighed(&chain, &moved(&rods, &way, h), &torques, outputs, &scene);
             let (found, wanted) =
                 (flat(&slope).iter().zip(flat(&way)).map(|(a, b)| a * b).sum::<f64>(), (value(h) - value(-h)) / (2.0 * h));
             worst = worst.max((found - wanted).abs() / wanted.abs().max(100.0));
         }
         let way = numbers(chain.rods * OUTPUTS, 8.0, 1.0);
         let value = |h: f64| {
-            let numbers: Vec<f32> = numbers_said.iter().zip(&way).map(|(x, w)| (f64::from(*x) + h * w) as f32).collect();
-            weighed(&chain, &rods, &torques, Said { numbers: &numbers, scale: &scale }, &scene)
+            let numbers: Vec<f32> = raw.iter().zip(&way).map(|(x, w)| (f64::from(*x) + h * w) as f32).collect();
+            weighed(&chain, &rods, &torques, Outputs { numbers: &numbers, scale: &scale }, &scene)
         };
-        let found: f64 = by_said.iter().zip(&way).map(|(a, b)| f64::from(*a) * b).sum();
+        let found: f64 = by_outputs.iter().zip(&way).map(|(a, b)| f64::from(*a) * b).sum();
         let wanted = (value(1e-3) - value(-1e-3)) / 2e-3;
         worst = worst.max((found - wanted).abs() / wanted.abs().max(1.0));
     }
@@ -173,7 +173,7 @@ fn a_chain_moves_the_same_alone_and_among_others() {
 }
 
 #[test]
-fn what_is_no_chain_or_no_number_is_told() {
+fn what_is_no_chain_or_no_number_is_refused() {
     let pendulum = Chain::of(&System::named("pendulum").expect("a robot")).expect_err("no chain").to_string();
     assert!(pendulum.starts_with("robot `pendulum` is not a chain") && !pendulum.contains('\n'), "{pendulum}");
     let twisting = "[cable]\nlength = 0.5\ndiameter = 0.006\nmass = 0.03\nbending = 1e-3\ntwisting = 1e-3\nlinks = 10";
@@ -183,8 +183,8 @@ fn what_is_no_chain_or_no_number_is_told() {
     let (system, chain) = lead();
     let mut weights = Weights::init(network(&chain), 3);
     let short = TransformerConfig { block: 39, ..weights.config };
-    let said = ChainSolver::new(&Weights::init(short, 0), &normalizer(), &system).err().expect("39 rods").to_string();
-    assert!(said.contains("40 rods") && said.contains("39"), "{said}");
+    let error = ChainSolver::new(&Weights::init(short, 0), &normalizer(), &system).err().expect("39 rods").to_string();
+    assert!(error.contains("40 rods") && error.contains("39"), "{error}");
     *weights.flat.last_mut().expect("weights") = f32::NAN;
     let mut batch = Batch::new(&system, &system.scene("plane").expect("a floor"), 2);
     let torques = vec![0.0; 2 * system.robot.joint_count()];

@@ -57,7 +57,7 @@ fn an_absolute_angle_has_no_seam() {
     let mut target = vec![0.0f32; 4];
     let (state, next) = ([3.1, 0.0, 5.0, 0.0], [wrap(3.1 + 0.08), 0.0, 5.0, 0.0]);
     features.target(&state, &state, &next, &mut target);
-    assert!((f64::from(target[0]) - 3.18).abs() < 1e-6, "from 3.1 to 3.18 rad is said as {}", target[0]);
+    assert!((f64::from(target[0]) - 3.18).abs() < 1e-6, "from 3.1 to 3.18 rad is {}", target[0]);
 }
 
 fn token(system: &Arc<System>, form: Form, state: &[f64], depth: f64) -> Vec<f32> {

@@ -29,9 +29,9 @@ fn saved() -> TempDir {
 
 /// Why a folder's model is refused for a robot, in one line.
 fn refusal(folder: &Path, system: &System, truth: Option<&str>) -> String {
-    let said = Model::load(folder, system, truth).expect_err("refused").to_string();
-    assert!(said.contains(&folder.display().to_string()) && !said.contains('\n'), "{said}");
-    said
+    let error = Model::load(folder, system, truth).expect_err("refused").to_string();
+    assert!(error.contains(&folder.display().to_string()) && !error.contains('\n'), "{error}");
+    error
 }
 
 /// Whether two models predict the same of the same states.
@@ -112,13 +112,13 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
     ];
     let others = others.map(|(key, value, word)| (key, value.to_string(), word.to_string()));
     for (key, value, word) in shapes.chain(drafts).chain(others) {
-        let said = edit(saved().path(), key, &value);
-        assert!(said.contains(&word), "{key} {value}: {said}");
+        let error = edit(saved().path(), key, &value);
+        assert!(error.contains(&word), "{key} {value}: {error}");
     }
     // Each by itself can be; together they would be 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);
-    let said = TransformerConfig { layers: 64, heads: 64, ..paper }.check().expect_err("too many");
-    assert!(said.contains("parameters"), "{said}");
+    let error = TransformerConfig { layers: 64, heads: 64, ..paper }.check().expect_err("too many");
+    assert!(error.contains("parameters"), "{error}");
     let rotary = TransformerConfig { positions: Positions::Rotary, ..TransformerConfig::paper(37, 4, 60) };
     assert!(rotary.check().expect_err("5 columns a head").contains("`heads`"));
     // Heads and positions mean nothing to a rival.
@@ -140,8 +140,8 @@ fn what_is_no_number_is_refused_with_its_place() {
         let mut model = model(&pendulum(), Base::State);
         change(&mut model);
         let saved = model.save(folder.path(), "# card\n", storage);
-        let said = saved.and_then(|()| Model::load(folder.path(), &pendulum(), None)).expect_err("no number").to_string();
-        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+        let error = saved.and_then(|()| Model::load(folder.path(), &pendulum(), None)).expect_err("no number").to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
     }
 }
 
@@ -151,9 +151,9 @@ fn a_robot_of_the_same_name_is_not_the_same_robot() {
     let same = System::from_text("pendulum", urdf, Some(spec)).expect("valid");
     Model::load(folder.path(), &same, None).expect("the same robot from its files");
     let lighter = System::from_text("pendulum", &urdf.replacen("mass value=\"25", "mass value=\"2", 1), Some(spec)).expect("valid");
-    let said = refusal(folder.path(), &lighter, None);
+    let error = refusal(folder.path(), &lighter, None);
     let hashes = [same.robot_sha256(), lighter.robot_sha256()];
-    assert!(hashes.iter().all(|h| said.contains(&h[..12])) && said.contains("masses"), "{said}");
+    assert!(hashes.iter().all(|h| error.contains(&h[..12])) && error.contains("masses"), "{error}");
     let mut model = Model::read(folder.path(), &lighter, None).expect("read without a look at hashes");
     model.stamp(&lighter);
     model.save(folder.path(), "# card\n", Storage::F16).expect("saved");

@@ -1,5 +1,5 @@
 //! The learned solver as a solver: windows grow, end at a reset and at a gap; an environment is its own; what a network is added to is
-//! there where it has no say. Weights are random: none of this is learned. Bound: f32 rounding, since a window's arithmetic may be
+//! there where it adds nothing. Weights are random: none of this is learned. Bound: f32 rounding, since a window's arithmetic may be
 //! cut in other chunks.
 
 mod common;
@@ -151,7 +151,7 @@ fn drafted(draft: &mut Draft, batch: &mut Batch, torques: &[f64]) {
     }
 }
 
-/// What a network says that nothing is to be added: a turn's is a quaternion, so this is not zero.
+/// The outputs of a network that adds nothing: a turn's is a quaternion, so this is not zero.
 fn nothing(system: &Arc<System>) -> Vec<f64> {
     let (state, mut target) = (system.default_state(), vec![0.0f32; system.robot.state_dim()]);
     Features::new(system, Base::Draft(1)).target(&state, &state, &state, &mut target);

@@ -169,7 +169,7 @@ fn predictions_are_the_equations() {
 
 /// One token a frame with kept keys and values, against the whole banded pass since the environment was cleared, however seldom
 /// it was asked: never, for longer than its predictions reach back (10 frames), and through a clearing. Windows of the frames
-/// that it reaches say the same, on the CPU and by burn.
+/// that it reaches give the same, on the CPU and by burn.
 #[test]
 fn the_stream_equals_the_banded_pass() {
     let (w, frames, envs) = (lively(ROTARY, 11), 36usize, 5usize);
@@ -241,7 +241,7 @@ fn windows_remember_frames_that_were_not_asked_for_and_see_none_that_is_newer() 
     }
 }
 
-/// Padding behind the newest token, and how windows are spread over threads, play no part.
+/// Padding after the newest token, and how windows are spread over threads, play no part.
 #[test]
 fn the_evaluator_is_the_training_pass_at_the_newest_token() {
     for config in all() {

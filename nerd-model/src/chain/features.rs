@@ -18,13 +18,12 @@ use super::{Chain, Gripper, Rods};
 /// Numbers of a token.
 pub const INPUTS: usize = 30;
 /// Where surfaces are seen from (m), as other models do (paper A.1).
-pub const REACH: f64 = 0.1;
+pub(super) const REACH: f64 = 0.1;
 /// Seconds by which half a change of velocity counts.
 pub(super) const QUICK: f64 = 10.0;
 
 /// The nearest surface at the end of a rod.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch {
+struct Touch {
     /// Out of it (world, unit length); zeros beyond [`REACH`].
     normal: Vector3<f64>,
     /// From the rod's surface (m), [`REACH`] at most.
@@ -76,10 +75,10 @@ impl Look {
 
     /// Adds to `slope` what [`Look::tokens`] makes of gradients by tokens, `[rod][INPUTS]`, and gives that by where the gripper glides.
     /// Normals count as constant.
-    pub fn tokens_back(&self, chain: &Chain, rods: &Rods, behind: &[f32], slope: &mut Rods) -> Gripper {
+    pub fn tokens_back(&self, chain: &Chain, rods: &Rods, upstream: &[f32], slope: &mut Rods) -> Gripper {
         let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
         let mut ahead = [Vector3::zeros(); 4];
-        for (k, (Touch { normal, gap }, row)) in self.touches.iter().zip(behind.as_chunks::<INPUTS>().0).enumerate() {
+        for (k, (Touch { normal, gap }, row)) in self.touches.iter().zip(upstream.as_chunks::<INPUTS>().0).enumerate() {
             let at = |first: usize| Vector3::new(row[first], row[first + 1], row[first + 2]).map(f64::from);
             slope.along[k] += at(0);
             slope.rates[k] += at(3) * 0.1;

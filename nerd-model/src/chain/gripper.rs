@@ -48,10 +48,10 @@ impl Gripper {
         ]
     }
 
-    /// Adds to `slope` what [`Gripper::points`] makes of the upstream gradients `behind`.
-    pub fn points_back(&self, behind: [Vector3<f64>; 2], slope: &mut Self) {
+    /// Adds to `slope` what [`Gripper::points`] makes of the upstream gradients.
+    pub fn points_back(&self, upstream: [Vector3<f64>; 2], slope: &mut Self) {
         let [_, by_yaw, by_pitch, yaw_yaw, yaw_pitch, pitch_pitch] = self.slopes();
-        let [t, rate] = behind;
+        let [t, rate] = upstream;
         slope.angles.x += by_yaw.dot(&t) + (yaw_yaw * self.rates.x + yaw_pitch * self.rates.y).dot(&rate);
         slope.angles.y += by_pitch.dot(&t) + (yaw_pitch * self.rates.x + pitch_pitch * self.rates.y).dot(&rate);
         slope.rates.x += by_yaw.dot(&rate);
@@ -76,8 +76,8 @@ impl Chain {
     }
 
     /// Gradients by the input of [`Chain::glide`], which is linear, from the upstream ones.
-    pub fn glide_back(&self, behind: &Gripper) -> Gripper {
-        let mut slope = *behind;
+    pub fn glide_back(&self, upstream: &Gripper) -> Gripper {
+        let mut slope = *upstream;
         for k in 0..6 {
             let (w, dt, [x, v]) = (self.pulse[k], self.frame_time, axis(&mut slope, k));
             let fade = (-w * dt).exp();

@@ -6,7 +6,7 @@ use nerd_sim::system::System;
 
 /// Axes of the gripper: three slides x, y, z, then yaw, pitch, roll.
 const AXES: usize = 6;
-/// Share by which a drive may miss critical damping: its glide is told in closed form.
+/// Share by which a drive may miss critical damping: its glide is computed in closed form.
 const NEAR: f64 = 0.01;
 
 /// A robot that is not a chain.

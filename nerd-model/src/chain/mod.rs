@@ -20,9 +20,9 @@ mod solver;
 mod step;
 
 pub use device::{chain_functions, chain_program, numbers};
-pub use features::{INPUTS, Look, REACH, Touch};
+pub use features::{INPUTS, Look};
 pub use gripper::Gripper;
 pub use layout::{Chain, NoChain};
 pub use rods::Rods;
 pub use solver::ChainSolver;
-pub use step::{OUTPUTS, Said};
+pub use step::{OUTPUTS, Outputs};

@@ -119,14 +119,14 @@ impl Chain {
         [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
     }
 
-    /// Adds to `slope` what [`Chain::nodes`] makes of the upstream gradients `behind`: a rod moves all nodes from its end on.
-    pub fn nodes_back(&self, behind: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
+    /// Adds to `slope` what [`Chain::nodes`] makes of the upstream gradients: a rod moves all nodes from its end on.
+    pub fn nodes_back(&self, upstream: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
         let Rods { gripper, along, rates } = slope;
-        let parts = [(&behind[0], &mut gripper.at, along), (&behind[1], &mut gripper.velocity, rates)];
-        for (behind, first, steps) in parts {
+        let parts = [(&upstream[0], &mut gripper.at, along), (&upstream[1], &mut gripper.velocity, rates)];
+        for (upstream, first, steps) in parts {
             let mut total = Vector3::zeros();
-            for (behind, step) in behind.iter().zip(steps).rev() {
-                total += behind;
+            for (upstream, step) in upstream.iter().zip(steps).rev() {
+                total += upstream;
                 *step += total * self.length;
             }
             *first += total;

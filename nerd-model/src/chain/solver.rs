@@ -7,7 +7,7 @@ use nerd_sim::solver::{Fault, Solver, StepError, check, commit};
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
-use super::{Chain, Look, NoChain, OUTPUTS, Said};
+use super::{Chain, Look, NoChain, OUTPUTS, Outputs};
 use crate::normalizer::{Moments, Normalizer};
 use crate::program::cpu::{Loaded, Memory, Pass};
 use crate::transformer::Weights;
@@ -84,7 +84,7 @@ impl Solver for ChainSolver {
                 tokens.clear();
                 look.tokens(chain, &rods, tokens);
                 let numbers = network.forward(tokens, memory, Pass::Windows(chain.rods, rows));
-                chain.state(&chain.advance(&rods, &look.glided, Said { numbers, scale }), next);
+                chain.state(&chain.advance(&rods, &look.glided, Outputs { numbers, scale }), next);
             }
         });
         commit(batch, &mut self.next, &mut self.faults)

@@ -13,14 +13,14 @@ pub const OUTPUTS: usize = 18;
 
 /// A network's outputs for a chain's rods, `[rod][OUTPUTS]`, and their scales.
 #[derive(Clone, Copy)]
-pub struct Said<'a> {
-    /// Said, normalised.
+pub struct Outputs<'a> {
+    /// Normalised.
     pub numbers: &'a [f32],
     /// What 1 means, `[OUTPUTS]`.
     pub scale: &'a [f64; OUTPUTS],
 }
 
-impl Said<'_> {
+impl Outputs<'_> {
     fn vector(&self, rod: usize, first: usize) -> Vector3<f64> {
         let (row, scale) = (&self.numbers[rod * OUTPUTS + first..][..3], &self.scale[first..]);
         Vector3::new(f64::from(row[0]) * scale[0], f64::from(row[1]) * scale[1], f64::from(row[2]) * scale[2])
@@ -29,42 +29,42 @@ impl Said<'_> {
 
 impl Chain {
     /// The chain after the frame.
-    pub fn advance(&self, before: &Rods, glided: &Gripper, said: Said) -> Rods {
+    pub fn advance(&self, before: &Rods, glided: &Gripper, outputs: Outputs) -> Rods {
         let mut after = Rods { gripper: *glided, ..before.clone() };
         for k in 0..self.rods {
-            let (u, raw) = self.raw(before, k, said);
+            let (u, raw) = self.raw(before, k, outputs);
             let t = raw.normalize();
             (after.along[k], after.rates[k]) = (t, u - t * t.dot(&u));
         }
-        let own = said.numbers[6..OUTPUTS].iter().zip(&said.scale[6..]);
-        after.gripper.numbers_mut().zip(own).for_each(|(x, (said, scale))| *x += f64::from(*said) * scale);
+        let own = outputs.numbers[6..OUTPUTS].iter().zip(&outputs.scale[6..]);
+        after.gripper.numbers_mut().zip(own).for_each(|(x, (output, scale))| *x += f64::from(*output) * scale);
         after
     }
 
     /// Rate and direction of a rod before they are put right.
-    fn raw(&self, before: &Rods, k: usize, said: Said) -> (Vector3<f64>, Vector3<f64>) {
-        let u = before.rates[k] + said.vector(k, 0);
-        (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + said.vector(k, 3))
+    fn raw(&self, before: &Rods, k: usize, outputs: Outputs) -> (Vector3<f64>, Vector3<f64>) {
+        let u = before.rates[k] + outputs.vector(k, 0);
+        (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + outputs.vector(k, 3))
     }
 
-    /// Gradients by the rods before and by the outputs, `[rod][OUTPUTS]`, from the upstream ones, `behind` [`Chain::advance`]; those
-    /// behind the gripper are those by where it glides.
-    pub fn advance_back(&self, before: &Rods, said: Said, behind: &Rods, slope: &mut Rods) -> Vec<f32> {
-        let mut by_said = vec![0.0; self.rods * OUTPUTS];
-        for (k, row) in by_said.as_chunks_mut::<OUTPUTS>().0.iter_mut().enumerate() {
-            let (u, raw) = self.raw(before, k, said);
+    /// Gradients by the rods before and by the outputs, `[rod][OUTPUTS]`, from the upstream ones of [`Chain::advance`]; that of the
+    /// gripper is also that by where it glides.
+    pub fn advance_back(&self, before: &Rods, outputs: Outputs, upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
+        let mut by_outputs = vec![0.0; self.rods * OUTPUTS];
+        for (k, row) in by_outputs.as_chunks_mut::<OUTPUTS>().0.iter_mut().enumerate() {
+            let (u, raw) = self.raw(before, k, outputs);
             let (size, t) = (raw.norm(), raw.normalize());
-            let (g, along) = (behind.rates[k], t.dot(&u));
-            let by_t = behind.along[k] - g * along - u * t.dot(&g);
+            let (g, along) = (upstream.rates[k], t.dot(&u));
+            let by_t = upstream.along[k] - g * along - u * t.dot(&g);
             let by_raw = (by_t - t * t.dot(&by_t)) / size;
             let by_u = g - t * t.dot(&g) + by_raw * (0.5 * self.frame_time);
             slope.along[k] += by_raw;
             slope.rates[k] += by_u + by_raw * (0.5 * self.frame_time);
-            let own = by_u.iter().chain(by_raw.iter()).zip(said.scale);
+            let own = by_u.iter().chain(by_raw.iter()).zip(outputs.scale);
             row.iter_mut().zip(own).for_each(|(row, (x, scale))| *row = (x * scale) as f32);
         }
-        let own = behind.gripper.numbers().zip(&said.scale[6..]);
-        by_said[6..OUTPUTS].iter_mut().zip(own).for_each(|(row, (x, scale))| *row = (x * scale) as f32);
-        by_said
+        let own = upstream.gripper.numbers().zip(&outputs.scale[6..]);
+        by_outputs[6..OUTPUTS].iter_mut().zip(own).for_each(|(row, (x, scale))| *row = (x * scale) as f32);
+        by_outputs
     }
 }

@@ -1,7 +1,7 @@
 //! What surrounds the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; and a small network
 //! itself as one kernel, `whole_pass`. Around a chain's network are those of [`crate::chain`].
 //!
-//! They stand on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
+//! They build on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
 //! CUDA, so that a test runs them where there is no GPU.
 
 mod places;

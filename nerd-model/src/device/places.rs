@@ -38,7 +38,7 @@ impl<'a> Places<'a> {
         Self { program, rows, products, homes: vec![Home::Nowhere; program.widths.len()], taken: Vec::new(), most: 0 }
     }
 
-    /// The widest slot that stands anywhere itself.
+    /// The widest slot that has a place itself.
     pub(super) fn widest(&self) -> Option<usize> {
         let kept = self.program.widths.iter().zip(&self.homes).skip(1).filter(|(_, home)| !matches!(home, Home::Beside(..)));
         kept.map(|(width, _)| *width).max()
@@ -73,7 +73,7 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// Where a slot is written: where it stands, or in the first place that is free.
+    /// Where a slot is written: where it is, or in the first place that is free.
     pub(super) fn write(&mut self, slot: Slot) -> String {
         if let Home::Shared(at) = self.homes[slot.0] {
             return format!("s + {at}");

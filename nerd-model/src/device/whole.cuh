@@ -20,8 +20,6 @@ using std::erf;
 
 FN float same(float x) { return x; }
 FN float gelu(float x) { return x * (0.5f + 0.5f * erff(x * 0.70710678118654752f)); }
-// What is not a number stays so.
-FN float relu(float x) { return x < 0.0f ? 0.0f : x; }
 
 // A number as an operand of a product.
 FN float factor(float x);

@@ -11,7 +11,7 @@ use crate::program::{Activation, Op, Program, Slot, Step, Weight};
 const SHARED: usize = 48 << 10;
 /// Most warps of a block.
 const MOST_WARPS: usize = 8;
-/// Most rows of a block on tensor cores, but where a window alone has more: what its threads sum stands in registers.
+/// Most rows of a block on tensor cores, but where a window alone has more: what its threads sum is in registers.
 const MOST_ROWS: usize = 96;
 
 /// A program's pass as a kernel.
@@ -100,8 +100,8 @@ impl<'a> Writer<'a> {
             Op::Linear { weight, .. } if wide.is_multiple_of(4) && !self.starts[weight.0].is_multiple_of(4) => return None,
             Op::Linear { weight, scale: None, bias, add } => {
                 let (mut target, mut f) = (to, "same");
-                if let (false, Some(name)) = (add, self.activated(i)) {
-                    (target, f, done) = (self.program.steps[i + 1].to, name, 2);
+                if !add && self.activated(i) {
+                    (target, f, done) = (self.program.steps[i + 1].to, "gelu", 2);
                 }
                 self.plain(from, to)?;
                 let (x, apart_x, parts, off) = self.places.read(from)?;
@@ -144,16 +144,12 @@ impl<'a> Writer<'a> {
         (source != to && !self.program.steps.iter().any(|step| step.to == source && rough(&step.op))).then_some(())
     }
 
-    /// The activation that alone reads what step i writes, and follows it.
-    fn activated(&self, i: usize) -> Option<&'static str> {
-        let (step, next) = (self.program.steps[i], self.program.steps.get(i + 1)?);
-        let readers = self.program.steps.iter().filter(|other| other.from == step.to).count();
-        let alone = next.from == step.to && readers == 1 && i + 2 < self.program.steps.len();
-        match next.op {
-            Op::Activate(Activation::Gelu) if alone => Some("gelu"),
-            Op::Activate(Activation::Relu) if alone => Some("relu"),
-            _ => None,
-        }
+    /// Whether a GELU alone reads what step i writes, and follows it.
+    fn activated(&self, i: usize) -> bool {
+        let (step, steps) = (self.program.steps[i], &self.program.steps);
+        let readers = steps.iter().filter(|other| other.from == step.to).count();
+        let follows = |next: &Step| next.from == step.to && next.op == Op::Activate(Activation::Gelu);
+        readers == 1 && i + 2 < steps.len() && follows(&steps[i + 1])
     }
 
     fn tensor(&self, weight: Weight) -> String {

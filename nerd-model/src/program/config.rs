@@ -50,7 +50,7 @@ pub struct TransformerConfig {
     /// How a token's position in time is encoded.
     #[serde(default)]
     pub positions: Positions,
-    /// What stands between tokens and head; of another one, `embedding` is the width, and `heads` and `block` mean nothing.
+    /// What is between tokens and head; of another one, `embedding` is the width, and `heads` and `block` mean nothing.
     #[serde(default, skip_serializing_if = "Architecture::usual")]
     pub architecture: Architecture,
 }

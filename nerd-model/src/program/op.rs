@@ -56,7 +56,7 @@ pub enum Op {
     Neighbours(usize),
     /// `y = f(x)`.
     Activate(Activation),
-    /// States of a recurrent cell, the oldest token first: x is `u`, the tokens' inputs to its gates, and `v = h W + b` what the state says
+    /// States of a recurrent cell, the oldest token first: x is `u`, the tokens' inputs to its gates, and `v = h W + b` what the state adds
     /// (`recurrent`).
     Cell {
         /// W, `[E, gates E]`.
@@ -88,7 +88,7 @@ pub struct Program {
     pub widths: Vec<usize>,
     /// In order.
     pub steps: Vec<Step>,
-    /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, where places are told so.
+    /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, where that encodes places.
     pub frequencies: Vec<f64>,
 }
 

@@ -1,6 +1,13 @@
-//! The interface between a learned solver and the engine of its network.
+//! Networks over whole windows: the interface to any engine, and the one of the CPU.
+//!
+//! There rows are cut into blocks whose activations stay in the second-level cache, one block to a thread at a time, and after the last
+//! mixing of tokens only the newest are computed.
 
+use rayon::prelude::*;
+
+use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
+use crate::program::cpu::{Loaded, Memory, Pass};
 
 /// Evaluates a network on windows; what computes it is the implementer's business.
 pub trait Forward: Send {
@@ -33,4 +40,44 @@ pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, l
         return Ok(());
     };
     Err(ForwardError { message })
+}
+
+/// Rows (tokens) of a block.
+pub(super) const ROWS: usize = 512;
+
+/// Even blocks of `n` things, of at most so many, and as many blocks as keep every thread busy.
+pub(super) fn even(n: usize, most: usize) -> usize {
+    let threads = rayon::current_num_threads();
+    n.div_ceil(threads * n.div_ceil(threads * most).max(1)).max(1)
+}
+
+/// A network that recomputes windows.
+pub struct PackedForward {
+    config: TransformerConfig,
+    network: Loaded,
+    memory: Vec<Memory>,
+}
+
+impl PackedForward {
+    /// Packs `weights`.
+    pub fn new(weights: &Weights) -> Self {
+        Self { config: weights.config, network: Loaded::new(weights.config.program(), &weights.flat), memory: Vec::new() }
+    }
+}
+
+impl Forward for PackedForward {
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        check(&self.config, inputs, tokens, last)?;
+        let (c, network) = (self.config, &self.network);
+        out.clear();
+        out.resize(last.len() * c.outputs, 0.0);
+        let size = even(last.len(), (ROWS / tokens).max(1));
+        self.memory.resize_with(self.memory.len().max(last.len().div_ceil(size)), Memory::default);
+        let jobs = inputs.par_chunks(size * tokens * c.inputs).zip(last.par_chunks(size)).zip(out.par_chunks_mut(size * c.outputs));
+        jobs.zip(self.memory.par_iter_mut()).for_each(|(((x, last), out), memory)| {
+            let newest: Vec<usize> = last.iter().enumerate().map(|(w, l)| w * tokens + *l as usize).collect();
+            out.copy_from_slice(network.forward(x, memory, Pass::Windows(tokens, &newest)));
+        });
+        Ok(())
+    }
 }

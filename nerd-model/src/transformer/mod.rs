@@ -6,17 +6,15 @@ mod forward;
 mod rotary;
 mod stream;
 mod weights;
-mod windows;
 
 #[cfg(feature = "burn")]
 pub use self::burn::BurnForward;
 pub use crate::program::config::{Architecture, Positions, TransformerConfig};
 pub use crate::program::{Init, TensorSpec};
-pub use forward::{Forward, ForwardError};
+pub use forward::{Forward, ForwardError, PackedForward};
 pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};
 pub use weights::{Storage, Weights, WeightsError};
-pub use windows::PackedForward;
 
 /// The fastest evaluator on the CPU: remembering if a network's positions allow it, or else recomputing windows.
 pub fn packed(weights: &Weights) -> Box<dyn Stream> {

@@ -11,10 +11,9 @@ use std::collections::VecDeque;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::forward::ForwardError;
+use super::forward::{ForwardError, ROWS, even};
 use super::stream::{Stream, check};
 use super::weights::Weights;
-use super::windows::{ROWS, even};
 use crate::program::config::{Positions, TransformerConfig};
 use crate::program::cpu::{Loaded, Memory, Pass, Ring};
 

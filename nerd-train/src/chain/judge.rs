@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nerd_model::chain::{Chain, ChainSolver, Look, OUTPUTS, Said};
+use nerd_model::chain::{Chain, ChainSolver, Look, OUTPUTS, Outputs};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::Weights;
@@ -53,7 +53,7 @@ pub fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; 
         look.tokens(chain, &before, &mut tokens);
         let all: Vec<usize> = (0..chain.rods).collect();
         let numbers = network.forward(&tokens, memory, Pass::Windows(chain.rods, &all));
-        let after = chain.advance(&before, &look.glided, Said { numbers, scale });
+        let after = chain.advance(&before, &look.glided, Outputs { numbers, scale });
         let off = |a: &[nalgebra::Vector3<f64>]| a.iter().zip(&truth.rates).map(|(a, b)| (a - b).abs().sum()).sum::<f64>();
         (off(&after.rates), off(&before.rates))
     };

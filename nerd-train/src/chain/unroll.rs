@@ -1,6 +1,6 @@
 //! Rollouts through H frames and the gradient of their loss: back-propagation through time.
 
-use nerd_model::chain::{Chain, Look, OUTPUTS, Rods, Said};
+use nerd_model::chain::{Chain, Look, OUTPUTS, Outputs, Rods};
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 
 use super::course::Course;
@@ -76,7 +76,7 @@ impl Unroll<'_> {
         let said = self.network.forward(&tokens, memory, Pass::Kept(chain.rods)).clone();
         let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
         for ((r, look), numbers) in rollouts.iter_mut().zip(&looks).zip(said.chunks_exact(chain.rods * OUTPUTS)) {
-            let after = chain.advance(&r.rods, &look.glided, Said { numbers, scale: &self.course.scale });
+            let after = chain.advance(&r.rods, &look.glided, Outputs { numbers, scale: &self.course.scale });
             r.frame += 1;
             let (truth, mut slope) = (self.truth(r.motion, r.frame, &r.view), Rods::zeros(chain.rods));
             *total += self.course.loss().of(chain, (&after, &truth), k + 1, weight, &mut slope);
@@ -93,7 +93,7 @@ impl Unroll<'_> {
         all.iter_mut().zip(behind).for_each(|(own, behind)| join(own, behind, later));
         for ((before, numbers), behind) in kept.before.iter().zip(kept.said.chunks_exact(width)).zip(&all) {
             let mut slope = Rods::zeros(chain.rods);
-            by_said.extend(chain.advance_back(before, Said { numbers, scale: &self.course.scale }, behind, &mut slope));
+            by_said.extend(chain.advance_back(before, Outputs { numbers, scale: &self.course.scale }, behind, &mut slope));
             slopes.push(slope);
         }
         let (by_weights, by_tokens) = self.network.backward(chain.rods, &by_said, memory, true);

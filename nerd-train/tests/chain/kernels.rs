@@ -1,6 +1,6 @@
 //! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
 
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods, Said, numbers};
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Outputs, Rods, numbers};
 use nerd_model::device::padded;
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::GenerateConfig;
@@ -87,7 +87,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         let mut told = Vec::new();
         look.tokens(&chain, &own, &mut told);
         touching += told.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
-        let of_said = Said { numbers: &said[i * said_wide..][..said_wide], scale: &scale };
+        let of_said = Outputs { numbers: &said[i * said_wide..][..said_wide], scale: &scale };
         let moved = chain.advance(&own, &look.glided, of_said);
         let mut behind = Rods::zeros(chain.rods);
         let given = &behinds[i * wide..][..wide];

@@ -73,9 +73,9 @@ mod tests {
             let (mut kept, mut ys, mut slopes) = (xs.clone(), Vec::new(), vec![1.0; xs.len()]);
             forward(f, true, &mut kept, &mut ys);
             backward(f, &kept, &ys, &mut slopes);
-            let (mut none, mut said) = (vec![f32::NAN], Vec::new());
-            forward(f, true, &mut none, &mut said);
-            assert!(said[0].is_nan(), "{f:?}(NaN) = {}", said[0]);
+            let (mut none, mut out) = (vec![f32::NAN], Vec::new());
+            forward(f, true, &mut none, &mut out);
+            assert!(out[0].is_nan(), "{f:?}(NaN) = {}", out[0]);
             for ((x, y), slope) in xs.iter().zip(&ys).zip(&slopes) {
                 let (x, h) = (f64::from(*x), 1e-6);
                 let (value, difference) = (library(f, x), (library(f, x + h) - library(f, x - h)) / (2.0 * h));

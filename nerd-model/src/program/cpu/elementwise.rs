@@ -20,7 +20,7 @@ pub fn exp(x: f32) -> f32 {
     // ln 2 in two parts, so that r keeps its digits.
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
     let series = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))))));
-    // That number stands in the low bits of the shifted one: no conversion, which no vector unit does without checks.
+    // That number is in the low bits of the shifted one: no conversion, which no vector unit does without checks.
     series * f32::from_bits(shifted.to_bits().wrapping_sub(shift.to_bits()).wrapping_add(127) << 23)
 }
 
@@ -90,11 +90,11 @@ pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
     scores[seen.end..].fill(0.0);
 }
 
-/// Adds to `dx` the gradient by the input of [`normalize`], `behind` being the upstream gradient: `(g - mean g - y mean g y) / deviation`.
-pub fn normalize_back(behind: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
+/// Adds to `dx` the gradient by the input of [`normalize`], from the upstream one: `(g - mean g - y mean g y) / deviation`.
+pub fn normalize_back(upstream: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
     let e = out.len() / inverse.len();
     Arch::new().dispatch(|| {
-        for (((g, y), inverse), dx) in behind.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e)) {
+        for (((g, y), inverse), dx) in upstream.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e)) {
             let mean = sum(g, |g| g) / e as f32;
             // The mean of y is 0, so that of g may be taken away first.
             g.iter_mut().for_each(|g| *g -= mean);

@@ -107,7 +107,7 @@ impl Loaded {
         &self.flat[self.starts[weight.0]..self.starts[weight.0 + 1]]
     }
 
-    /// Predictions for tokens, `[row][outputs]`; they stand in `memory`.
+    /// Predictions for tokens, `[row][outputs]`, in `memory`.
     pub fn forward<'a>(&self, tokens: &[f32], memory: &'a mut Memory, mut pass: Pass) -> &'a mut Vec<f32> {
         memory.values.resize_with(self.program.widths.len(), Vec::new);
         memory.aside.resize_with(self.program.steps.len(), Vec::new);

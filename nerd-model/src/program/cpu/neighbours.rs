@@ -29,7 +29,7 @@ pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx:
     }
 }
 
-/// Tokens that stand beside the k-th, where there are some.
+/// Tokens beside the k-th, where there are some.
 fn places(k: usize, tokens: usize, apart: usize) -> [Option<usize>; 3] {
     [k.checked_sub(apart), Some(k), Some(k + apart).filter(|other| *other < tokens)]
 }
