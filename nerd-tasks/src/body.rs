@@ -20,10 +20,10 @@ pub struct Body<N> {
 impl<N: Number> Body<N> {
     /// The root that is seen.
     pub fn of(sight: &impl Sight<N>) -> Self {
-        let ([p, w, v], turn) = ([0, 1, 2].map(|part| three(sight, part)), [3, 4, 5, 6].map(|k| sight.q(k)));
+        let (p, [w, v]) = ([0, 1, 2].map(|k| sight.q(k)), [0, 3].map(|at| [0, 1, 2].map(|k| sight.qd(at + k))));
         let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];
         // The state's quaternion need not be of unit length.
-        let [x, y, z, c] = turn;
+        let [x, y, z, c] = [3, 4, 5, 6].map(|k| sight.q(k));
         let (one, two) = (x.squared() + y.squared() + z.squared() + c.squared(), N::from(2.0));
         Self {
             height: p[1],
@@ -33,11 +33,6 @@ impl<N: Number> Body<N> {
             heading: N::from(1.0) - two * (y.squared() + z.squared()) / one,
         }
     }
-}
-
-/// Place, angular velocity and linear part of the twist.
-fn three<N>(sight: &impl Sight<N>, part: usize) -> [N; 3] {
-    [0, 1, 2].map(|k| if part == 0 { sight.q(k) } else { sight.qd(3 * (part - 1) + k) })
 }
 
 /// The observation of both robots, `13 + 2 k` numbers for k joints: height, quaternion x y z w, velocity, angular velocity,

@@ -190,12 +190,8 @@ impl Episodes {
     fn act(&mut self, actions: &[f64]) {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
-        let chunks = self.torques.par_chunks_mut(CHUNK * joints).zip(&mut self.works).enumerate();
-        chunks.for_each(|(chunk, (torques, work))| {
-            for (i, tau) in torques.chunks_exact_mut(joints).enumerate() {
-                let env = chunk * CHUNK + i;
-                task.act(view(batch, goals, task.goal_dim(), env), &actions[env * width..(env + 1) * width], work, tau);
-            }
+        rows(&mut self.torques, joints, &mut self.works, |env, torques, work| {
+            task.act(view(batch, goals, task.goal_dim(), env), &actions[env * width..(env + 1) * width], work, torques);
         });
     }
 
@@ -248,17 +244,20 @@ impl Episodes {
     /// Observes some environments.
     fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
-        let width = task.observation_dim();
-        let chunks = self.observations.par_chunks_mut(CHUNK * width).zip(&mut self.works).enumerate();
-        chunks.for_each(|(chunk, (rows, work))| {
-            for (i, row) in rows.chunks_exact_mut(width).enumerate() {
-                let env = chunk * CHUNK + i;
-                if some(env) {
-                    task.observe(view(batch, goals, task.goal_dim(), env), work, row);
-                }
+        rows(&mut self.observations, task.observation_dim(), &mut self.works, |env, row, work| {
+            if some(env) {
+                task.observe(view(batch, goals, task.goal_dim(), env), work, row);
             }
         });
     }
+}
+
+/// Writes a row of `width` numbers for every environment.
+fn rows(all: &mut [f64], width: usize, works: &mut [Work], write: impl Fn(usize, &mut [f64], &mut Work) + Sync) {
+    let chunks = all.par_chunks_mut(CHUNK * width).zip(works).enumerate();
+    chunks.for_each(|(chunk, (rows, work))| {
+        rows.chunks_exact_mut(width).enumerate().for_each(|(i, row)| write(chunk * CHUNK + i, row, work));
+    });
 }
 
 fn view<'a>(batch: &'a Batch, goals: &'a [f64], width: usize, env: usize) -> View<'a> {

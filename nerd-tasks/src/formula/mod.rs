@@ -6,7 +6,6 @@ mod formulas;
 mod number;
 mod program;
 mod sight;
-mod task;
 mod text;
 
 pub use formulas::Formulas;
