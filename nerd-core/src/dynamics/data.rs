@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::Factor;
+use super::aba::Inverse;
 use crate::robot::Robot;
 use crate::spatial::{Motion, SpatialInertia, Wrench};
 
@@ -66,12 +66,8 @@ pub struct Data {
     pub(super) acceleration: Vec<Motion>,
     pub(super) force: Vec<Wrench>,
     pub(super) composite: Vec<SpatialInertia>,
-    pub(super) articulated: Vec<nalgebra::Matrix6<f64>>,
-    pub(super) gain: Vec<nalgebra::Vector6<f64>>,
-    pub(super) pivot: Vec<f64>,
-    pub(super) residual: Vec<f64>,
-    /// Where some joint follows another, no recursion gives accelerations.
-    pub(super) factor: Option<Box<Factor>>,
+    /// For [`super::aba`], which takes it out and puts it back.
+    pub(super) inverse: Option<Box<Inverse>>,
 }
 
 impl Data {
@@ -96,11 +92,7 @@ impl Data {
             acceleration: vec![Motion::default(); n],
             force: vec![Wrench::default(); n],
             composite: vec![SpatialInertia::default(); n],
-            articulated: vec![nalgebra::Matrix6::zeros(); n],
-            gain: vec![nalgebra::Vector6::zeros(); n],
-            pivot: vec![0.0; n],
-            residual: vec![0.0; n],
-            factor: robot.mimics().then(|| Box::new(Factor::new(robot))),
+            inverse: Some(Box::new(Inverse::new(robot))),
         }
     }
 }
