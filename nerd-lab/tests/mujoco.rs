@@ -1,8 +1,8 @@
 //! The model written for MuJoCo holds all of the robot; states come back as they went; and where there is a MuJoCo
 //! (`NERD_MUJOCO`, the path of a Python that has it), it moves as ours does.
 
-use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nerd_core::robot::Limit;
 use nerd_core::state::wrap;
@@ -11,37 +11,45 @@ use nerd_sim::mjcf::mjcf;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 
-fn text(robot: &str, scene: &str) -> String {
+/// A robot and one of its scenes.
+fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {
     let system = System::named(robot).expect("built in");
-    mjcf(&system, &system.scene(scene).expect("scene"), &[]).expect("written")
+    let scene = system.scene(scene).expect("scene");
+    (system, scene)
 }
 
-fn count(text: &str, what: &str) -> usize {
-    text.matches(what).count()
+/// The Python of whoever has MuJoCo.
+fn python() -> Option<PathBuf> {
+    let python = std::env::var("NERD_MUJOCO").ok().map(PathBuf::from);
+    if python.is_none() {
+        println!("skipped: no MuJoCo");
+    }
+    python
 }
 
 #[test]
 fn every_body_joint_and_mass_is_there() {
-    // The cube is one box, the others a ball a contact point.
-    for (robot, scene, shapes) in [("pendulum", "ground1", 4), ("ant", "ground", 25), ("cube", "ground", 1)] {
-        let system = System::named(robot).expect("built in");
-        let text = text(robot, scene);
-        let model = &system.robot;
-        assert_eq!(count(&text, "<body "), model.links.len(), "{robot}: bodies");
-        assert_eq!(count(&text, "</body>"), model.links.len(), "{robot}: bodies that end");
-        assert_eq!(count(&text, "<joint "), model.joint_count(), "{robot}: joints");
-        assert_eq!(count(&text, "<freejoint/>"), usize::from(model.floating()), "{robot}: free roots");
-        let masses = text.split("<inertial mass=\"").skip(1).filter_map(|t| t.split('"').next()?.parse::<f64>().ok());
-        let mass: f64 = masses.sum();
+    // The cube is one box, the others a ball a contact point; where there is nothing to touch, there are no shapes.
+    for (robot, scene, planes, shapes) in [("pendulum", "ground1", 1, 4), ("ant", "ground", 1, 25), ("cube", "ground", 1, 1), ("ant", "free", 0, 0)] {
+        let (system, scene) = place(robot, scene);
+        let (model, text) = (&system.robot, mjcf(&system, &scene, &[]).expect("written"));
+        let count = |what: &str| text.matches(what).count();
+        for (what, expected) in [
+            ("<body ", model.links.len()),
+            ("</body>", model.links.len()),
+            ("<joint ", model.joint_count()),
+            ("<freejoint/>", usize::from(model.floating())),
+            ("type=\"plane\"", planes),
+            ("<geom", planes + shapes),
+        ] {
+            assert_eq!(count(what), expected, "{robot}: {what}");
+        }
+        assert_eq!(count("type=\"sphere\"") + count("type=\"box\""), shapes, "{robot}: shapes");
+        let values = |name: &'static str| text.split(name).skip(1).filter_map(|rest| rest.split('"').next());
+        let mass: f64 = values("<inertial mass=\"").filter_map(|mass| mass.parse::<f64>().ok()).sum();
         assert!((mass / model.mass() - 1.0).abs() < 1e-12, "{robot}: {mass} kg, not {}", model.mass());
-        // Names, so the order, of the joints.
-        let names = text.split("<joint name=\"").skip(1).filter_map(|t| t.split('"').next());
-        assert!(names.eq(model.joints().map(|j| j.name.as_str())), "{robot}: order of the joints");
-        assert_eq!(count(&text, "type=\"plane\""), 1, "{robot}");
-        let found = count(&text, "type=\"sphere\"") + count(&text, "type=\"box\"");
-        assert_eq!(found, shapes, "{robot}: shapes");
+        assert!(values("<joint name=\"").eq(model.joints().map(|j| j.name.as_str())), "{robot}: order of the joints");
     }
-    assert_eq!(count(&text("ant", "free"), "<geom"), 0, "nothing to touch, no shapes");
 }
 
 #[test]
@@ -69,12 +77,9 @@ fn states_come_back_as_they_went() {
 /// and a second has several bounces.
 #[test]
 fn mujoco_moves_as_ours_does() {
-    let Ok(python) = std::env::var("NERD_MUJOCO") else {
-        let _ = writeln!(std::io::stderr(), "skipped: no MuJoCo");
-        return;
-    };
+    let Some(python) = python() else { return };
     // A cable's springs are stepped by our implicit step, which is of second order.
-    let cable = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cables/lead.toml");
+    let cable = concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-sim/assets/cables/lead.toml");
     for (name, limits, bound) in [
         ("pendulum", false, 1e-9),
         ("cartpole", false, 1e-9),
@@ -87,18 +92,15 @@ fn mujoco_moves_as_ours_does() {
         for joint in system.robot.joints_mut() {
             joint.limit = joint.limit.filter(|_| limits).map(|l| Limit { damping: 0.0, ..l });
         }
-        let system = std::sync::Arc::new(system);
+        let system = Arc::new(system);
         let scene = system.scene("free").expect("scene");
         let starts: Vec<_> = (0..8).map(|k| start(&system, Start::Sample, &mut stream(7, k))).collect();
-        let mut mujoco = Referee::new(Path::new(&python), &system, &scene, &starts, 60).expect("MuJoCo");
+        let mut mujoco = Referee::new(&python, &system, &scene, &starts, 60).expect("MuJoCo");
         let theirs = mujoco.play(Scheme::Rk4, 256, false).expect("played");
         let mut batch = Batch::new(&system, &scene, starts.len());
         starts.iter().enumerate().for_each(|(env, s)| batch.reset(env, s));
-        let mut ours = Articulated::new(ArticulatedConfig {
-            substeps: 256,
-            contact_substeps: 1024,
-            ..ArticulatedConfig::converged(Friction::Coulomb)
-        });
+        let fine = ArticulatedConfig { substeps: 256, contact_substeps: 1024, ..ArticulatedConfig::converged(Friction::Coulomb) };
+        let mut ours = Articulated::new(fine);
         let (mut worst, coords, nq) = (0.0f64, system.robot.root_coords(), system.robot.nq());
         for frame in &theirs.frames {
             ours.step(&mut batch, &vec![0.0; starts.len() * system.robot.joint_count()]).expect("stepped");
@@ -112,7 +114,7 @@ fn mujoco_moves_as_ours_does() {
                 }
             }
         }
-        let _ = writeln!(std::io::stderr(), "{name}, limits {limits}: MuJoCo {} within {worst:.1e} over a second", mujoco.version);
+        println!("{name}, limits {limits}: MuJoCo {} within {worst:.1e} over a second", mujoco.version);
         assert!(worst < bound, "{name}: MuJoCo is {worst:.1e} away, allowed {bound:.0e}");
     }
 }
@@ -120,41 +122,30 @@ fn mujoco_moves_as_ours_does() {
 /// As a solver it is refused in one line where there is none, whether or not the program is there.
 #[test]
 fn without_a_python_that_has_it_mujoco_is_refused_in_one_line() {
-    let system = System::named("ant").expect("built in");
-    let scene = system.scene("ground").expect("scene");
+    let (system, scene) = place("ant", "ground");
     for python in ["/nowhere/python", "/bin/true", "/bin/cat"] {
-        if python != "/nowhere/python" && !Path::new(python).exists() {
-            continue;
-        }
         let error = Mujoco::new(Path::new(python), &system, &scene).err().expect("no MuJoCo").to_string();
-        assert!(error.contains("MuJoCo") || error.contains(python), "{python}: {error}");
-        assert!(!error.contains('\n'), "{python}: `{error}` is not one line");
+        assert!(error.contains("MuJoCo") && !error.contains('\n'), "{python}: `{error}` is not one line that names MuJoCo");
     }
 }
 
 /// As a solver it is a function of the state alone, and of each environment alone; and it flies as ours does.
 #[test]
 fn mujoco_as_a_solver_has_no_memory() {
-    let Ok(python) = std::env::var("NERD_MUJOCO") else {
-        let _ = writeln!(std::io::stderr(), "skipped: no MuJoCo");
-        return;
-    };
+    let Some(python) = python() else { return };
     for (robot, name) in [("ant", "ground"), ("cube", "ground"), ("pendulum", "free")] {
-        let system = System::named(robot).expect("built in");
-        let scene = system.scene(name).expect("scene");
-        let solver = || Mujoco::new(Path::new(&python), &system, &scene).expect("MuJoCo");
+        let (system, scene) = place(robot, name);
+        let solver = || Mujoco::new(&python, &system, &scene).expect("MuJoCo");
         let mut batch = Batch::new(&system, &scene, 4);
         (0..4).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(9, env as u64))));
         let torques: Vec<f64> = (0..4 * system.robot.joint_count()).map(|i| (i as f64).sin()).collect();
         let mut used = solver();
         for frame in 0..30 {
-            let mut fresh = batch.clone();
-            let before = batch.clone();
+            let (mut fresh, mut ours) = (batch.clone(), batch.clone());
             used.step(&mut batch, &torques).expect("stepped");
             solver().step(&mut fresh, &torques).expect("stepped");
             assert_eq!(batch.states, fresh.states, "{robot} on {name}, frame {frame}: it remembers");
             if name == "free" {
-                let mut ours = before;
                 Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)).step(&mut ours, &torques).expect("stepped");
                 let apart = ours.states.iter().zip(&batch.states).map(|(a, b)| wrap(a - b).abs()).fold(0.0, f64::max);
                 assert!(apart < 0.05, "{robot}, frame {frame}: MuJoCo is {apart:.1e} away after one frame");

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::experiments::games::{Reward, games, gap, gap_error, policy_of};
-use crate::report::write;
+use crate::report::{read_json, write_json};
 
 /// Seed of the starts of all games: that of all protocols.
 const STARTS: u64 = 500;
@@ -44,16 +44,11 @@ impl Gap {
         let play = |arena: &Arena| games(&run.task, arena, &policy, n, STARTS);
         let (real, learned) = (play(&Arena::Truth(truth))?, play(&run.arena)?);
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
-        let found = Self {
-            task: run.task.clone(),
-            seed: run.seed,
-            sha256: policy.sha256(),
-            gap: finite(gap(Reward::of(&real).mean, Reward::of(&learned).mean)),
-            gap_error: finite(gap_error(&real, &learned)),
-            real: Reward::of(&real),
-            learned: Reward::of(&learned),
-        };
-        put(&run.out.join("gap.json"), &found)?;
+        let gap_error = finite(gap_error(&real, &learned));
+        let (real, learned) = (Reward::of(&real), Reward::of(&learned));
+        let gap = finite(gap(real.mean, learned.mean));
+        let found = Self { task: run.task.clone(), seed: run.seed, sha256: policy.sha256(), real, learned, gap, gap_error };
+        write_json(&run.out.join("gap.json"), &found)?;
         Ok(found)
     }
 
@@ -79,19 +74,11 @@ impl Round {
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<()> {
-        put(&folder.join("gaps.json"), self)
+        write_json(&folder.join("gaps.json"), self)
     }
 }
 
+/// What a file holds, if it is there.
 fn get<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let text = nerd_sim::files::read_text(path).map_err(crate::error::file(path))?;
-    Ok(Some(serde_json::from_str(&text).map_err(crate::error::format(path))?))
-}
-
-fn put(path: &Path, what: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(what).map_err(crate::error::format(path))?;
-    write(path, (text + "\n").as_bytes())
+    path.exists().then(|| read_json(path)).transpose()
 }

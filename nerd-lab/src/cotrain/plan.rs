@@ -18,7 +18,7 @@ use nerd_train::shipped;
 use serde_json::{Value, json};
 
 use crate::error::{Result, refuse};
-use crate::report::write;
+use crate::report::write_json;
 
 /// Default number of updates of further training.
 const USUAL: u64 = 100_000;
@@ -113,7 +113,7 @@ impl Plan {
         });
         let path = self.out.join("co-train.json");
         if !path.exists() {
-            return write(&path, serde_json::to_string_pretty(&asked).map_err(crate::error::format(&path))?.as_bytes());
+            return write_json(&path, &asked);
         }
         let found = nerd_sim::files::read_text(&path).map_err(crate::error::file(&path))?;
         // As they are read: a number that is written and read may have another last digit.

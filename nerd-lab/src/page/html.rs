@@ -6,27 +6,17 @@ use crate::report::artifact::Artifact;
 use crate::report::{Provenance, Table};
 use nerd_train::replay::{Replay, escape, script};
 
+/// A part of the page under a heading, and its link.
 pub struct Section {
-    title: &'static str,
-    lead: &'static str,
-    pub body: String,
+    pub link: String,
+    pub html: String,
 }
 
 impl Section {
-    pub fn new(title: &'static str, lead: &'static str) -> Self {
-        Self { title, lead, body: String::new() }
-    }
-
-    fn anchor(&self) -> String {
-        self.title.to_lowercase().replace(' ', "-")
-    }
-
-    pub fn link(&self) -> String {
-        format!("<a href=\"#{}\">{}</a>", self.anchor(), self.title)
-    }
-
-    pub fn html(&self) -> String {
-        format!("<section id=\"{}\"><h2>{}</h2><p>{}</p>{}</section>\n", self.anchor(), self.title, self.lead, self.body)
+    pub fn new(title: &str, lead: &str, body: &str) -> Self {
+        let anchor = title.to_lowercase().replace(' ', "-");
+        let html = format!("<section id=\"{anchor}\"><h2>{title}</h2><p>{lead}</p>{body}</section>\n");
+        Self { link: format!("<a href=\"#{anchor}\">{title}</a>"), html }
     }
 }
 
@@ -60,7 +50,8 @@ pub fn picture(results: &Path, file: &str) -> String {
     if svg.is_empty() { svg } else { format!("<div class=picture>{svg}</div>") }
 }
 
-/// A replay that starts when it is seen.
-pub fn motion(replay: &Replay) -> String {
-    format!("<div class=motion><script type=application/json>{}</script></div>", script(replay))
+/// A replay that starts when it is seen, with what belongs to it.
+pub fn card(name: &str, replay: &Replay, more: &str) -> String {
+    let motion = format!("<div class=motion><script type=application/json>{}</script></div>", script(replay));
+    format!("<div class=card><h3>{name}</h3>{motion}{more}</div>")
 }

@@ -60,8 +60,8 @@ pub fn page(frames: usize, results: &Path, out: &Path, gif: Option<&Path>, bar: 
         sections::policies(results, &TASKS, tasks),
         sections::everything(&manifest, results),
     ];
-    let links: String = sections.iter().map(html::Section::link).collect();
-    let body: String = sections.iter().map(html::Section::html).collect();
+    let links: String = sections.iter().map(|section| section.link.as_str()).collect();
+    let body: String = sections.iter().map(|section| section.html.as_str()).collect();
     let script = format!("{}\n{SCRIPT}", replay::SCRIPT);
     let page = PAGE.replace("STYLE", STYLE).replace("NAVIGATION", &links).replace("SCRIPT", &script).replace("BODY", &body);
     write(out, page.as_bytes())

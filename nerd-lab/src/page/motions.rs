@@ -11,21 +11,19 @@ use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, named};
 use nerd_train::ppo::{Actor, folder};
+use nerd_train::replay::{self, Replay};
 use nerd_train::shipped::{model, policies};
 
 use crate::error::{Result, refuse};
-use nerd_train::replay::{self, Replay};
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;
 
-/// The truth that a model learned, and the model itself as a solver, with their names.
+/// A model as a solver, and the truth that it learned, with their names.
 fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
     let truth = ModelConfig::truth_of(model)?;
-    Ok([
-        ("NeRD".into(), learned(Model::load(model, system, None)?, system)?),
-        (format!("the truth, {}", truth.name()), truth.solver(system)),
-    ])
+    let model = learned(Model::load(model, system, None)?, system)?;
+    Ok([("NeRD".into(), model), (format!("the truth, {}", truth.name()), truth.solver(system))])
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

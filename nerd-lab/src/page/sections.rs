@@ -2,86 +2,86 @@
 
 use std::path::Path;
 
-use nerd_sim::suite::{Line, Verdict};
-
-use super::html::{Section, folded, from, motion, picture, result, table};
-use crate::experiments::passive::Rows;
-use crate::experiments::stability::StabilityMap;
-use crate::report::table::digits;
-use crate::report::{Artifact, Manifest};
+use nerd_sim::suite::{Cell, Line, Verdict};
 use nerd_train::replay::{Replay, escape};
 
+use super::html::{Section, card, folded, from, picture, result, table};
+use crate::experiments::passive::Rows;
+use crate::experiments::stability::StabilityMap;
+use crate::report::table::{digits, or_dash};
+use crate::report::manifest::{Entry, Manifest};
+use crate::report::Artifact;
+
+/// What the paper reports, beside ours.
 pub fn scorecard(results: &Path) -> Section {
-    let mut section = Section::new(
+    Section::new(
         "Scorecard",
         "Motion of every model beside the truth that it learned, with the paper's figures where the truth is the paper's; and the gaps of \
          policies whose seeds no model has met. Smaller errors are better, and gaps nearer to 0.",
-    );
-    section.body = result(results, "passive", &["summary"]) + &result(results, "fresh", &["summary"]);
-    section
+        &(result(results, "passive", &["summary"]) + &result(results, "fresh", &["summary"])),
+    )
 }
 
 /// Each robot, and how its error grows.
 pub fn robots(results: &Path, names: &[&str], replays: &[Replay]) -> Section {
-    let mut section = Section::new(
-        "Robots",
-        "Each robot from a start that its model never saw: NeRD solid, the truth it learned as a ghost behind it. Where only one is seen, \
-         they agree. The cable is moved at random, as in its data, by torques that are not in them.",
-    );
     let passive = Artifact::read(results, "passive").and_then(|found| found.parse::<Rows>());
-    let card = |(name, replay): (&&str, &Replay)| {
+    let one = |(name, replay): (&&str, &Replay)| {
         let growth = passive.as_ref().ok().and_then(|rows| rows.growth(name)).and_then(|figure| figure.svg().ok());
         let growth = growth.unwrap_or_default() + &picture(results, &format!("motions-{name}/figure.svg"));
         let growth = if growth.is_empty() { growth } else { folded("How far it errs", &format!("<div class=picture>{growth}</div>")) };
-        format!("<div class=card><h3>{name}</h3>{}{growth}</div>", motion(replay))
+        card(name, replay, &growth)
     };
-    section.body = format!("<div class=cards>{}</div>", names.iter().zip(replays).map(card).collect::<String>());
-    section
+    Section::new(
+        "Robots",
+        "Each robot from a start that its model never saw: NeRD solid, the truth it learned as a ghost behind it. Where only one is seen, \
+         they agree. The cable is moved at random, as in its data, by torques that are not in them.",
+        &format!("<div class=cards>{}</div>", names.iter().zip(replays).map(one).collect::<String>()),
+    )
 }
 
 /// Speed against accuracy, a chart for each scene that has one.
 pub fn charts(manifest: &Manifest, results: &Path) -> Section {
-    let mut section = Section::new(
+    let chart = |name: &str| format!("<div class=card>{}</div>", picture(results, &format!("{name}/figure.svg")));
+    let names = manifest.artefact.iter().map(|entry| entry.name.as_str()).filter(|name| name.starts_with("chart-"));
+    Section::new(
         "Speed and accuracy",
         "Each point is a solver at one setting. Lower and further left is better; points on the grey staircase are beaten by none in both. \
          Errors are distances from a converged motion.",
-    );
-    let chart = |name: &str| format!("<div class=card>{}</div>", picture(results, &format!("{name}/figure.svg")));
-    let names = manifest.artefact.iter().map(|entry| entry.name.as_str()).filter(|name| name.starts_with("chart-"));
-    section.body = format!("<div class=charts>{}</div>", names.map(chart).collect::<String>());
-    section
+        &format!("<div class=charts>{}</div>", names.map(chart).collect::<String>()),
+    )
 }
 
 /// The maps of known answers: what each row asks, why, and what came out.
 pub fn stability(manifest: &Manifest, results: &Path) -> Section {
-    let mut section = Section::new(
-        "Stability",
-        "Scenes with known answers; point at a row, and it says what is asked and why. Green is within the limit, yellow within ten times, red beyond, or the \
-         solver gave up. Limits come from equations and other people's tests.",
-    );
-    for entry in manifest.artefact.iter().filter(|entry| entry.name.starts_with("stability")) {
-        let Ok(found) = Artifact::read(results, &entry.name) else { continue };
-        let Ok(StabilityMap { methods, rows }) = found.parse::<StabilityMap>() else { continue };
+    let map = |name: &str, about: &str| {
+        let found = Artifact::read(results, name).ok()?;
+        let StabilityMap { methods, rows } = found.parse().ok()?;
         let methods: String = methods.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
         let rows: String = rows.iter().map(row).collect();
         let map =
             format!("<table class='sorts map'><thead><tr><th>row</th><th>limit</th>{methods}</tr></thead><tbody>{rows}</tbody></table>");
-        section.body += &folded(&escape(&entry.about), &format!("<div class=wide>{map}</div>{}", from(&entry.name, &found.provenance)));
-    }
-    section.body = section.body.replacen("<details>", "<details open>", 1);
-    section
+        Some(folded(&escape(about), &format!("<div class=wide>{map}</div>{}", from(name, &found.provenance))))
+    };
+    let entries = manifest.artefact.iter().filter(|entry| entry.name.starts_with("stability"));
+    let maps: String = entries.filter_map(|entry| map(&entry.name, &entry.about)).collect();
+    Section::new(
+        "Stability",
+        "Scenes with known answers; point at a row, and it says what is asked and why. Green is within the limit, yellow within ten times, red \
+         beyond, or the solver gave up. Limits come from equations and other people's tests.",
+        &maps.replacen("<details>", "<details open>", 1),
+    )
 }
 
 fn row(line: &Line) -> String {
-    let cell = |c: &nerd_sim::suite::Cell| {
+    let cell = |c: &Cell| {
         let class = match c.verdict {
             Verdict::Pass => "pass",
             Verdict::Degraded => "degraded",
             Verdict::Fail => "fail",
             Verdict::Unasked => "unasked",
         };
-        let figure = c.figure.map_or_else(|| "-".into(), digits);
-        format!("<td class={class}>{figure}{}</td>", if c.lost.is_some() { " lost" } else { "" })
+        let lost = if c.lost.is_some() { " lost" } else { "" };
+        format!("<td class={class}>{}{lost}</td>", or_dash(c.figure.map(digits)))
     };
     let cells: String = line.cells.iter().map(cell).collect();
     let why = escape(&format!("{}. {} {}", line.asked(), line.why, line.source));
@@ -90,35 +90,27 @@ fn row(line: &Line) -> String {
 
 /// The strict protocol, and a policy of each task at work.
 pub fn policies(results: &Path, tasks: &[&str], replays: &[Replay]) -> Section {
-    let mut section = Section::new(
+    let cards: String = tasks.iter().zip(replays).map(|(task, replay)| card(task, replay, "")).collect();
+    let each = folded("Every seed", &result(results, "fresh", &["fresh", "policies"]))
+        + &folded("Other solvers as judges", &result(results, "judges", &["judges"]));
+    Section::new(
         "Policies",
         "Policies that learned in NeRD alone, playing in NeRD (solid) and in the truth (ghost) from one start. Two that act on what they see \
          part in time, and should earn the same.",
-    );
-    let card = |(task, replay): (&&str, &Replay)| format!("<div class=card><h3>{task}</h3>{}</div>", motion(replay));
-    let cards: String = tasks.iter().zip(replays).map(card).collect();
-    let each = folded("Every seed", &result(results, "fresh", &["fresh", "policies"]))
-        + &folded("Other solvers as judges", &result(results, "judges", &["judges"]));
-    section.body = format!("<div class=cards>{cards}</div>{each}");
-    section
+        &format!("<div class=cards>{cards}</div>{each}"),
+    )
 }
 
 /// Every result with its tables, whether it holds, and where it comes from.
 pub fn everything(manifest: &Manifest, results: &Path) -> Section {
-    let mut section = Section::new("All results", "Every result that the repository keeps, with the command that makes it.");
-    for entry in &manifest.artefact {
-        let status = entry.status(results);
-        let found = Artifact::read(results, &entry.name);
+    let one = |entry: &Entry| {
+        let (status, found) = (entry.status(results), Artifact::read(results, &entry.name));
         let tables: String = found.iter().flat_map(|found| &found.tables).map(table).collect();
         let origin: String = found.iter().map(|found| from(&entry.name, &found.provenance)).collect();
         let colour = if status.holds() { "better" } else { "worse" };
-        let title = format!(
-            "<b>{}</b>: {} <span class={colour}>({})</span>",
-            escape(&entry.name),
-            escape(&entry.about),
-            escape(&status.to_string())
-        );
-        section.body += &folded(&title, &(tables + &origin));
-    }
-    section
+        let [name, about, status] = [&entry.name, &entry.about, &status.to_string()].map(|text| escape(text));
+        folded(&format!("<b>{name}</b>: {about} <span class={colour}>({status})</span>"), &(tables + &origin))
+    };
+    let all: String = manifest.artefact.iter().map(one).collect();
+    Section::new("All results", "Every result that the repository keeps, with the command that makes it.", &all)
 }

@@ -7,8 +7,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::{Inputs, Provenance, Table, write};
-use crate::error::{self, Result, refuse};
+use super::{Inputs, Provenance, Table, read_json, write, write_json};
+use crate::error::{Result, refuse};
 
 /// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -32,9 +32,7 @@ pub fn file(folder: &Path, name: &str) -> PathBuf {
 
 impl Artifact {
     pub fn read(folder: &Path, name: &str) -> Result<Self> {
-        let path = file(folder, name);
-        let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
-        serde_json::from_str(&text).map_err(error::format(&path))
+        read_json(&file(folder, name))
     }
 
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T> {
@@ -49,12 +47,11 @@ impl Artifact {
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         may_write(folder, name, &self.provenance, self.effort)?;
         let path = file(folder, name);
-        let text = serde_json::to_string_pretty(self).map_err(error::format(&path))?;
         if !self.tables.is_empty() {
             let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
             write(&path.with_file_name("README.md"), format!("{}\n{}\n", tables.join("\n"), self.provenance).as_bytes())?;
         }
-        write(&path, (text + "\n").as_bytes())
+        write_json(&path, self)
     }
 }
 

@@ -81,25 +81,25 @@ impl Manifest {
 impl Entry {
     pub fn status(&self, folder: &Path) -> Status {
         let wrong = |reason: &str| Status::Wrong(reason.into());
-        if !file(folder, &self.name).exists() {
-            return wrong("missing");
-        }
-        let result = match Artifact::read(folder, &self.name) {
+        let Artifact { provenance: from, inputs, .. } = match Artifact::read(folder, &self.name) {
             Ok(result) => result,
+            Err(_) if !file(folder, &self.name).exists() => return wrong("missing"),
             Err(e) => return wrong(&e.to_string()),
         };
-        let (from, command) = (&result.provenance, plain(&result.provenance.command));
-        let changed = || result.inputs.changed();
-        match () {
-            () if !from.traceable() => wrong("untraceable: it has no commit or command"),
-            () if from.dirty() => wrong("dirty: files of the checkout had been changed when it was measured"),
-            () if self.record => Status::Record(from.commit.clone()),
-            () if result.inputs.0.is_empty() => wrong("untraceable: it has no hash of what it was measured on"),
-            () if command != plain(self.made.as_ref().unwrap_or(&self.command)) => wrong(&format!("made by `{command}`")),
-            () => match changed() {
-                changed if changed.is_empty() => Status::Current,
-                changed => wrong(&format!("stale: {}", changed.join(", "))),
-            },
+        let command = plain(&from.command);
+        if !from.traceable() {
+            wrong("untraceable: it has no commit or command")
+        } else if from.dirty() {
+            wrong("dirty: files of the checkout had been changed when it was measured")
+        } else if self.record {
+            Status::Record(from.commit)
+        } else if inputs.0.is_empty() {
+            wrong("untraceable: it has no hash of what it was measured on")
+        } else if command != plain(self.made.as_ref().unwrap_or(&self.command)) {
+            wrong(&format!("made by `{command}`"))
+        } else {
+            let changed = inputs.changed();
+            if changed.is_empty() { Status::Current } else { wrong(&format!("stale: {}", changed.join(", "))) }
         }
     }
 }

@@ -9,6 +9,9 @@ pub mod table;
 
 use std::path::Path;
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 use crate::error::{self, Result};
 
 pub use artifact::Artifact;
@@ -20,4 +23,15 @@ pub use table::Table;
 /// Writes a file, whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     nerd_sim::files::write(path, bytes).map_err(error::file(path))
+}
+
+/// Writes what serialises as a JSON file.
+pub fn write_json(path: &Path, what: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(what).map_err(error::format(path))?;
+    write(path, (text + "\n").as_bytes())
+}
+
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = nerd_sim::files::read_text(path).map_err(error::file(path))?;
+    serde_json::from_str(&text).map_err(error::format(path))
 }
