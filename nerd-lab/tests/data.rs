@@ -28,8 +28,8 @@ fn every_number_of_a_data_set_is_counted_once() {
         assert_eq!(found.kinds.iter().map(|kind| kind.columns).sum::<usize>(), columns, "{robot}");
         for kind in &found.kinds {
             let expected = match kind.name.as_str() {
-                "contact depths" => counts.points_seen,
-                "contact normals" | "contact points" => 3 * counts.points_seen,
+                "contact depths" => counts.points_near[0],
+                "contact normals" | "contact points" => 3 * counts.points_near[0],
                 _ => 300,
             };
             assert_eq!(kind.count, expected, "{robot}: {kind:?}");

@@ -30,7 +30,9 @@ fn python() -> Option<PathBuf> {
 #[test]
 fn every_body_joint_and_mass_is_there() {
     // The cube is one box, the others a ball a contact point; where there is nothing to touch, there are no shapes.
-    for (robot, scene, planes, shapes) in [("pendulum", "ground1", 1, 4), ("ant", "ground", 1, 25), ("cube", "ground", 1, 1), ("ant", "free", 0, 0)] {
+    for (robot, scene, planes, shapes) in
+        [("pendulum", "ground1", 1, 4), ("ant", "ground", 1, 25), ("cube", "ground", 1, 1), ("ant", "free", 0, 0)]
+    {
         let (system, scene) = place(robot, scene);
         let (model, text) = (&system.robot, mjcf(&system, &scene, &[]).expect("written"));
         let count = |what: &str| text.matches(what).count();

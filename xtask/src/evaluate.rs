@@ -89,8 +89,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         Some(folder) => drop(conduct(&passive, &folder)?),
         None => tables(&[passive.rows()?.table()]),
     }
-    let Some((file, page)) = replay else { return Ok(()) };
-    crate::files::replay(&file, &page)
+    replay.map_or(Ok(()), |(file, page)| crate::out::replay(&file, &page))
 }
 
 /// The page that was asked for, and its motion.

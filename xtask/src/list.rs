@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use nerd_lab::report::Table;
-use nerd_lab::report::table::digits;
+use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_sim::scene::WORLDS;

@@ -23,7 +23,6 @@ mod check;
 mod commands;
 mod dataset;
 mod evaluate;
-mod files;
 mod inspect;
 mod list;
 mod measure;

@@ -9,6 +9,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use anyhow::{Result, bail};
 use nerd_lab::experiments::{self, Experiment};
 use nerd_lab::report::{Artifact, Table};
+use nerd_train::replay::Replay;
 
 static LOST: OnceLock<String> = OnceLock::new();
 static TABLES: OnceLock<Mutex<serde_json::Map<String, serde_json::Value>>> = OnceLock::new();
@@ -44,6 +45,13 @@ pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let artifact = experiments::conduct(experiment, out)?;
     tables(&artifact.tables);
     Ok(artifact)
+}
+
+/// Writes a replay as a page.
+pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
+    nerd_lab::report::write(path, replay.html().as_bytes())?;
+    eprintln!("replay written to {}", path.display());
+    Ok(())
 }
 
 /// Writes the buffered output, and returns whether all lines were written or not wanted.

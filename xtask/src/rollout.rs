@@ -68,7 +68,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let bar = bar("frames", steps as u64);
     let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
     bar.finish();
-    crate::files::write(&args.out, &table)
+    nerd_lab::report::write(&args.out, &table)
 }
 
 /// Frames over all trajectories that a file may ask for by the number of its last step alone: it may be a slip.

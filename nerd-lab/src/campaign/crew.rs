@@ -16,15 +16,9 @@ use super::files::{read, scratch};
 use super::judge::{Call, Case, Outcome, Verdict, judge};
 
 /// What a case may take.
-const TIME: Duration = Duration::from_secs(20);
+const TIME: Duration = Duration::from_secs(10);
 /// Address space of a worker (bytes).
 const MEMORY: u64 = 4 << 30;
-
-#[derive(Clone, Copy)]
-pub struct Cases {
-    pub seed: u64,
-    pub count: u64,
-}
 
 /// A worker, with its order: the seed, how many cases there are, its first one, how much further its next one is, the folders of good
 /// files and of verdicts.
@@ -72,18 +66,18 @@ struct Place {
     next: u64,
 }
 
-/// Tries all cases; `hear` is called with each one's number and verdict.
-pub fn try_all(program: &Path, cases: Cases, good: &Path, hear: &mut dyn FnMut(u64, Verdict)) -> Result<()> {
+/// Tries so many cases of a seed; `hear` is called with each one's number and verdict.
+pub fn try_all(program: &Path, (seed, count): (u64, u64), good: &Path, hear: &mut dyn FnMut(u64, Verdict)) -> Result<()> {
     let (stride, folder) = (std::thread::available_parallelism().map_or(1, |n| n.get()) as u64, scratch()?);
     let errors = |k: u64| folder.path().join(format!("{k}.txt"));
     let hire = |next: u64| -> Result<Child> {
-        let order = format!("{},{},{next},{stride},{},{}", cases.seed, cases.count, good.display(), folder.path().display());
+        let order = format!("{seed},{count},{next},{stride},{},{}", good.display(), folder.path().display());
         let mut command = Command::new(program);
         command.args(["campaign", "--work", &order]).envs([("NERD_COMMIT", "campaign"), ("RAYON_NUM_THREADS", "1")]);
         Ok(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(errors(next % stride))?).spawn()?)
     };
     let mut crew = Vec::new();
-    for next in 0..stride.min(cases.count) {
+    for next in 0..stride.min(count) {
         File::create(verdicts(folder.path(), next))?;
         let verdicts = BufReader::new(File::open(verdicts(folder.path(), next))?);
         crew.push(Place { worker: hire(next)?, verdicts, heard: Instant::now(), next });
@@ -99,7 +93,7 @@ pub fn try_all(program: &Path, cases: Cases, good: &Path, hear: &mut dyn FnMut(u
                 line.clear();
             }
             let late = place.heard.elapsed() > TIME;
-            if place.next >= cases.count || ended.is_none() && !late {
+            if place.next >= count || ended.is_none() && !late {
                 continue;
             }
             place.worker.kill()?;
@@ -113,11 +107,11 @@ pub fn try_all(program: &Path, cases: Cases, good: &Path, hear: &mut dyn FnMut(u
             };
             hear(place.next, Verdict(outcome, format!("{status}: {words}")));
             (place.heard, place.next) = (Instant::now(), place.next + stride);
-            if place.next < cases.count {
+            if place.next < count {
                 place.worker = hire(place.next)?;
             }
         }
-        crew.retain(|place| place.next < cases.count);
+        crew.retain(|place| place.next < count);
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Runs that are killed at a random moment, every second one in the midst of writing a file. What is there must be whole files, and
 //! the same command must then come to what an unbroken run comes to, byte for byte.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -31,53 +32,53 @@ const STABS: u64 = 3;
 /// What is counted of a command.
 pub const KILLS: [&str; 4] = ["kills", "inside a write", "half-written", "other after"];
 
-#[derive(Default)]
-pub struct Killed {
-    pub command: &'static str,
-    pub counts: [u64; KILLS.len()],
-    pub faults: Vec<String>,
-}
+/// By command, what became of its killed runs.
+pub type Counts = BTreeMap<String, [u64; KILLS.len()]>;
 
-pub fn kill(program: &Path, kills: u64, seed: u64) -> Result<Vec<Killed>> {
-    let bar = bar("kills", kills);
-    let mut all: Vec<Killed> = Vec::new();
+/// Kills so many runs in all; what was wrong goes to `faults`.
+pub fn kill(program: &Path, kills: u64, seed: u64, faults: &mut Vec<String>) -> Result<Counts> {
+    let (bar, mut done, mut all) = (bar("kills", kills), 0, Counts::new());
     for (k, (line, same)) in JOBS.iter().enumerate() {
         let wanted = (kills + k as u64) / JOBS.len() as u64;
-        let mut killed = Killed { command: line.split(" --").next().unwrap_or_default(), ..Default::default() };
+        if wanted == 0 {
+            continue;
+        }
+        let command = line.split(" --").next().unwrap_or_default();
+        let counts = all.entry(command.into()).or_default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(k as u64);
         let started = Instant::now();
-        let unbroken = if wanted > 0 { finish(program, line, same, tempfile::tempdir()?.path())? } else { Files::new() };
+        let unbroken = finish(program, line, same, tempfile::tempdir()?.path())?;
         let takes = started.elapsed();
-        while killed.counts[0] < wanted {
+        while counts[0] < wanted {
             let folder = tempfile::tempdir()?;
             let run = folder.path().join("run");
             // One run is killed a few times and then let be.
             for _ in 0..rng.random_range(1..=STABS) {
-                let aimed = killed.counts[0] % 2 == 1;
+                let aimed = counts[0] % 2 == 1;
                 let mut stabbed = || stab(start(program, line, folder.path())?, &run, takes.mul_f64(rng.random()), aimed);
-                if killed.counts[0] == wanted || !stabbed()? {
+                if counts[0] == wanted || !stabbed()? {
                     break;
                 }
-                let half: Vec<String> =
-                    read(&run)?.keys().filter(|name| !temporary(name)).filter_map(|name| whole(&run.join(name)).err()).collect();
-                killed.counts[0] += 1;
-                killed.counts[1] += u64::from(writing(&run));
-                killed.counts[2] += half.len() as u64;
-                killed.faults.extend(half);
+                let files = read(&run)?;
+                let half = files.keys().filter(|name| !temporary(name)).filter_map(|name| whole(&run.join(name)).err());
+                let before = faults.len();
+                faults.extend(half.map(|words| format!("{command}: {words}")));
+                counts[0] += 1;
+                counts[1] += u64::from(writing(&run));
+                counts[2] += (faults.len() - before) as u64;
             }
             let files = finish(program, line, same, folder.path())?;
-            let mut names: Vec<&String> =
-                files.keys().chain(unbroken.keys()).filter(|name| files.get(*name) != unbroken.get(*name)).collect();
-            names.dedup();
-            killed.counts[3] += names.len() as u64;
-            killed.faults.extend(names.into_iter().map(|name| format!("{name} has other bytes, or is there in one run alone")));
-            bar.set(all.iter().chain([&killed]).map(|killed| killed.counts[0]).sum());
+            let names: BTreeSet<&String> = files.keys().chain(unbroken.keys()).collect();
+            for name in names.into_iter().filter(|name| files.get(*name) != unbroken.get(*name)) {
+                counts[3] += 1;
+                faults.push(format!("{command}: {name} has other bytes, or is there in one run alone"));
+            }
+            bar.set(done + counts[0]);
         }
-        all.push(killed);
+        done += counts[0];
     }
     bar.finish();
-    all.retain(|killed| killed.counts[0] > 0);
     Ok(all)
 }
 

@@ -25,8 +25,8 @@ mod kills;
 mod text;
 
 use case::Kind;
+use crew::try_all;
 pub use crew::work;
-use crew::{Cases, try_all};
 pub use judge::Call;
 use judge::{Outcome, Verdict};
 use kills::KILLS;
@@ -49,7 +49,7 @@ pub struct Found {
     /// By kind of input, what became of them.
     pub cases: BTreeMap<String, [u64; Outcome::NAMES.len()]>,
     /// By command, what became of killed runs.
-    pub kills: BTreeMap<String, [u64; KILLS.len()]>,
+    pub kills: kills::Counts,
     /// Every fault in words; those of cases by number.
     pub faults: Vec<String>,
 }
@@ -64,10 +64,7 @@ impl Experiment for Campaign {
         if self.cases > 0 {
             self.change(&mut found)?;
         }
-        for killed in kills::kill(&self.program, self.kills, self.seed)? {
-            found.kills.insert(killed.command.into(), killed.counts);
-            found.faults.extend(killed.faults.into_iter().map(|words| format!("{}: {words}", killed.command)));
-        }
+        found.kills = kills::kill(&self.program, self.kills, self.seed, &mut found.faults)?;
         Measured::new(&found, found.tables())
     }
 }
@@ -87,7 +84,7 @@ impl Campaign {
         let good = files::scratch()?;
         bench::build(&self.program, good.path())?;
         let (bar, mut faults, mut done) = (bar("cases", self.cases), Vec::new(), 0);
-        try_all(&self.program, Cases { seed: self.seed, count: self.cases }, good.path(), &mut |number, verdict| {
+        try_all(&self.program, (self.seed, self.cases), good.path(), &mut |number, verdict| {
             let kind = Kind::of(number);
             let Verdict(outcome, words) = verdict;
             found.cases.entry(kind.name().into()).or_default()[outcome as usize] += 1;

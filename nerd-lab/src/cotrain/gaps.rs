@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::experiments::games::{Reward, games, gap, gap_error, policy_of};
+use crate::experiments::games::{Compared, games, policy_of};
 use crate::report::{read_json, write_json};
 
 /// Seed of the starts of all games: that of all protocols.
@@ -20,11 +20,8 @@ pub struct Gap {
     pub task: String,
     pub seed: u64,
     pub sha256: String,
-    pub real: Reward,
-    pub learned: Reward,
-    /// `(learned - real) / |real|` in percent; none where the truth gives nothing.
-    pub gap: Option<f64>,
-    pub gap_error: Option<f64>,
+    #[serde(flatten)]
+    pub rewards: Compared,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,11 +40,8 @@ impl Gap {
         let policy = policy_of(&run.out.join("policy"), &run.task)?;
         let play = |arena: &Arena| games(&run.task, arena, &policy, n, STARTS);
         let (real, learned) = (play(&Arena::Truth(truth))?, play(&run.arena)?);
-        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
-        let gap_error = finite(gap_error(&real, &learned));
-        let (real, learned) = (Reward::of(&real), Reward::of(&learned));
-        let gap = finite(gap(real.mean, learned.mean));
-        let found = Self { task: run.task.clone(), seed: run.seed, sha256: policy.sha256(), real, learned, gap, gap_error };
+        let rewards = Compared::of(&real, Some(&learned));
+        let found = Self { task: run.task.clone(), seed: run.seed, sha256: policy.sha256(), rewards };
         write_json(&run.out.join("gap.json"), &found)?;
         Ok(found)
     }
@@ -58,7 +52,7 @@ impl Gap {
 
     /// Size of the gap; infinite where there is none to speak of.
     fn size(&self) -> f64 {
-        self.gap.map_or(f64::INFINITY, f64::abs)
+        self.rewards.gap.map_or(f64::INFINITY, f64::abs)
     }
 }
 

@@ -37,6 +37,27 @@ impl Reward {
     }
 }
 
+/// A policy's rewards in the truth and in a model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Compared {
+    pub real: Reward,
+    pub learned: Option<Reward>,
+    /// [`gap`] (percent); none where the truth gives nothing.
+    pub gap: Option<f64>,
+    /// Its standard error.
+    #[serde(default)]
+    pub gap_error: Option<f64>,
+}
+
+impl Compared {
+    pub fn of(real: &[Game], learned: Option<&[Game]>) -> Self {
+        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+        let (mean, played) = (Reward::of(real), learned.map(Reward::of));
+        let gap = played.and_then(|played| finite(gap(mean.mean, played.mean)));
+        Self { real: mean, learned: played, gap, gap_error: learned.and_then(|learned| finite(gap_error(real, learned))) }
+    }
+}
+
 /// `(learned - real) / |real|` in percent.
 pub fn gap(real: f64, learned: f64) -> f64 {
     100.0 * (learned - real) / real.abs()
@@ -44,7 +65,7 @@ pub fn gap(real: f64, learned: f64) -> f64 {
 
 /// Standard error of [`gap`] between the means of games that began alike, pair by pair:
 /// `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
-pub fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
+fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     let (r, l) = (Reward::of(real).mean, Reward::of(learned).mean);
     let square = |(a, b): (&Game, &Game)| (b.reward - a.reward * l / r).powi(2);
     100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())

@@ -22,8 +22,7 @@ use serde_json::{Map, Value};
 
 use crate::error::{Result, refuse};
 use crate::report::artifact::{Artifact, may_write};
-use crate::report::figure::Figure;
-use crate::report::{Inputs, Provenance, Table};
+use crate::report::{Figure, Inputs, Provenance, Table};
 
 pub use registry::{Entry, REGISTRY};
 

@@ -15,7 +15,7 @@ pub struct Entry {
 
 pub static REGISTRY: [Entry; 5] = [
     entry::<super::ablations::Ablations>("ablations", "The paper's Figure A.2: NeRD with one design decision taken back at a time"),
-    entry::<super::benchmark::Benchmark>("benchmark", "Solvers, and how fast policies learn, on graphics cards (needs --features cuda)"),
+    entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
     entry::<super::judges::Judges>(
         "judges",
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",

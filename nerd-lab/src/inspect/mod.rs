@@ -15,8 +15,7 @@ use nerd_train::prepare::tokens;
 use nerd_train::progress::bar;
 
 use crate::error::{Result, refuse};
-use crate::report::Table;
-use crate::report::table::digits;
+use crate::report::{Table, digits};
 
 pub use columns::Kind;
 
@@ -38,14 +37,10 @@ pub struct Counts {
     pub beyond: u64,
     /// Transitions of the others, which is tokens.
     pub tokens: u64,
-    /// Tokens with a point that the mask lets through.
-    pub tokens_seeing: u64,
-    /// Tokens with a point that touches.
-    pub tokens_touching: u64,
-    /// Points, over all tokens, that the mask lets through.
-    pub points_seen: u64,
-    /// Points, over all tokens, that touch.
-    pub points_touching: u64,
+    /// Tokens with a point that the mask lets through, and with one that touches.
+    pub tokens_near: [u64; 2],
+    /// Such points over all tokens.
+    pub points_near: [u64; 2],
     /// Transitions in which each endless joint's angle wraps.
     pub wraps: Vec<(String, u64)>,
 }
@@ -109,10 +104,10 @@ impl Inspection {
         if points > 0 {
             text += &format!(
                 "contact: {} of tokens see a point within the mask, {} touch; {} of points are seen, {} touch\n",
-                share(counts.tokens_seeing, counts.tokens),
-                share(counts.tokens_touching, counts.tokens),
-                share(counts.points_seen, points),
-                share(counts.points_touching, points)
+                share(counts.tokens_near[0], counts.tokens),
+                share(counts.tokens_near[1], counts.tokens),
+                share(counts.points_near[0], points),
+                share(counts.points_near[1], points)
             );
         }
         for (joint, n) in &counts.wraps {
@@ -138,19 +133,20 @@ impl Inspection {
 impl Counts {
     /// Which trajectories a learner may see.
     fn sift(&mut self, recording: &Recording, bound: f64) -> Vec<bool> {
-        let part = |x: &[f64], i: usize| x[i * x.len() / recording.trajectories..(i + 1) * x.len() / recording.trajectories].to_vec();
+        let n = recording.trajectories;
         let look = |i: usize| {
-            let states = part(&recording.states, i);
-            let others = [&recording.torques, &recording.gravity, &recording.normals, &recording.points].map(|x| part(x, i));
+            let part = |x: &'_ [f64]| -> Vec<f64> { x[i * x.len() / n..(i + 1) * x.len() / n].to_vec() };
+            let states = part(&recording.states);
+            let others = [&recording.torques, &recording.gravity, &recording.normals, &recording.points].map(|x| part(x));
             let finite = states.iter().chain(others.iter().flatten()).all(|x| x.is_finite());
-            let finite = finite && !part(&recording.depths, i).iter().any(|x| x.is_nan());
+            let finite = finite && !part(&recording.depths).iter().any(|x| x.is_nan());
             let beyond = finite && states.iter().any(|x| x.abs() > bound);
             self.trajectories += 1;
             self.not_finite += u64::from(!finite);
             self.beyond += u64::from(beyond);
             finite && !beyond
         };
-        (0..recording.trajectories).map(look).collect()
+        (0..n).map(look).collect()
     }
 
     /// Counts that are not a column's.
@@ -165,15 +161,15 @@ impl Counts {
         for row in (0..recording.trajectories * f).filter(|row| kept[row / f]) {
             self.tokens += 1;
             let near = recording.depths[row * points..(row + 1) * points].iter().zip(&robot.contact_points);
-            let (mut seen, mut touching) = (0, 0);
+            let mut met = [0, 0];
             for (depth, point) in near {
-                seen += u64::from(*depth < point.threshold());
-                touching += u64::from(*depth < point.radius);
+                met[0] += u64::from(*depth < point.threshold());
+                met[1] += u64::from(*depth < point.radius);
             }
-            self.points_seen += seen;
-            self.points_touching += touching;
-            self.tokens_seeing += u64::from(seen > 0);
-            self.tokens_touching += u64::from(touching > 0);
+            for k in 0..2 {
+                self.points_near[k] += met[k];
+                self.tokens_near[k] += u64::from(met[k] > 0);
+            }
             let at = (row / f * (f + 1) + row % f) * d;
             for ((k, _), (_, wraps)) in endless.iter().zip(&mut self.wraps) {
                 let turn = recording.states[at + d + k] - recording.states[at + k];

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::artifact::Artifact;
-use crate::report::{Provenance, Table};
+use crate::report::{Artifact, Provenance, Table};
 use nerd_train::replay::{Replay, escape, script};
 
 /// A part of the page under a heading, and its link.

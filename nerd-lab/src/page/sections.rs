@@ -8,9 +8,8 @@ use nerd_train::replay::{Replay, escape};
 use super::html::{Section, card, folded, from, picture, result, table};
 use crate::experiments::passive::Rows;
 use crate::experiments::stability::StabilityMap;
-use crate::report::table::{digits, or_dash};
 use crate::report::manifest::{Entry, Manifest};
-use crate::report::Artifact;
+use crate::report::{Artifact, digits, or_dash};
 
 /// What the paper reports, beside ours.
 pub fn scorecard(results: &Path) -> Section {

@@ -72,9 +72,6 @@ pub enum Style {
     Dashed,
     /// A line with a mark at each point.
     Marked,
-    Marks,
-    /// A closed outline, filled.
-    Band,
     /// Bars beside those of the panel's other series.
     Bars,
 }
@@ -272,7 +269,6 @@ impl Panel {
             match series.style {
                 Style::Line | Style::Marked => drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?),
                 Style::Dashed => drop(chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?),
-                Style::Band => drop(chart.draw_series([Polygon::new(points, colour.mix(0.25))])?),
                 Style::Bars => {
                     let left = |x: f64| x - 0.4 + 0.8 * bar / bars;
                     let rectangle =
@@ -280,9 +276,8 @@ impl Panel {
                     chart.draw_series(points.iter().map(rectangle))?;
                     bar += 1.0;
                 }
-                Style::Marks => {}
             }
-            if matches!(series.style, Style::Marked | Style::Marks) {
+            if series.style == Style::Marked {
                 for (x, y, word) in shown() {
                     let text = Text::new(word.clone(), (6, -14), ("sans-serif", 12).into_font().color(&colour));
                     chart.draw_series([EmptyElement::at((*x, *y)) + Circle::new((0, 0), 4, colour.filled()) + text])?;

@@ -1,11 +1,11 @@
 //! Where figures come from and where they go: provenance, what was measured, tables, pictures, documents.
 
 pub mod artifact;
-pub mod figure;
-pub mod inputs;
+mod figure;
+mod inputs;
 pub mod manifest;
 pub mod marks;
-pub mod table;
+mod table;
 
 use std::path::Path;
 
@@ -15,10 +15,11 @@ use serde::de::DeserializeOwned;
 use crate::error::{self, Result};
 
 pub use artifact::Artifact;
+pub use figure::{Axis, Figure, Mark, Panel, Series, Style, unbeaten};
 pub use inputs::{Input, Inputs};
 pub use manifest::{Manifest, Status};
 pub use nerd_train::provenance::Provenance;
-pub use table::Table;
+pub use table::{Table, digits, or_dash, pair};
 
 /// Writes a file, whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {

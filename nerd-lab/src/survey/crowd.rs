@@ -17,8 +17,7 @@ use super::stand::{lowest, ready};
 use crate::error::Result;
 use crate::experiments::cost::on_one_core;
 use crate::mujoco::{Referee, Scheme};
-use crate::report::Table;
-use crate::report::table::{digits, or_dash};
+use crate::report::{Table, digits, or_dash};
 
 /// Frames of a rollout: half a second.
 pub const CROWD: usize = 30;

@@ -29,8 +29,7 @@ use file::{reason, text};
 pub use stand::{STANDING, stand, standing};
 
 use crate::error::Result;
-use crate::report::Table;
-use crate::report::table::digits;
+use crate::report::{Table, digits};
 
 const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it

@@ -17,8 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Found, Surveyed};
 use crate::python::{Python, Version};
-use crate::report::Table;
-use crate::report::table::or_dash;
+use crate::report::{Table, or_dash};
 
 const REFEREE: &str = include_str!("pinocchio.py");
 /// That of Pinocchio's models.

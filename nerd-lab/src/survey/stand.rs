@@ -17,8 +17,7 @@ use super::each;
 use super::file::{Found, reason, text};
 use crate::error::{Result, refuse};
 use crate::mujoco::{Referee, Scheme};
-use crate::report::Table;
-use crate::report::table::{digits, or_dash};
+use crate::report::{Table, digits, or_dash};
 
 /// Frames of a rollout: ten seconds at sixty a second.
 pub const STANDING: usize = 600;

@@ -52,10 +52,8 @@ impl Suite {
     }
 
     /// Of these rows those with one of `words` in their names; all of them if there is no word.
-    pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
-        known(words, &self.rows.iter().map(|r| r.name).collect::<Vec<_>>())?;
-        self.rows.retain(|r| words.is_empty() || words.iter().any(|w| r.name.contains(w.as_ref())));
-        Ok(self)
+    pub fn only(self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
+        Ok(Self { rows: only(self.rows, words)? })
     }
 
     /// The rows, in the order of tables.
@@ -71,23 +69,15 @@ impl Suite {
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
             cell
         };
-        let line = |row: &&'static Row| Line {
-            row: row.name.into(),
-            figure: row.figure.into(),
-            unit: row.unit.into(),
-            source: row.source.into(),
-            why: row.why.into(),
-            limit: row.limit,
-            cells: methods.par_iter().map(|m| measure(row, m)).collect(),
-        };
+        let line = |row: &&'static Row| row.line(methods.par_iter().map(|m| measure(row, m)).collect());
         self.rows.par_iter().map(line).collect()
     }
 }
 
-/// Refuses a word that none of the names has in it.
-pub fn known(words: &[impl AsRef<str>], names: &[&str]) -> Result<(), Error> {
-    match words.iter().map(AsRef::as_ref).find(|w| !names.iter().any(|name| name.contains(w))) {
-        Some(word) => Err(Error::Row(word.into(), names.join(", "))),
-        None => Ok(()),
+/// Of some rows those with one of `words` in their names, or all; refuses a word that none has.
+pub fn only<M>(rows: Vec<&'static Row<M>>, words: &[impl AsRef<str>]) -> Result<Vec<&'static Row<M>>, Error> {
+    match words.iter().map(AsRef::as_ref).find(|word| !rows.iter().any(|row| row.name.contains(word))) {
+        Some(word) => Err(Error::Row(word.into(), rows.iter().map(|row| row.name).collect::<Vec<_>>().join(", "))),
+        None => Ok(rows.into_iter().filter(|row| words.is_empty() || words.iter().any(|w| row.name.contains(w.as_ref()))).collect()),
     }
 }

@@ -8,10 +8,12 @@ use super::method::Method;
 use super::trial::{Error, Trial};
 use crate::solver::StepError;
 
+/// How a row of the suite measures; an error is a scene that could not be made.
+type Measure = fn(&Trial) -> Result<f64, Error>;
+
 /// One scene and what is measured in it.
 #[derive(Clone, Copy, Debug)]
-#[non_exhaustive]
-pub struct Row {
+pub struct Row<M = Measure> {
     /// Name.
     pub name: &'static str,
     /// What the figure is.
@@ -24,18 +26,20 @@ pub struct Row {
     pub why: &'static str,
     /// Largest figure that passes; up to ten times as much is degraded.
     pub limit: f64,
-    /// Measures; an error is a scene that could not be made.
-    pub(super) measure: fn(&Trial) -> Result<f64, Error>,
+    /// Measures.
+    pub measure: M,
+}
+
+impl<M> Row<M> {
+    /// With what came out, a cell for each method.
+    pub fn line(&self, cells: Vec<Cell>) -> Line {
+        let [row, figure, unit, source, why] = [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
+        Line { row, figure, unit, source, why, limit: self.limit, cells }
+    }
 }
 
 impl Row {
-    pub(super) const fn new(
-        name: &'static str,
-        figure: &'static str,
-        unit: &'static str,
-        limit: f64,
-        measure: fn(&Trial) -> Result<f64, Error>,
-    ) -> Self {
+    pub(super) const fn new(name: &'static str, figure: &'static str, unit: &'static str, limit: f64, measure: Measure) -> Self {
         Self { name, figure, unit, source: "", why: "", limit, measure }
     }
 

@@ -31,14 +31,14 @@ pub enum Error {
 }
 
 /// A method under test.
-pub(super) struct Trial<'a> {
+pub struct Trial<'a> {
     pub method: &'a Method,
     /// The solver's error if it gave up; from there on the motion stays as it is.
     pub lost: RefCell<Option<String>>,
 }
 
 /// A motion: states after 0, 1, 2, ... frames.
-pub(super) struct Motion {
+pub struct Motion {
     system: Arc<System>,
     scene: Arc<Scene>,
     pub states: Vec<Vec<f64>>,

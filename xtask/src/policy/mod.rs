@@ -156,6 +156,6 @@ fn show(args: ShowArgs) -> Result<()> {
     let arena = args.arena.of(&task)?;
     let title = format!("{task} on {}", arena.title()?);
     let (page, reward) = replay::episode(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
-    say!("{title}: {} steps, reward {reward:.1}; {}", page.frames(), args.out.display());
-    crate::files::write(&args.out, page.html().as_bytes())
+    say!("{title}: {} steps, reward {reward:.1}", page.frames());
+    out::replay(&args.out, &page)
 }

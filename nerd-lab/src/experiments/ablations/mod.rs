@@ -47,7 +47,7 @@ settings! {
         /// Variants beside NeRD, comma-separated, as their bars are called (`gru`, `abs-pred`, `h-1`) [default: all]
         only: Vec<String> = Vec::new(), Texts;
         /// Optimiser updates of each variant
-        updates: u64 = 1200, Whole(UPDATES);
+        updates: u64 = 1200, Whole(100..=*UPDATES.end());
         /// Transitions of the training data
         transitions: usize = 200_000, Whole(TRANSITIONS);
         /// Trajectories of the evaluation (the paper: 2048)

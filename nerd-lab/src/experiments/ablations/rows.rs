@@ -6,9 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::bars::{Bar, NERD};
 use super::{Ablations, BATCH, frames};
 use crate::error::{Result, refuse};
-use crate::report::Table;
-use crate::report::figure::{Axis, Figure, Panel, Series, Style};
-use crate::report::table::{digits, pair};
+use crate::report::{Axis, Figure, Panel, Series, Style, Table, digits, pair};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Measurement {

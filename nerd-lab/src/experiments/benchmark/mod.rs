@@ -1,8 +1,6 @@
 //! Solvers on a graphics card beside the CPU's: errors and frames a second of the articulated solver and of models, whose batch
-//! never leaves the card, and of MuJoCo Warp where a Python has it; and how fast policies learn there.
+//! never leaves the card, and of MuJoCo Warp where a Python has it.
 
-#[cfg(feature = "cuda")]
-mod learning;
 #[cfg(feature = "cuda")]
 mod pace;
 
@@ -22,7 +20,7 @@ use crate::error::refuse;
 use crate::report::{Input, Inputs};
 
 settings! {
-    /// Solvers and training on a graphics card.
+    /// Solvers on a graphics card.
     pub struct Benchmark {
         /// Name of the result
         name: String = "benchmark".into(), Text;
@@ -30,14 +28,12 @@ settings! {
         robots: Vec<String> = ["pendulum:ground1", "cube:ground", "ant:ground", "anymal:ground", "franka:free"].map(String::from).into(), Texts;
         /// Rollouts whose error is measured
         rollouts: usize = 256, Whole(STARTS);
-        /// Environments of the timed batch, and of training
+        /// Environments of the timed batch
         environments: usize = 8192, Whole(STARTS);
         /// Substeps of the implicit step, comma-separated
         substeps: Vec<usize> = vec![1, 2, 4, 8, 16, 32], Wholes(SUBSTEPS);
         /// Substeps of the explicit step, of Runge-Kutta where nothing touches, comma-separated
         explicit: Vec<usize> = vec![16, 64, 256], Wholes(SUBSTEPS);
-        /// Tasks whose training is timed, in the models of their robots and in four implicit substeps, comma-separated [default: none]
-        tasks: Vec<String> = Vec::new(), Texts;
         /// Python that has MuJoCo Warp, to measure that engine too [default: none]
         warp: Option<PathBuf> = None, Text;
         /// Seed of the starts
@@ -69,12 +65,7 @@ impl Experiment for Benchmark {
                 inputs.solver(&Choice::Setting(setting), robot, scene)?;
             }
         }
-        for task in &self.tasks {
-            let robot = nerd_tasks::named(task)?.robot();
-            inputs.add(Input::robot(&*System::named(robot)?));
-            inputs.add(Input::model(&shipped::model_of_task(task, robot))?);
-        }
-        let effort = (self.robots.len() * (self.rollouts + self.environments) + self.tasks.len()) as f64;
+        let effort = (self.robots.len() * (self.rollouts + self.environments)) as f64;
         Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
     }
 
@@ -85,8 +76,8 @@ impl Experiment for Benchmark {
 
     #[cfg(feature = "cuda")]
     fn measure(&self) -> Result<Measured> {
-        let (mut paces, mut learning, mut version) = (Vec::new(), Vec::new(), None);
-        let bar = nerd_train::progress::bar("robots and tasks", (self.robots.len() + self.tasks.len()) as u64);
+        let (mut paces, mut version) = (Vec::new(), None);
+        let bar = nerd_train::progress::bar("robots", self.robots.len() as u64);
         for (k, (robot, scene)) in self.pairs()?.into_iter().enumerate() {
             bar.set(k as u64);
             let course = pace::Course::new(robot, scene, self)?;
@@ -99,14 +90,9 @@ impl Experiment for Benchmark {
             pace::mark(&mut own);
             paces.extend(own);
         }
-        for (k, task) in self.tasks.iter().enumerate() {
-            bar.set((self.robots.len() + k) as u64);
-            learning.extend(learning::both(task, self.environments, self.seed)?);
-        }
         bar.finish();
-        let mut tables = vec![pace::table(&paces, self, version.as_deref())];
-        tables.extend((!learning.is_empty()).then(|| learning::table(&learning)));
-        let mut measured = Measured::new(&serde_json::json!({ "paces": &paces, "learning": &learning, "warp": version }), tables)?;
+        let table = pace::table(&paces, self, version.as_deref());
+        let mut measured = Measured::new(&serde_json::json!({ "paces": &paces, "warp": version }), vec![table])?;
         for (robot, scene) in self.pairs()? {
             measured = measured.with(format!("{robot}-{scene}"), pace::figure(&paces, &format!("{robot}, {scene}"), self.environments));
         }

@@ -17,9 +17,7 @@ use super::Benchmark;
 use crate::error::Result;
 use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
-use crate::report::Table;
-use crate::report::figure::{Figure, Mark, unbeaten};
-use crate::report::table::{digits, or_dash};
+use crate::report::{Figure, Mark, Table, digits, or_dash, unbeaten};
 
 /// Frames after which most robots touch something: there rollouts begin.
 const FALL: usize = 25;

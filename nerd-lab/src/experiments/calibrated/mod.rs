@@ -18,8 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{About, Experiment, Measured};
 use crate::error::{Result, refuse};
-use crate::report::figure::{Axis, Figure, Panel, Series, Style};
-use crate::report::{Input, Inputs};
+use crate::report::{Axis, Figure, Input, Inputs, Panel, Series, Style};
 use split::{Parts, Scored, Split};
 
 /// Places of a profile, and rollouts behind each.

@@ -3,8 +3,7 @@
 use nerd_sim::calibrate::Distance;
 
 use super::{Calibrated, CalibratedAll, Scored, Split};
-use crate::report::Table;
-use crate::report::table::digits;
+use crate::report::{Table, digits};
 
 /// A parameter along whose bounds the objective rises by less than this share is not determined.
 const FLAT: f64 = 0.01;

@@ -7,9 +7,7 @@ use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
 use super::guest::Against;
-use crate::report::Table;
-use crate::report::figure::{Figure, Mark, unbeaten};
-use crate::report::table::{digits, or_dash, pair};
+use crate::report::{Figure, Mark, Table, digits, or_dash, pair, unbeaten};
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ChartData {

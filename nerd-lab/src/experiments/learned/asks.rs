@@ -9,6 +9,7 @@ use nerd_core::robot::Base;
 use nerd_sim::dataset::Drive;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::suite::Row;
 use nerd_sim::truth::Truth;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 
@@ -23,39 +24,27 @@ pub(super) struct Case {
     pub truth: Truth,
 }
 
-pub(super) struct Ask {
-    pub name: &'static str,
-    pub figure: &'static str,
-    pub unit: &'static str,
-    pub source: &'static str,
-    pub why: &'static str,
-    pub limit: f64,
-    pub measure: Measure,
-}
-
-type Measure = fn(&Case, &Maker) -> Result<f64>;
+pub(super) type Measure = fn(&Case, &Maker) -> Result<f64>;
+pub(super) type Ask = Row<Measure>;
 /// Makes the solver under test for a system like the case's.
 pub(super) type Maker<'a> = dyn Fn(&Arc<System>) -> Result<Box<dyn Solver>> + 'a;
 
-const HELD: &str = "of hold-last's";
-const FLOOR: &str = "a tenth of what knowing nothing gives";
-const ROUND: &str = "rounding of f32";
-
 /// With an error as a share of hold-last's.
 const fn held(name: &'static str, why: &'static str, measure: Measure) -> Ask {
-    Ask { name, figure: "error", unit: HELD, source: FLOOR, why, limit: 0.1, measure }
+    let source = "a tenth of what knowing nothing gives";
+    Row { name, figure: "error", unit: "of hold-last's", source, why, limit: 0.1, measure }
 }
 
 /// With a difference that may be rounding alone.
 const fn same(name: &'static str, figure: &'static str, why: &'static str, measure: Measure) -> Ask {
-    Ask { name, figure, unit: "", source: ROUND, why, limit: 1e-4, measure }
+    Row { name, figure, unit: "", source: "rounding of f32", why, limit: 1e-4, measure }
 }
 
 pub(super) static ASKS: [Ask; 11] = [
     held("10 frames", "As far as a controller looks ahead.", |c, m| horizon(c, m, 10)),
     held("100 frames", "The paper's horizon.", |c, m| horizon(c, m, 100)),
     held("1000 frames", "As long as an episode: is anything still known then?", |c, m| horizon(c, m, 1000)),
-    Ask {
+    Row {
         name: "gone in 1000 frames",
         figure: "rollouts that left, of 32",
         unit: "",
@@ -72,7 +61,7 @@ pub(super) static ASKS: [Ask; 11] = [
         moved(c, m, 1e5)
     }),
     same("history", "after a reset, and after a gap, against fresh", "What it remembers must be of this motion.", history),
-    Ask {
+    Row {
         name: "energy in flight",
         figure: "change beyond the truth's in 100 frames",
         unit: "of the largest kinetic",

@@ -10,7 +10,7 @@ use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Glide, Hold};
 use nerd_sim::prelude::*;
-use nerd_sim::suite::{Cell, Line, known};
+use nerd_sim::suite::{Cell, only};
 use nerd_sim::truth::Truth;
 use nerd_train::progress::bar;
 
@@ -30,12 +30,11 @@ pub struct Learned {
 impl Learned {
     /// The model of a folder, asked the questions with one of `words` in their names, or all.
     pub fn new(folder: &Path, words: &[String]) -> Result<Self> {
-        known(words, &ASKS.each_ref().map(|a| a.name))?;
         let config = ModelConfig::read(folder)?;
         let system = System::named(&config.robot)?;
         let scene = system.scene(system.usual_scenes().last().copied().unwrap_or("free"))?;
         let case = Case { system, scene, model: folder.into(), truth: Truth::named(&config.truth).map_err(anyhow::Error::msg)? };
-        Ok(Self { case, asks: ASKS.iter().filter(|a| words.is_empty() || words.iter().any(|w| a.name.contains(w.as_str()))).collect() })
+        Ok(Self { case, asks: only(ASKS.iter().collect(), words)? })
     }
 
     pub fn title(&self) -> String {
@@ -70,8 +69,7 @@ impl Experiment for Learned {
                 cells.push(Cell::new((ask.measure)(case, *maker), None, ask.limit));
                 bar.set((rows.len() * makers.len() + cells.len()) as u64);
             }
-            let [row, figure, unit, source, why] = [ask.name, ask.figure, ask.unit, ask.source, ask.why].map(String::from);
-            rows.push(Line { row, figure, unit, source, why, limit: ask.limit, cells });
+            rows.push(ask.line(cells));
         }
         bar.finish();
         StabilityMap { methods: makers.map(|m| m.0.to_string()).into(), rows }.measured()

@@ -4,9 +4,7 @@ use nerd_train::device::Device;
 use nerd_train::stats::{mean, percentile};
 
 use super::{LOOK, Motions, Moved};
-use crate::report::Table;
-use crate::report::figure::{Figure, Mark};
-use crate::report::table::{digits, or_dash};
+use crate::report::{Figure, Mark, Table, digits, or_dash};
 
 impl Motions {
     pub fn table(&self, data: &Moved) -> Table {

@@ -7,9 +7,7 @@ use nerd_train::shipped;
 use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
-use crate::report::Table;
-use crate::report::figure::{Axis, Figure, Panel, Series, Style};
-use crate::report::table::{digits, pair};
+use crate::report::{Axis, Figure, Panel, Series, Style, Table, digits, pair};
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rows {

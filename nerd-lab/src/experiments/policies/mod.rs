@@ -15,7 +15,7 @@ use nerd_train::settings::settings;
 use nerd_train::shipped::{self, from_root};
 use rayon::prelude::*;
 
-use super::games::{Reward, games, gap, gap_error, truth_of};
+use super::games::{Compared, games, truth_of};
 use super::{About, Experiment, Measured};
 use crate::error::{Result, refuse};
 use crate::report::{Input, Inputs};
@@ -109,18 +109,13 @@ impl Policies {
         let real = play(Arena::Truth(truth))?;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
         let learned = if self.truth_only { None } else { Some(play(learned)?) };
-        let (mean, played) = (Reward::of(&real), learned.as_deref().map(Reward::of));
         Ok(Row {
             policy: from_root(path),
             trained_in: config.solver,
             truth: truth.name(),
             model: learned.is_some().then(|| from_root(&model)),
             games: self.games,
-            // There is no share of a truth that earns nothing.
-            gap: played.map(|l| gap(mean.mean, l.mean)).filter(|g| g.is_finite()),
-            gap_error: learned.map(|l| gap_error(&real, &l)).filter(|g| g.is_finite()),
-            real: mean,
-            learned: played,
+            rewards: Compared::of(&real, learned.as_deref()),
             task,
         })
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::experiments::games::{Reward, gap};
+use crate::experiments::games::{Compared, Reward, gap};
 use crate::paper::policy_reward;
 use crate::report::Table;
 
@@ -14,13 +14,8 @@ pub struct Row {
     pub truth: String,
     pub model: Option<String>,
     pub games: usize,
-    pub real: Reward,
-    pub learned: Option<Reward>,
-    /// `(learned - real) / |real|` in percent.
-    pub gap: Option<f64>,
-    /// Its standard error.
-    #[serde(default)]
-    pub gap_error: Option<f64>,
+    #[serde(flatten)]
+    pub rewards: Compared,
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
@@ -47,19 +42,23 @@ pub fn each(rows: &[Row]) -> Table {
             short(&r.policy),
             r.trained_in.clone(),
             r.games.to_string(),
-            reward(&r.real),
-            r.learned.as_ref().map_or_else(|| "-".into(), reward),
-            r.gap.map_or_else(|| "-".into(), |g| percent(g, r.gap_error)),
+            reward(&r.rewards.real),
+            r.rewards.learned.as_ref().map_or_else(|| "-".into(), reward),
+            r.rewards.gap.map_or_else(|| "-".into(), |g| percent(g, r.rewards.gap_error)),
             paper.map_or_else(|| "-".into(), |p| format!("{} / {} ({:+.2} %)", p[0], p[1], gap(p[0], p[1]))),
         ]
     });
     let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
     let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
     let mut table = Table::new("policies", &header).with(lines).noted(&note);
-    if rows.iter().any(|r| r.real.success.is_some()) {
+    if rows.iter().any(|r| r.rewards.real.success.is_some()) {
         table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
         let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share));
-        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.extend([share(Some(&row.real)), share(row.learned.as_ref())]));
+        table
+            .rows
+            .iter_mut()
+            .zip(rows)
+            .for_each(|(line, row)| line.extend([share(Some(&row.rewards.real)), share(row.rewards.learned.as_ref())]));
         table.note += " Success: games whose task says that they succeeded.";
     }
     table
@@ -87,12 +86,14 @@ pub fn gaps(rows: &[Row]) -> Table {
         if learned.is_empty() && truth.is_empty() {
             return None;
         }
-        let gaps = |rows: &[&Row]| rows.iter().filter_map(|r| r.gap).collect::<Vec<_>>();
+        let gaps = |rows: &[&Row]| rows.iter().filter_map(|r| r.rewards.gap).collect::<Vec<_>>();
         let sizes = |rows: &[&Row]| gaps(rows).iter().map(|g| g.abs()).collect::<Vec<_>>();
         let mean = |of: &[f64]| if of.is_empty() { f64::NAN } else { of.iter().sum::<f64>() / of.len() as f64 };
         let most = |of: &[f64]| of.iter().copied().fold(f64::NAN, f64::max);
-        let seeds = |rows: &[&Row]| rows.iter().filter_map(|r| r.gap.map(|g| percent(g, r.gap_error))).collect::<Vec<_>>().join(", ");
-        let earned = |rows: &[&Row]| mean(&rows.iter().map(|r| r.real.mean).collect::<Vec<_>>());
+        let seeds = |rows: &[&Row]| {
+            rows.iter().filter_map(|r| r.rewards.gap.map(|g| percent(g, r.rewards.gap_error))).collect::<Vec<_>>().join(", ")
+        };
+        let earned = |rows: &[&Row]| mean(&rows.iter().map(|r| r.rewards.real.mean).collect::<Vec<_>>());
         let word = |x: f64, digits: usize| if x.is_finite() { format!("{x:.digits$}") } else { "-".into() };
         let share = 100.0 * earned(&learned) / earned(&truth);
         let (l, t) = (sizes(&learned), sizes(&truth));

@@ -18,8 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{About, Experiment, Measured};
 use crate::error::Result;
-use crate::report::table::digits;
-use crate::report::{Input, Inputs, Table};
+use crate::report::{Input, Inputs, Table, digits};
 pub use fault::Fault;
 pub use methods::{accurate, converged, known, paper};
 
