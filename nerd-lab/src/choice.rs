@@ -4,15 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use nerd_model::base::Base;
-use nerd_model::folder::ModelConfig;
-use nerd_model::pick::{Setting, pick};
+use nerd_model::pick::pick;
 use nerd_model::transformer::Architecture;
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_train::device::Device;
-use nerd_train::shipped;
 
-use crate::error::Result;
+use crate::prelude::*;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Choice {

@@ -15,6 +15,7 @@ pub mod inspect;
 pub mod mujoco;
 pub mod page;
 pub mod paper;
+mod prelude;
 mod python;
 pub mod report;
 pub mod survey;

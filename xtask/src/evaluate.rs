@@ -9,11 +9,10 @@ use nerd_lab::experiments::passive::{Case, Passive};
 use nerd_lab::page::motions;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::Action;
-use nerd_train::replay::Replay;
 use nerd_train::shipped::results;
 
 use crate::options::{FRAMES, Number, SEEDS, STARTS, Whole, value};
-use crate::out::{conduct, tables};
+use crate::out::{self, conduct, tables};
 use crate::solvers::SolverArgs;
 
 /// Measure a solver against the truth.
@@ -62,16 +61,23 @@ pub struct EvaluateArgs {
 
 /// Runs the verb.
 pub fn run(args: EvaluateArgs) -> Result<()> {
-    let folder = args.out.clone().or_else(|| args.name.as_ref().map(|_| results()));
-    let name = args.name.clone().unwrap_or_else(|| "passive".into());
+    let system = System::named(&args.robot)?;
+    let solver = args.solver.choose(&system)?;
+    let folder = args.out.or_else(|| args.name.as_ref().map(|_| results()));
+    let name = args.name.unwrap_or_else(|| "passive".into());
     let action = match args.drive {
         _ if args.limp => Action::Limp,
         0.0 => Action::Zero,
         factor => Action::Random(factor),
     };
-    let replay = replay(&args)?;
+    let replay = args.replay.map(|file| -> Result<_> {
+        let Choice::Neural { folder, .. } = &solver else { bail!("--replay shows a model beside its truth: --solver neural is needed") };
+        let scene = args.scene.first().map_or_else(|| system.usual_scenes()[0], String::as_str);
+        Ok((file, motions::passive(&args.robot, scene, folder, args.frames.unwrap_or(300), args.seed)?))
+    });
+    let replay = replay.transpose()?;
     let case = Case {
-        solver: args.solver.choose(&*System::named(&args.robot)?)?,
+        solver,
         robot: args.robot,
         scenes: args.scene,
         truth: args.solver.truth,
@@ -89,17 +95,5 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         Some(folder) => drop(conduct(&passive, &folder)?),
         None => tables(&[passive.rows()?.table()]),
     }
-    replay.map_or(Ok(()), |(file, page)| crate::out::replay(&file, &page))
-}
-
-/// The page that was asked for, and its motion.
-fn replay(args: &EvaluateArgs) -> Result<Option<(PathBuf, Replay)>> {
-    let Some(file) = &args.replay else { return Ok(None) };
-    let system = System::named(&args.robot)?;
-    let Choice::Neural { folder, .. } = args.solver.choose(&system)? else {
-        bail!("--replay shows a model beside its truth: --solver neural is needed")
-    };
-    let scene = args.scene.first().map_or_else(|| system.usual_scenes()[0].to_string(), String::clone);
-    let motion = motions::passive(&args.robot, &scene, &folder, args.frames.unwrap_or(300), args.seed)?;
-    Ok(Some((file.clone(), motion)))
+    replay.map_or(Ok(()), |(file, page)| out::replay(&file, &page))
 }

@@ -50,7 +50,7 @@ pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
 /// Writes a replay as a page.
 pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
     nerd_lab::report::write(path, replay.html().as_bytes())?;
-    eprintln!("replay written to {}", path.display());
+    tell!("replay written to {}", path.display());
     Ok(())
 }
 

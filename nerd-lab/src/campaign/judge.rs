@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use nerd_model::folder::Model;
-use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::files::{Files, NOT_FINITE, below, whole, write};
+use crate::prelude::*;
 
 /// The program, called with the words of a command line; an error in words.
 pub type Call = fn(&[&str]) -> Result<(), String>;

@@ -9,11 +9,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use nerd_train::progress::bar;
 use serde::{Deserialize, Serialize};
 
 use crate::experiments::{About, Experiment, Measured};
-use crate::report::{Inputs, Table};
+use crate::prelude::*;
 
 mod bench;
 mod case;

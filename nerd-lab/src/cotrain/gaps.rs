@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use nerd_sim::truth::Truth;
 use nerd_train::ppo::{Arena, PolicyRun};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::error::Result;
 use crate::experiments::games::{Compared, games, policy_of};
+use crate::prelude::*;
 use crate::report::{read_json, write_json};
 
 /// Seed of the starts of all games: that of all protocols.

@@ -28,9 +28,9 @@ use nerd_train::records::claimed;
 pub use gaps::{Gap, Round};
 pub use plan::CoTrainConfig;
 
-use crate::error::Result;
-use crate::report::{Table, write};
 use plan::Plan;
+
+use crate::prelude::*;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {

@@ -4,20 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use nerd_model::folder::{Model, ModelConfig};
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
 use nerd_tasks::named;
-use nerd_train::bounds::{SEEDS, STARTS, UPDATES};
-use nerd_train::device::Device;
+use nerd_train::bounds::UPDATES;
 use nerd_train::difference::between;
 use nerd_train::ppo::{Arena, PpoConfig};
 use nerd_train::run::{Recipe, Run, RunConfig};
-use nerd_train::settings::{Given, Settings, settings};
-use nerd_train::shipped;
+use nerd_train::settings::{Given, Settings};
 use serde_json::{Value, json};
 
-use crate::error::{Result, refuse};
+use crate::prelude::*;
 use crate::report::write_json;
 
 /// Default number of updates of further training.

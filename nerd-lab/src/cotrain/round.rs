@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use nerd_model::folder::ModelConfig;
 use nerd_train::ppo::{Arena, PolicyRun};
 use nerd_train::run::{Run, RunConfig};
 
 use super::gaps::{Gap, Round};
 use super::plan::Plan;
-use crate::error::Result;
+use crate::prelude::*;
 
 /// Between the seeds of the data of two rounds: further than runs move theirs to validate.
 const DATA: u64 = 10_000;

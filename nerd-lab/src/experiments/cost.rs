@@ -4,10 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use nerd_sim::instruments::{Replay, Timed};
-use nerd_sim::prelude::*;
 use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
 
-use crate::error::Result;
+use crate::prelude::*;
 
 /// As many runs as fit into this, at most so many; and [`SOME`] if they fit into [`PATIENCE`].
 const TIME: Duration = Duration::from_millis(300);

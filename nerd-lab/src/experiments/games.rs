@@ -2,14 +2,11 @@
 
 use std::path::Path;
 
-use nerd_sim::truth::Truth;
 use nerd_tasks::named;
 use nerd_train::ppo::{Arena, Game, Policy, folder, play};
-use nerd_train::progress::bar;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Result, refuse};
-use crate::report::Input;
+use crate::prelude::*;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reward {

@@ -4,21 +4,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
 use nerd_train::Error;
-use nerd_train::bounds::{SEEDS, STARTS};
 use nerd_train::ppo::{Arena, folder};
-use nerd_train::settings::settings;
 use nerd_train::shipped::from_root;
 use serde::{Deserialize, Serialize};
 
 use super::games::{Reward, games, truth_of};
 use super::policies::{Policies, short};
 use super::{About, Experiment, Measured};
-use crate::error::Result;
-use crate::report::{Input, Inputs, Table};
+use crate::prelude::*;
 
 settings! {
     /// Every policy before judges in which nothing was trained.

@@ -9,15 +9,12 @@ use std::sync::Arc;
 
 use nerd_model::base::Base;
 use nerd_sim::dataset::{Manifest, Recording};
-use nerd_sim::prelude::*;
 use nerd_train::bounds::figures;
 use nerd_train::prepare::tokens;
-use nerd_train::progress::bar;
-
-use crate::error::{Result, refuse};
-use crate::report::{Table, digits};
 
 pub use columns::Kind;
+
+use crate::prelude::*;
 
 #[derive(Clone, Debug)]
 pub struct Inspection {

@@ -6,11 +6,10 @@ use std::sync::Arc;
 
 use nerd_core::robot::Robot;
 use nerd_sim::mjcf::mjcf;
-use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::state::{from_mujoco, to_mujoco};
-use crate::error::{Result, refuse};
+use crate::prelude::*;
 use crate::python::{Python, Version};
 
 const REFEREE: &str = include_str!("referee.py");

@@ -4,13 +4,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nerd_sim::prelude::*;
 use nerd_sim::solver::{Fault, check, commit};
 use serde::{Deserialize, Serialize};
 
 use super::referee::Referee;
 use super::state::{from_mujoco, to_mujoco};
-use crate::error::Result;
+use crate::prelude::*;
 
 /// Steps of a frame: 1/480 s at sixty frames a second.
 const SUBSTEPS: usize = 8;

@@ -3,18 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::pick::learned;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, named};
 use nerd_train::ppo::{Actor, folder};
 use nerd_train::replay::{self, Replay};
 use nerd_train::shipped::{model, policies};
 
-use crate::error::{Result, refuse};
+use crate::prelude::*;
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;

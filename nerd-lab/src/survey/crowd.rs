@@ -5,19 +5,15 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Error, bail};
-use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
-use nerd_sim::sampling::stream;
 use nerd_sim::vary::{self, VarySpec};
-use nerd_train::progress::bar;
 use rand::RngExt;
 
 use super::file::{Found, reason};
 use super::stand::{lowest, ready};
-use crate::error::Result;
 use crate::experiments::cost::on_one_core;
 use crate::mujoco::{Referee, Scheme};
-use crate::report::{Table, digits, or_dash};
+use crate::prelude::*;
 
 /// Frames of a rollout: half a second.
 pub const CROWD: usize = 30;

@@ -20,16 +20,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nerd_core::robot::{Robot, UrdfError};
-use nerd_sim::prelude::*;
-use nerd_train::progress::bar;
 
 pub use crowd::{CROWD, crowds};
 pub use file::{Found, find};
 use file::{reason, text};
 pub use stand::{STANDING, stand, standing};
 
-use crate::error::Result;
-use crate::report::{Table, digits};
+use crate::prelude::*;
 
 const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it

@@ -10,14 +10,12 @@ use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::{Data, Derivatives, Factor, aba, bias, crba, jacobian, kinematics, rnea};
 use nerd_core::robot::{JointKind, Robot};
 use nerd_core::state::write_quaternion;
-use nerd_sim::sampling::stream;
-use nerd_train::progress::bar;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{Found, Surveyed};
+use crate::prelude::*;
 use crate::python::{Python, Version};
-use crate::report::{Table, or_dash};
 
 const REFEREE: &str = include_str!("pinocchio.py");
 /// That of Pinocchio's models.

@@ -10,14 +10,12 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, kinematics, point_position, totals};
 use nerd_core::state::quaternion;
 use nerd_sim::drive::holding;
-use nerd_sim::prelude::*;
 use nerd_sim::system::pose_of;
 
 use super::each;
 use super::file::{Found, reason, text};
-use crate::error::{Result, refuse};
 use crate::mujoco::{Referee, Scheme};
-use crate::report::{Table, digits, or_dash};
+use crate::prelude::*;
 
 /// Frames of a rollout: ten seconds at sixty a second.
 pub const STANDING: usize = 600;

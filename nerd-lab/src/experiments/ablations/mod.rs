@@ -13,21 +13,15 @@ mod rows;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use nerd_model::folder::{Model, ModelConfig};
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_train::bounds::{SEEDS, STARTS, TRANSITIONS, UPDATES};
-use nerd_train::device::Device;
+use nerd_train::bounds::{TRANSITIONS, UPDATES};
 use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
 use nerd_train::ppo::{Arena, folder};
 use nerd_train::run::{Run, RunConfig};
-use nerd_train::settings::settings;
 use nerd_train::shipped::{policies, root};
 
 use super::games::{Reward, games, gap};
 use super::{About, Experiment, Measured};
-use crate::error::{Result, refuse};
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 use bars::{BARS, Bar, NERD};
 use rows::{Measurement, Row};
 

@@ -1,12 +1,10 @@
 //! Bars: errors divided by NeRD's, beside the paper's.
 
-use nerd_model::folder::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use super::bars::{Bar, NERD};
 use super::{Ablations, BATCH, frames};
-use crate::error::{Result, refuse};
-use crate::report::{Axis, Figure, Panel, Series, Style, Table, digits, pair};
+use crate::prelude::*;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Measurement {

@@ -6,18 +6,11 @@ mod pace;
 
 use std::path::PathBuf;
 
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
-use nerd_train::bounds::{SEEDS, STARTS, SUBSTEPS};
-use nerd_train::settings::settings;
-use nerd_train::shipped;
-
 use super::{About, Experiment, Measured};
 use crate::choice::Choice;
-use crate::error::Result;
 #[cfg(not(feature = "cuda"))]
 use crate::error::refuse;
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 
 settings! {
     /// Solvers on a graphics card.

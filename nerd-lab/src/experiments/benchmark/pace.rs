@@ -5,19 +5,16 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_core::state::difference;
-use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::Real;
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
 use serde::Serialize;
 
 use super::Benchmark;
-use crate::error::Result;
 use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
-use crate::report::{Figure, Mark, Table, digits, or_dash, unbeaten};
+use crate::prelude::*;
+use crate::report::{Mark, unbeaten};
 
 /// Frames after which most robots touch something: there rollouts begin.
 const FALL: usize = 25;

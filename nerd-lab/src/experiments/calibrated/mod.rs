@@ -6,19 +6,13 @@ mod tables;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use nerd_model::pick::Setting;
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::{Log, Published, specified};
-use nerd_sim::prelude::*;
-use nerd_train::bounds::{FRAMES, SEEDS, STARTS};
-use nerd_train::progress::bar;
-use nerd_train::settings::settings;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{About, Experiment, Measured};
-use crate::error::{Result, refuse};
-use crate::report::{Axis, Figure, Input, Inputs, Panel, Series, Style};
+use crate::prelude::*;
 use split::{Parts, Scored, Split};
 
 /// Places of a profile, and rollouts behind each.

@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 
 use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
 use nerd_sim::log::Log;
-use nerd_sim::sampling::stream;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Result, refuse};
+use crate::prelude::*;
 
 /// Trials that are fitted to, and those that are judged on; no trajectory is in both.
 pub(super) struct Parts {

@@ -5,17 +5,14 @@
 use std::path::Path;
 
 use nerd_sim::instruments::Replay;
-use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::evaluate::{PassiveReport, passive};
-use nerd_train::progress;
-use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use super::shown::Point;
-use crate::error::Result;
 use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
+use crate::prelude::*;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Against {

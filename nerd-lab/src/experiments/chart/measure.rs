@@ -1,16 +1,12 @@
 //! Our own solvers, timed and compared with the reference.
 
-use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Recorder, Replay};
-use nerd_sim::prelude::*;
 use nerd_train::evaluate::passive;
-use nerd_train::stats::mean;
-use nerd_train::{bounds, progress};
 
 use super::plan::{Method, Plan, only_implicit};
 use super::shown::{ChartData, Point};
-use crate::error::Result;
 use crate::experiments::cost::timed;
+use crate::prelude::*;
 
 type Frames = Vec<Vec<f64>>;
 

@@ -14,8 +14,7 @@ mod shown;
 use super::cost::on_one_core;
 use super::{About, Experiment, Measured};
 use crate::choice::Choice;
-use crate::error::Result;
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 use plan::Plan;
 
 pub use plan::Chart;

@@ -3,18 +3,11 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use nerd_model::folder::ModelConfig;
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 use nerd_train::evaluate::{Action, PassiveConfig};
-use nerd_train::settings::settings;
-use nerd_train::shipped;
 
 use crate::choice::describe;
-use crate::error::Result;
 use crate::experiments::cost::powers;
+use crate::prelude::*;
 
 settings! {
     /// Speed against accuracy.

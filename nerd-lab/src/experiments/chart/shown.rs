@@ -1,13 +1,11 @@
 //! What a chart shows: the front, its table, its picture.
 
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::System;
 use nerd_train::evaluate::{PassiveConfig, PassiveReport, summary};
-use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
 use super::guest::Against;
-use crate::report::{Figure, Mark, Table, digits, or_dash, pair, unbeaten};
+use crate::prelude::*;
+use crate::report::{Mark, unbeaten};
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ChartData {

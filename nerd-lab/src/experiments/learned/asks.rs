@@ -7,13 +7,10 @@ use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::robot::Base;
 use nerd_sim::dataset::Drive;
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::suite::Row;
-use nerd_sim::truth::Truth;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 
-use crate::error::Result;
+use crate::prelude::*;
 
 const STARTS: usize = 32;
 

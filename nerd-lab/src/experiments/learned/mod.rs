@@ -5,19 +5,13 @@
 
 use std::path::Path;
 
-use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::neural::Neural;
-use nerd_model::pick::Setting;
 use nerd_sim::instruments::{Glide, Hold};
-use nerd_sim::prelude::*;
 use nerd_sim::suite::{Cell, only};
-use nerd_sim::truth::Truth;
-use nerd_train::progress::bar;
 
 use super::stability::StabilityMap;
 use super::{About, Experiment, Measured};
-use crate::error::Result;
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 use asks::{ASKS, Ask, Case, Maker};
 
 mod asks;

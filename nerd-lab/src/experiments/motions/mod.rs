@@ -13,28 +13,19 @@ use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_model::folder::ModelConfig;
-use nerd_model::pick::Setting;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::Real;
 use nerd_sim::dataset::{GenerateConfig, Recording, begin, record};
 use nerd_sim::instruments::{Glide, Hold};
-use nerd_sim::prelude::*;
-use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS};
-use nerd_train::device::Device;
 #[cfg(feature = "cuda")]
 use nerd_train::learner::cuda::Precision;
-use nerd_train::progress;
-use nerd_train::settings::settings;
-use nerd_train::stats::mean;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cost::{each, on_one_core, powers};
 use super::{About, Experiment, Measured};
 use crate::choice::describe;
-use crate::error::{Result, refuse};
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 
 settings! {
     /// Along motions that no solver has seen.

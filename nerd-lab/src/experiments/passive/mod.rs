@@ -10,19 +10,13 @@ mod rows;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use nerd_model::folder::ModelConfig;
 use nerd_sim::instruments::Shaken;
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_train::device::Device;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
-use nerd_train::{bounds, progress, shipped};
 
 use super::{About, Experiment, Measured};
 use crate::choice::Choice;
-use crate::error::{Result, refuse};
 use crate::paper;
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 
 pub use rows::{Row, Rows};
 

@@ -1,13 +1,9 @@
 //! Results of passive motion, and their tables.
 
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
-use nerd_train::shipped;
-use nerd_train::stats::mean;
 use serde::{Deserialize, Serialize};
 
-use crate::report::{Axis, Figure, Panel, Series, Style, Table, digits, pair};
+use crate::prelude::*;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rows {

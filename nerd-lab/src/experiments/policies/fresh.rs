@@ -3,13 +3,11 @@
 
 use std::path::PathBuf;
 
-use nerd_sim::prelude::*;
 use nerd_train::ppo::{Arena, PolicyRun, folder};
 
 use super::Policies;
-use crate::error::{Result, refuse};
 use crate::paper::policy_reward;
-use crate::report::Inputs;
+use crate::prelude::*;
 
 impl Policies {
     fn plan(&self) -> Result<Vec<PolicyRun>> {

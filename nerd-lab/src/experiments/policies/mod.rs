@@ -4,21 +4,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use nerd_model::folder::ModelConfig;
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_train::bounds::{SEEDS, STARTS};
-use nerd_train::device::Device;
 use nerd_train::ppo::{Arena, folder};
-use nerd_train::progress::bar;
-use nerd_train::settings::settings;
-use nerd_train::shipped::{self, from_root};
+use nerd_train::shipped::from_root;
 use rayon::prelude::*;
 
 use super::games::{Compared, games, truth_of};
 use super::{About, Experiment, Measured};
-use crate::error::{Result, refuse};
-use crate::report::{Input, Inputs};
+use crate::prelude::*;
 
 mod fresh;
 mod tables;

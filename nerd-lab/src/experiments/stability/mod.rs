@@ -6,19 +6,15 @@ mod methods;
 #[cfg(feature = "cuda")]
 use std::sync::Arc;
 
-use nerd_model::pick::Setting;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real};
-use nerd_sim::prelude::System;
 #[cfg(feature = "cuda")]
 use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
-use nerd_train::progress::bar;
 use serde::{Deserialize, Serialize};
 
 use super::{About, Experiment, Measured};
-use crate::error::Result;
-use crate::report::{Input, Inputs, Table, digits};
+use crate::prelude::*;
 pub use fault::Fault;
 pub use methods::{accurate, converged, known, paper};
 
