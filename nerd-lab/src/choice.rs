@@ -1,8 +1,5 @@
 //! A solver by its description, as on the command line or in an experiment's settings; it is built once robot and scene are known.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
 use nerd_model::base::Base;
 use nerd_model::pick::pick;
 use nerd_model::transformer::Architecture;

@@ -21,7 +21,7 @@ pub struct CampaignArgs {
     /// Folder for the files of faults
     #[arg(long, value_name = "FOLDER", default_value = "out/campaign")]
     pub faults: PathBuf,
-    /// Folder to write the counts into, as campaign.json and campaign.md
+    /// Folder to write the counts into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// Try the corpus of faults that were found once, in place of changed input

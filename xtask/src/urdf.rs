@@ -27,7 +27,7 @@ pub struct UrdfArgs {
     /// With --stand or --crowd: a Python with MuJoCo, for comparison
     #[arg(long, value_name = "PYTHON")]
     pub mujoco: Option<PathBuf>,
-    /// Folder to write urdfs.json and urdfs.md into
+    /// Folder to write the tables into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }

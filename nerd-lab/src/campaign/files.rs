@@ -1,12 +1,13 @@
 //! Files of cases, and whether those that the program wrote are whole.
 
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use safetensors::tensor::{Dtype, SafeTensors};
 use tempfile::TempDir;
+
+pub use crate::report::below;
 
 pub type Files = BTreeMap<String, Vec<u8>>;
 
@@ -67,21 +68,4 @@ fn tensors(bytes: &[u8]) -> Result<(), String> {
     };
     let wrong = file.tensors().into_iter().find(|(name, view)| !name.contains("depths") && !finite(view));
     wrong.map_or(Ok(()), |(name, _)| Err(format!("`{name}` is {NOT_FINITE}")))
-}
-
-/// Every file below a folder, in order; no link is followed. None below one that is not there.
-pub fn below(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    if !folder.exists() {
-        return Ok(found);
-    }
-    for entry in std::fs::read_dir(folder)? {
-        let entry = entry?;
-        match entry.file_type()?.is_dir() {
-            true => found.extend(below(&entry.path())?),
-            false => found.push(entry.path()),
-        }
-    }
-    found.sort();
-    Ok(found)
 }

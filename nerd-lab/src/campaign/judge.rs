@@ -1,9 +1,6 @@
 //! A case is used as its command line says, in a folder of its own, and what it leaves is looked at.
 
-use std::path::{Path, PathBuf};
-
 use anyhow::Result;
-use serde::{Deserialize, Serialize};
 
 use super::files::{Files, NOT_FINITE, below, whole, write};
 use crate::prelude::*;

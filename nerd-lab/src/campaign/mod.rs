@@ -6,12 +6,9 @@
 //! `assets/campaign/corpus.toml` once it is mended.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde::{Deserialize, Serialize};
 
-use crate::experiments::{About, Experiment, Measured};
 use crate::prelude::*;
 
 mod bench;

@@ -1,10 +1,7 @@
 //! What the policies of a round earn, in its model and in the truth.
 
-use std::path::Path;
-
-use nerd_train::ppo::{Arena, PolicyRun};
+use nerd_train::ppo::PolicyRun;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
 use crate::experiments::games::{Compared, games, policy_of};
 use crate::prelude::*;

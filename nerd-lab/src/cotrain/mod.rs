@@ -21,8 +21,6 @@ mod gaps;
 mod plan;
 mod round;
 
-use std::path::PathBuf;
-
 use nerd_train::records::claimed;
 
 pub use gaps::{Gap, Round};

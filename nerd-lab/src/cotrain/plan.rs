@@ -1,13 +1,11 @@
 //! The loop's plan from its settings: checks, first model, identity.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_tasks::named;
 use nerd_train::bounds::UPDATES;
 use nerd_train::difference::between;
-use nerd_train::ppo::{Arena, PpoConfig};
+use nerd_train::ppo::PpoConfig;
 use nerd_train::run::{Recipe, Run, RunConfig};
 use nerd_train::settings::{Given, Settings};
 use serde_json::{Value, json};

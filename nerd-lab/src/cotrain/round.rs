@@ -1,8 +1,6 @@
 //! One round: its model, its policies, its gaps.
 
-use std::path::PathBuf;
-
-use nerd_train::ppo::{Arena, PolicyRun};
+use nerd_train::ppo::PolicyRun;
 use nerd_train::run::{Run, RunConfig};
 
 use super::gaps::{Gap, Round};

@@ -1,10 +1,8 @@
 //! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use nerd_sim::instruments::{Replay, Timed};
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, passive};
 
 use crate::prelude::*;
 

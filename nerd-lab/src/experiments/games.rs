@@ -1,10 +1,7 @@
 //! Games of a policy in a truth and in a model, and the gap between their rewards.
 
-use std::path::Path;
-
 use nerd_tasks::named;
-use nerd_train::ppo::{Arena, Game, Policy, folder, play};
-use serde::{Deserialize, Serialize};
+use nerd_train::ppo::{Game, Policy, folder, play};
 
 use crate::prelude::*;
 

@@ -1,17 +1,12 @@
 //! Judges in which nothing was trained: every policy in its truth, at twice the substeps, in rapier, at the reference simulator's preset
 //! and in MuJoCo. A policy that exploits one simulator's fault earns only there.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
 use nerd_train::Error;
-use nerd_train::ppo::{Arena, folder};
+use nerd_train::ppo::folder;
 use nerd_train::shipped::from_root;
-use serde::{Deserialize, Serialize};
 
 use super::games::{Reward, games, truth_of};
 use super::policies::{Policies, short};
-use super::{About, Experiment, Measured};
 use crate::prelude::*;
 
 settings! {

@@ -4,9 +4,6 @@
 
 mod columns;
 
-use std::path::Path;
-use std::sync::Arc;
-
 use nerd_model::base::Base;
 use nerd_sim::dataset::{Manifest, Recording};
 use nerd_train::bounds::figures;

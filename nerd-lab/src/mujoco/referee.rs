@@ -1,12 +1,8 @@
 //! MuJoCo as a referee: another engine on the same robot, for those who have one. Nothing needs it, to build or to run:
 //! a Python with MuJoCo is started when asked for, given a model and starts, and asked for states.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use nerd_core::robot::Robot;
 use nerd_sim::mjcf::mjcf;
-use serde::{Deserialize, Serialize};
 
 use super::state::{from_mujoco, to_mujoco};
 use crate::prelude::*;

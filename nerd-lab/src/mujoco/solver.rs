@@ -1,11 +1,7 @@
 //! MuJoCo as a solver, frame by frame: a judge of policies that knows none of our contact models. Slow, since every frame is
 //! asked for in text.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use nerd_sim::solver::{Fault, check, commit};
-use serde::{Deserialize, Serialize};
 
 use super::referee::Referee;
 use super::state::{from_mujoco, to_mujoco};

@@ -1,8 +1,5 @@
 //! Motions for replays: passive, driven as in the data, or under a policy, in the truth and in the learned simulator.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use nerd_model::pick::learned;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 use nerd_tasks::{Episodes, named};

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::artifact::Artifact;
+use super::below;
 use super::table::{digits, pair};
 use crate::error::{self, Result, refuse};
 
@@ -108,18 +109,9 @@ fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -
 }
 
 pub fn documents(root: &Path) -> Vec<PathBuf> {
-    let mut found = vec![root.join("README.md"), root.join("ARCHITECTURE.md")];
-    let mut folders = vec![root.join("docs")];
-    while let Some(folder) = folders.pop() {
-        for path in std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|file| file.path()) {
-            match path.is_dir() {
-                true => folders.push(path),
-                false if path.extension().is_some_and(|e| e == "md") => found.push(path),
-                false => {}
-            }
-        }
-    }
-    found.retain(|path| path.exists());
+    let mut found = below(&root.join("docs")).unwrap_or_default();
+    found.retain(|path| path.extension().is_some_and(|e| e == "md"));
+    found.extend(["README.md", "ARCHITECTURE.md"].map(|name| root.join(name)).into_iter().filter(|path| path.exists()));
     found.sort();
     found
 }

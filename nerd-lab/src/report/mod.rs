@@ -7,7 +7,8 @@ pub mod manifest;
 pub mod marks;
 mod table;
 
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -35,4 +36,21 @@ pub fn write_json(path: &Path, what: &impl Serialize) -> Result<()> {
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = nerd_sim::files::read_text(path).map_err(error::file(path))?;
     serde_json::from_str(&text).map_err(error::format(path))
+}
+
+/// Every file below a folder, in order; no link is followed. None below one that is not there.
+pub fn below(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    if !folder.exists() {
+        return Ok(found);
+    }
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        match entry.file_type()?.is_dir() {
+            true => found.extend(below(&entry.path())?),
+            false => found.push(entry.path()),
+        }
+    }
+    found.sort();
+    Ok(found)
 }

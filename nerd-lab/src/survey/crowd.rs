@@ -1,7 +1,6 @@
 //! Many robots of one URDF, each with its own masses and friction: error and frames per second on one core, beside MuJoCo on the same
 //! robots.
 
-use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Error, bail};

@@ -16,8 +16,6 @@ mod pinocchio;
 mod stand;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
-use std::sync::Arc;
 
 use nerd_core::robot::{Robot, UrdfError};
 

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use nalgebra::{DMatrix, Vector3};
@@ -11,7 +10,6 @@ use nerd_core::dynamics::{Data, Derivatives, Factor, aba, bias, crba, jacobian, 
 use nerd_core::robot::{JointKind, Robot};
 use nerd_core::state::write_quaternion;
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 
 use super::{Found, Surveyed};
 use crate::prelude::*;

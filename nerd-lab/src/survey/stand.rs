@@ -1,9 +1,6 @@
 //! Whether a robot stands, from its URDF alone: on its own geometry, on a plane, each joint held by a drive
 //! ([`nerd_sim::drive::holding`]); and whether it falls as a body falls when nothing holds it. MuJoCo stands beside it where there is one.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use anyhow::Error;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;

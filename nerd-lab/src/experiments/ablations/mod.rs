@@ -11,16 +11,14 @@ mod bars;
 mod rows;
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
 
 use nerd_train::bounds::{TRANSITIONS, UPDATES};
-use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
-use nerd_train::ppo::{Arena, folder};
+use nerd_train::evaluate::summary;
+use nerd_train::ppo::folder;
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped::{policies, root};
 
 use super::games::{Reward, games, gap};
-use super::{About, Experiment, Measured};
 use crate::prelude::*;
 use bars::{BARS, Bar, NERD};
 use rows::{Measurement, Row};

@@ -1,7 +1,5 @@
 //! Bars: errors divided by NeRD's, beside the paper's.
 
-use serde::{Deserialize, Serialize};
-
 use super::bars::{Bar, NERD};
 use super::{Ablations, BATCH, frames};
 use crate::prelude::*;

@@ -4,9 +4,6 @@
 #[cfg(feature = "cuda")]
 mod pace;
 
-use std::path::PathBuf;
-
-use super::{About, Experiment, Measured};
 use crate::choice::Choice;
 #[cfg(not(feature = "cuda"))]
 use crate::error::refuse;

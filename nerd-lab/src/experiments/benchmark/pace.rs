@@ -1,14 +1,11 @@
 //! What settings cost on a card, and how accurate they are there.
 
-use std::path::Path;
-use std::sync::Arc;
 use std::time::Instant;
 
 use nerd_core::state::difference;
 use nerd_sim::articulated::device::Real;
 use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
-use serde::Serialize;
 
 use super::Benchmark;
 use crate::experiments::cost::powers;

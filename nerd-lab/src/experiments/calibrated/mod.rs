@@ -3,15 +3,10 @@
 mod split;
 mod tables;
 
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::{Log, Published, specified};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::{About, Experiment, Measured};
 use crate::prelude::*;
 use split::{Parts, Scored, Split};
 
@@ -104,29 +99,25 @@ impl Calibration {
 
     fn calibrated(&self, log: &Log, solver: &str, parts: &[Parts]) -> Result<Calibrated> {
         let (subject, parameters) = self.subject(log, solver)?;
-        let (bar, done) = (bar(solver, (parts.len() * self.evaluations) as u64), AtomicU64::new(0));
-        let one = |(k, part): (u64, &Parts)| -> Result<(Split, Vec<Vec<[f64; 2]>>)> {
+        let bar = bar(solver, (parts.len() * self.evaluations) as u64);
+        let one = |(k, part): (u64, &Parts)| -> Result<(Split, Fit)> {
             let mut before = 0;
             let progress = &mut |own: usize, _| {
-                let more = own.saturating_sub(before) as u64;
-                bar.set(done.fetch_add(more, Ordering::Relaxed) + more);
+                bar.add(own.saturating_sub(before) as u64);
                 before = own;
             };
             let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed + k };
             let fit = subject.fit(&parameters, &part.train, config, progress)?;
-            let (fitted, mut profiles) = (subject.with(&parameters, &fit.values)?, Vec::new());
-            if k == 0 {
-                let some: Vec<Trial> = thinned(&part.train, BEHIND);
-                let own = Fit { before: mean(&subject.distances(&some)?), ..fit.clone() };
-                profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
-            }
-            Ok((part.split(&subject, &fitted, fit, self.seed + k)?, profiles))
+            let fitted = subject.with(&parameters, &fit.values)?;
+            Ok((part.split(&subject, &fitted, &fit, self.seed + k)?, fit))
         };
         let found = parts.par_iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
-        let (splits, profiles): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        let profiles = profiles.into_iter().next().unwrap_or_default();
+        let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
+        let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
+        let profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
+        let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
-        if !splits.iter().all(|s: &Split| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
+        if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
             refuse!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
         }
         let solver = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };

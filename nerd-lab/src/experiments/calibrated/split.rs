@@ -6,7 +6,6 @@ use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
 use nerd_sim::log::Log;
 use rand::RngExt;
 use rand::seq::SliceRandom;
-use serde::{Deserialize, Serialize};
 
 use crate::prelude::*;
 
@@ -75,11 +74,11 @@ impl Parts {
         Ok(parts)
     }
 
-    pub fn split(&self, before: &Subject, after: &Subject, fit: Fit, seed: u64) -> Result<Split> {
+    pub fn split(&self, before: &Subject, after: &Subject, fit: &Fit, seed: u64) -> Result<Split> {
         let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
         Ok(Split {
             judged: self.ids.clone(),
-            fit: FitOf { values: fit.values, objective: fit.objective },
+            fit: FitOf { values: fit.values.clone(), objective: fit.objective },
             before: of(before, &self.judged)?,
             after: of(after, &self.judged)?,
             whole_before: of(before, &self.whole)?,

@@ -2,11 +2,7 @@
 //! With contact it solves another problem (its contacts are soft constraints of its own), so there it is compared with a
 //! run of its own at four times the most substeps: how fast it comes to its own answer, not how near that is to ours.
 
-use std::path::Path;
-
 use nerd_sim::instruments::Replay;
-use nerd_train::evaluate::{PassiveReport, passive};
-use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use super::shown::Point;

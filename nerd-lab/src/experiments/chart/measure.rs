@@ -1,7 +1,6 @@
 //! Our own solvers, timed and compared with the reference.
 
 use nerd_sim::instruments::{Recorder, Replay};
-use nerd_train::evaluate::passive;
 
 use super::plan::{Method, Plan, only_implicit};
 use super::shown::{ChartData, Point};

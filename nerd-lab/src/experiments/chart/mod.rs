@@ -12,7 +12,6 @@ mod plan;
 mod shown;
 
 use super::cost::on_one_core;
-use super::{About, Experiment, Measured};
 use crate::choice::Choice;
 use crate::prelude::*;
 use plan::Plan;

@@ -1,10 +1,5 @@
 //! What is drawn: a chart's settings, and all that they name.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
-use nerd_train::evaluate::{Action, PassiveConfig};
-
 use crate::choice::describe;
 use crate::experiments::cost::powers;
 use crate::prelude::*;

@@ -1,7 +1,6 @@
 //! What a chart shows: the front, its table, its picture.
 
-use nerd_train::evaluate::{PassiveConfig, PassiveReport, summary};
-use serde::{Deserialize, Serialize};
+use nerd_train::evaluate::summary;
 
 use super::guest::Against;
 use crate::prelude::*;

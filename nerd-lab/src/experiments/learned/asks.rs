@@ -1,14 +1,10 @@
 //! The rows of a learned model, and their measurement.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::robot::Base;
 use nerd_sim::dataset::Drive;
 use nerd_sim::suite::Row;
-use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 
 use crate::prelude::*;
 

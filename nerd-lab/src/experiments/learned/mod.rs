@@ -3,14 +3,11 @@
 //!
 //! Errors are relative to hold-last: 1 is a predictor that knows nothing.
 
-use std::path::Path;
-
 use nerd_model::neural::Neural;
 use nerd_sim::instruments::{Glide, Hold};
 use nerd_sim::suite::{Cell, only};
 
 use super::stability::StabilityMap;
-use super::{About, Experiment, Measured};
 use crate::prelude::*;
 use asks::{ASKS, Ask, Case, Maker};
 

@@ -7,8 +7,6 @@
 
 mod shown;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
@@ -20,10 +18,8 @@ use nerd_sim::instruments::{Glide, Hold};
 #[cfg(feature = "cuda")]
 use nerd_train::learner::cuda::Precision;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::cost::{each, on_one_core, powers};
-use super::{About, Experiment, Measured};
 use crate::choice::describe;
 use crate::prelude::*;
 

@@ -7,13 +7,8 @@
 
 mod rows;
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
 use nerd_sim::instruments::Shaken;
-use nerd_train::evaluate::{Action, PassiveConfig, passive};
 
-use super::{About, Experiment, Measured};
 use crate::choice::Choice;
 use crate::paper;
 use crate::prelude::*;

@@ -1,7 +1,6 @@
 //! Results of passive motion, and their tables.
 
-use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
-use serde::{Deserialize, Serialize};
+use nerd_train::evaluate::{summary, summary_names};
 
 use crate::prelude::*;
 

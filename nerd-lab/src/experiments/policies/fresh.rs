@@ -1,9 +1,7 @@
 //! The strict protocol: the model is frozen, then policies of seeds never used before are trained in it and in its truth, and all are
 //! played in both.
 
-use std::path::PathBuf;
-
-use nerd_train::ppo::{Arena, PolicyRun, folder};
+use nerd_train::ppo::{PolicyRun, folder};
 
 use super::Policies;
 use crate::paper::policy_reward;

@@ -1,15 +1,11 @@
 //! Policies in the truth and in the learned simulator, after the paper's protocol: games under mean actions from the same starts in each,
 //! beside the paper's figures.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use nerd_train::ppo::{Arena, folder};
+use nerd_train::ppo::folder;
 use nerd_train::shipped::from_root;
 use rayon::prelude::*;
 
 use super::games::{Compared, games, truth_of};
-use super::{About, Experiment, Measured};
 use crate::prelude::*;
 
 mod fresh;
@@ -129,13 +125,8 @@ impl Experiment for Policies {
 
     fn measure(&self) -> Result<Measured> {
         let folders = if self.fresh.is_empty() { self.folders()? } else { self.train()? };
-        let (bar, done) = (bar("policies played", folders.len() as u64), AtomicU64::new(0));
-        let row = |path: &PathBuf| {
-            let row = self.row(path);
-            bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
-            row
-        };
-        let rows = folders.par_iter().map(row).collect::<Result<Vec<Row>>>()?;
+        let bar = bar("policies played", folders.len() as u64);
+        let rows = folders.par_iter().map(|path| self.row(path).inspect(|_| bar.add(1))).collect::<Result<Vec<Row>>>()?;
         bar.finish();
         let mut all = if self.fresh.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
         all.push(tables::each(&rows));

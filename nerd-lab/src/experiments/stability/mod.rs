@@ -11,9 +11,7 @@ use nerd_sim::articulated::device::{CudaArticulated, Real};
 #[cfg(feature = "cuda")]
 use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
-use serde::{Deserialize, Serialize};
 
-use super::{About, Experiment, Measured};
 use crate::prelude::*;
 pub use fault::Fault;
 pub use methods::{accurate, converged, known, paper};
