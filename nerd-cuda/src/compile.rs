@@ -8,25 +8,25 @@ use crate::error::DeviceError;
 
 /// The machine code's text of a source for a compute capability. What this process has compiled before is not compiled again.
 pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, DeviceError> {
-    type Known = Vec<((i32, i32), String, Ptx)>;
-    static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
+    type Cache = Mutex<Vec<((i32, i32), String, Ptx)>>;
+    static CACHE: Cache = Mutex::new(Vec::new());
     // Held while it compiles, so that threads which want the same wait for it; those that want something else do, too.
-    let mut known = KNOWN.lock().unwrap_or_else(|lost| lost.into_inner());
-    if let Some((.., ptx)) = known.iter().find(|(of, text, _)| *of == capability && text == source) {
+    let mut cache = CACHE.lock().unwrap_or_else(|lost| lost.into_inner());
+    if let Some((.., ptx)) = cache.iter().find(|(of, text, _)| *of == capability && text == source) {
         return Ok(ptx.clone());
     }
     let architecture = format!("--gpu-architecture=compute_{}{}", capability.0, capability.1);
     // Lambdas bear no word for where they run: NVRTC 13.0 takes them for the host's, which it refuses, 13.5 does not.
     let options = CompileOptions { options: vec![architecture, "--device-as-default-execution-space".into()], ..Default::default() };
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
-    known.push((capability, source.into(), ptx.clone()));
+    cache.push((capability, source.into(), ptx.clone()));
     Ok(ptx)
 }
 
 /// Why a source does not compile: its failed assertions, or else the compiler's output.
-fn refusal(said: &str) -> String {
-    let asserted = said.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
-    asserted.map_or_else(|| format!("kernels do not compile: {said}"), str::to_string)
+fn refusal(output: &str) -> String {
+    let asserted = output.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
+    asserted.map_or_else(|| format!("kernels do not compile: {output}"), str::to_string)
 }
 
 #[cfg(test)]
@@ -35,8 +35,8 @@ mod tests {
 
     #[test]
     fn what_a_source_asserts_of_itself_is_all_that_is_told() {
-        let said = r#"CompileError { nvrtc: NvrtcError(..), log: "default_program(7): error: static assertion failed with \"too large a robot\"\n" }"#;
-        assert_eq!(refusal(said), "too large a robot");
+        let output = r#"CompileError { nvrtc: NvrtcError(..), log: "default_program(7): error: static assertion failed with \"too large a robot\"\n" }"#;
+        assert_eq!(refusal(output), "too large a robot");
         assert_eq!(refusal("syntax error"), "kernels do not compile: syntax error");
     }
 }

@@ -43,7 +43,7 @@ impl<K: PartialEq> Replay<K> {
         key: K,
         work: impl Fn() -> Result<(), E>,
     ) -> Result<(), E> {
-        if let Some((_, graph)) = self.graphs.borrow().iter().find(|(known, _)| *known == key) {
+        if let Some((_, graph)) = self.graphs.borrow().iter().find(|(made_for, _)| *made_for == key) {
             return Ok(graph.0.launch().map_err(failed(what))?);
         }
         // Once outside of a capture, so that libraries have loaded what they load at their first call.

@@ -8,8 +8,8 @@ const MOST: usize = 4;
 /// In what two JSON texts differ, key by key with both sides, the one that was `found` first; empty if in nothing.
 ///
 /// ```
-/// let said = nerd_train::difference::between(r#"{"rate": {"start": 0.1}, "seed": 1}"#, r#"{"rate": {"start": 0.2}, "seed": 1}"#);
-/// assert_eq!(said, "`rate.start` was 0.1, is 0.2 now");
+/// let text = nerd_train::difference::between(r#"{"rate": {"start": 0.1}, "seed": 1}"#, r#"{"rate": {"start": 0.2}, "seed": 1}"#);
+/// assert_eq!(text, "`rate.start` was 0.1, is 0.2 now");
 /// ```
 pub fn between(found: &str, asked: &str) -> String {
     let (Ok(a), Ok(b)) = (serde_json::from_str(found), serde_json::from_str(asked)) else {

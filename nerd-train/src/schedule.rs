@@ -1,7 +1,7 @@
 //! Learning rate over a run of N updates.
 //!
 //! With k the updates of the tail, `lr(s) = start + (end - start) s / (N - k)` for s < N - k and
-//! `lr(s) = end (N - s) / k` behind it; during the w updates of the warm-up it is multiplied by `(s + 1) / w`.
+//! `lr(s) = end (N - s) / k` after it; during the w updates of the warm-up it is multiplied by `(s + 1) / w`.
 //! The paper steps `1e-3 (1 - e/1000) + 1e-4 e/1000` once per epoch of 5000 updates; here every update steps.
 
 use nerd_sim::range::within;

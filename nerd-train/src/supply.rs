@@ -38,12 +38,10 @@ pub struct SupplyConfig {
 
 /// Fresh shards in order.
 pub struct Supply {
+    config: Arc<SupplyConfig>,
     /// Of this rank's shards thread t makes every T-th.
     threads: Vec<Receiver<Result<Windows, DatasetError>>>,
     slots: u64,
-    shard: usize,
-    shards: u64,
-    updates: u64,
     next: u64,
     ranks: Arc<Ranks>,
 }
@@ -61,32 +59,29 @@ impl Supply {
         config: SupplyConfig,
     ) -> Result<Self> {
         config.data.check(system)?;
-        let shard = config.data.shard_trajectories;
-        let slots = (config.data.trajectories() / shard) as u64;
-        if slots == 0 {
-            let text = format!("{} trajectories are less than a shard of {shard}", config.data.trajectories());
-            return Err(DatasetError::Config(text).into());
+        let (trajectories, shard) = (config.data.trajectories(), config.data.shard_trajectories);
+        if trajectories < shard {
+            return Err(DatasetError::Config(format!("{trajectories} trajectories are less than a shard of {shard}")).into());
         }
-        let (shards, updates, ranks) = (config.shards, config.updates.max(1), ranks.clone());
-        let mut supply = Self { threads: Vec::new(), slots, shard, shards, updates, next: 0, ranks };
+        let (config, solver, slots) = (Arc::new(config), Arc::new(solver), (trajectories / shard) as u64);
+        let mut supply = Self { threads: Vec::new(), slots, next: 0, ranks: ranks.clone(), config };
         // Of what is past only the last of each slot is left.
-        supply.next = supply.wanted(config.step).saturating_sub(slots);
-        let (shared, threads) = (Arc::new((config, solver)), rayon::current_num_threads() as u64);
-        let (rank, world) = (supply.ranks.rank() as u64, supply.ranks.world() as u64);
+        supply.next = supply.wanted(supply.config.step).saturating_sub(slots);
+        let (rank, world, threads) = (ranks.rank() as u64, ranks.world() as u64, rayon::current_num_threads() as u64);
         // This rank's j-th shard is shard rank + j R; the thread that makes it is j mod T.
         let first = supply.next.saturating_sub(rank).div_ceil(world);
         for thread in 0..threads {
             let (sender, receiver) = sync_channel(1);
-            let mut j = first + (thread + threads - first % threads) % threads;
-            let (system, shared) = (system.clone(), shared.clone());
+            let (system, solver, config) = (system.clone(), solver.clone(), supply.config.clone());
+            let mut k = rank + (first + (thread + threads - first % threads) % threads) * world;
             let work = move || {
-                while rank + j * world < shards {
-                    let made = make(&system, &shared.1, &shared.0, rank + j * world);
+                while k < config.shards {
+                    let made = make(&system, &*solver, &config, k);
                     let failed = made.is_err();
                     if sender.send(made).is_err() || failed {
                         return;
                     }
-                    j += threads;
+                    k += threads * world;
                 }
             };
             // A pool of one thread, so that solvers which are parallel by themselves stay on it and out of the run's way.
@@ -105,7 +100,7 @@ impl Supply {
         }
         let k = self.next;
         self.next += 1;
-        let place = (k % self.slots) as usize * self.shard;
+        let place = (k % self.slots) as usize * self.config.data.shard_trajectories;
         Some(self.given(k).map(|windows| (place, windows)))
     }
 
@@ -126,7 +121,8 @@ impl Supply {
 
     /// Shards taken up by the time of update `step`.
     fn wanted(&self, step: u64) -> u64 {
-        (u128::from(self.shards) * u128::from(step) / u128::from(self.updates)) as u64
+        let SupplyConfig { shards, updates, .. } = *self.config;
+        (u128::from(shards) * u128::from(step) / u128::from(updates.max(1))) as u64
     }
 }
 

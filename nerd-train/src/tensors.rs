@@ -33,7 +33,6 @@ impl Tensors {
         self.parts.insert(name.into(), (Dtype::U64, vec![x.len()], x.iter().flat_map(|v| v.to_le_bytes()).collect()));
     }
 
-    /// All tensors of a network, from its flat vector.
     pub fn put_network(&mut self, tensors: &[TensorSpec], mut flat: &[f32]) {
         for tensor in tensors {
             let entries;
@@ -54,7 +53,6 @@ impl Tensors {
         nerd_sim::files::write(path, &bytes).map_err(Error::file(path))
     }
 
-    /// Reads a file.
     pub fn open(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(Error::file(path))?;
         let mut file = Self { path: path.into(), ..Self::default() };
@@ -67,7 +65,6 @@ impl Tensors {
         Ok(file)
     }
 
-    /// An error about the file.
     pub fn wrong(&self, reason: impl Display) -> Error {
         Error::Format { path: self.path.clone(), reason: reason.to_string() }
     }
@@ -81,7 +78,6 @@ impl Tensors {
         self.word(name)?.parse().map_err(|e| self.wrong(format!("`{name}`: {e}")))
     }
 
-    /// A word that is JSON.
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
         serde_json::from_str(self.word(name)?).map_err(|e| self.wrong(format!("`{name}`: {e}")))
     }
@@ -107,7 +103,6 @@ impl Tensors {
         self.numbers(name, Dtype::U64, length, u64::from_le_bytes)
     }
 
-    /// The flat vector of a network with these tensors.
     pub fn network(&self, tensors: &[TensorSpec]) -> Result<Vec<f32>> {
         Ok(tensors.iter().map(|tensor| self.f32(&tensor.name, Some(tensor.len()))).collect::<Result<Vec<_>>>()?.concat())
     }

@@ -1,7 +1,7 @@
 //! Training windows: `history` consecutive transitions of one trajectory, normalised, in memory.
 //!
 //! A window never crosses the end of its trajectory: a trajectory of F frames gives F - h + 1 windows. Which window
-//! stands in row `row` of update `step` is a hash of (seed, step, row) alone, the same on every device, so a
+//! is in row `row` of update `step` is a hash of (seed, step, row) alone, the same on every device, so a
 //! resumed run draws what the unbroken one would have drawn.
 
 use crate::ranks::{RankError, bytes, floats};

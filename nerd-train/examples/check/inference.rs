@@ -15,9 +15,9 @@ pub fn operations(checks: &mut Checks) -> Outcome {
         let (expected, mut cuda) = (specimen.by_burn(), CudaProgram::new(program.clone(), flat, Precision::F32, WINDOWS, TOKENS)?);
         let mut worst = 0.0f32;
         for _ in 0..2 {
-            let said = cuda.forward(tokens)?;
+            let predictions = cuda.forward(tokens)?;
             let (by_weights, by_tokens) = cuda.backward(upstream)?;
-            worst = worse(worst, [said, by_weights, by_tokens].iter().zip(&expected).map(|(a, b)| apart(a, b)));
+            worst = worse(worst, [predictions, by_weights, by_tokens].iter().zip(&expected).map(|(a, b)| apart(a, b)));
         }
         checks.demand(worst < 2e-5, format!("{name}: output and gradients {worst:.1e} from burn's"));
     }

@@ -60,11 +60,11 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
         let (mut sound, mut harmed) = (batch(system, scene, 64)?, batch(system, scene, 64)?);
         harmed.states[41 * d + 9] = f64::NAN;
         new()?.step(&mut sound, &frames[0])?;
-        let said = new()?.step(&mut harmed, &frames[0]).err().map_or_else(String::new, |e| e.to_string());
+        let error = new()?.step(&mut harmed, &frames[0]).err().map_or_else(String::new, |e| e.to_string());
         let others = |b: &Batch| [&b.states[..41 * d], &b.states[42 * d..]].concat();
         checks.demand(
-            said.contains("environment 41") && others(&sound) == others(&harmed),
-            format!("{name}: one that is not a number: {said}"),
+            error.contains("environment 41") && others(&sound) == others(&harmed),
+            format!("{name}: one that is not a number: {error}"),
         );
 
         let begin = batch(system, scene, 64)?.state(3).to_vec();
@@ -110,9 +110,9 @@ fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
     let mut many = batch(ant, "ground", 2000)?;
     let torques = torques(&many, 0);
     let mut step = || CudaArticulated::new(ArticulatedConfig::accurate(ant), Real::F64).step(&mut many, &torques).err();
-    let said = step().map_or_else(String::new, |e| e.to_string());
+    let error = step().map_or_else(String::new, |e| e.to_string());
     drop(taken);
-    checks.demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| said.contains(word)), format!("a full memory: {said}"));
+    checks.demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| error.contains(word)), format!("a full memory: {error}"));
     checks.demand(step().is_none(), "and once there is room".into());
 
     let link = |k: usize| {
@@ -126,8 +126,8 @@ fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
     let text = format!(r#"<robot name="chain"><link name="base"/>{}</robot>"#, (0..400).map(link).collect::<String>());
     let system = Arc::new(System::bare("chain", &text, false)?);
     let mut solver = CudaArticulated::new(ArticulatedConfig::accurate(&system), Real::F32);
-    let said =
+    let error =
         solver.step(&mut Batch::new(&system, &system.scene("free")?, 2), &[0.0; 800]).err().map_or_else(String::new, |e| e.to_string());
-    checks.demand(said.contains("too large") && !said.contains('\n'), format!("400 joints: {said}"));
+    checks.demand(error.contains("too large") && !error.contains('\n'), format!("400 joints: {error}"));
     Ok(())
 }

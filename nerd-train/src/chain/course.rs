@@ -34,7 +34,6 @@ pub struct Course {
     pub frames: usize,
 }
 
-/// What is drawn of a rollout.
 pub(super) struct Draw {
     /// Whether it restarts unconditionally.
     pub anew: bool,

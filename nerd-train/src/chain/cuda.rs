@@ -56,7 +56,7 @@ pub struct CudaChainLearner {
     /// `[frame][rollout]`.
     chains: Buffer<f64>,
     /// Gradients by them, and normals and gaps of a frame.
-    behinds: Buffer<f64>,
+    upstream: Buffer<f64>,
     touches: Buffer<f64>,
     by_tokens: Buffer<f32>,
     of_frame: Buffer<f32>,
@@ -95,7 +95,7 @@ impl CudaChainLearner {
             motions: Recorded::on(d, system, &chain, train, colliders)?,
             rollouts: d.zeros(n * ROLLOUT)?,
             chains: d.zeros((frames + 1) * n * wide)?,
-            behinds: d.zeros(n * wide)?,
+            upstream: d.zeros(n * wide)?,
             touches: d.zeros(n * 4 * chain.rods)?,
             by_tokens: d.zeros(n * chain.rods * INPUTS)?,
             of_frame: d.zeros(optimiser.weights.len)?,
@@ -144,24 +144,24 @@ impl CudaChainLearner {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
         let weight = 1.0 / (self.config.batch * frames) as f64;
-        let [chains, tokens, said, behinds, touches] =
-            [self.chains.ptr, net.at(Slot(0)), net.predictions().ptr, self.behinds.ptr, self.touches.ptr].map(Ptr);
+        let [chains, tokens, outputs, upstream, touches] =
+            [self.chains.ptr, net.at(Slot(0)), net.predictions().ptr, self.upstream.ptr, self.touches.ptr].map(Ptr);
         self.along("unroll_begin", &[chains, Int(frames)])?;
         net.fold(w)?;
         for k in 0..frames {
             self.along("unroll_look", &[chains, Int(k), tokens])?;
             net.predict(w, n, None)?;
-            self.along("unroll_advance", &[chains, Int(k), said])?;
+            self.along("unroll_advance", &[chains, Int(k), outputs])?;
         }
         self.along("unroll_end", &[chains, Int(frames), Ptr(self.nears.ptr)])?;
         for k in (0..frames).rev() {
             let later = frames - 1 - k;
-            let heard = [Double(weight), behinds, Ptr(self.losses.ptr), tokens, touches];
-            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &heard].concat())?;
+            let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, touches];
+            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &rest].concat())?;
             net.windows(w, n)?;
-            self.each("unroll_said", &[chains, Int(k), said, behinds, Ptr(net.slope())])?;
+            self.each("unroll_said", &[chains, Int(k), outputs, upstream, Ptr(net.slope())])?;
             net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
-            self.along("unroll_back", &[chains, Int(k), said, touches, Ptr(self.by_tokens.ptr), behinds])?;
+            self.along("unroll_back", &[chains, Int(k), outputs, touches, Ptr(self.by_tokens.ptr), upstream])?;
             let p = self.of_frame.len;
             let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
             d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;

@@ -48,7 +48,6 @@ impl ChainLearner {
         self
     }
 
-    /// What rollouts go through.
     fn unroll(&self) -> Unroll<'_> {
         let Self { chain, course, network, .. } = self;
         Unroll { chain, course, network }

@@ -32,21 +32,21 @@ impl Loss {
     }
 
     /// The loss of the k-th frame, k from 1, times `weight`; its gradients go to `slope`.
-    pub fn of(&self, chain: &Chain, (said, truth): (&Rods, &Rods), k: usize, weight: f64, slope: &mut Rods) -> f64 {
+    pub fn of(&self, chain: &Chain, (predicted, truth): (&Rods, &Rods), k: usize, weight: f64, slope: &mut Rods) -> f64 {
         let (q, dt) = (2.0 * self.share * (k as f64).sqrt(), chain.frame_time);
-        let ([x, v], [true_x, true_v]) = (chain.nodes(said), chain.nodes(truth));
+        let ([x, v], [true_x, true_v]) = (chain.nodes(predicted), chain.nodes(truth));
         let mut by_nodes = [vec![Vector3::zeros(); chain.rods], vec![Vector3::zeros(); chain.rods]];
         let mut total = 0.0;
-        total += vectors(&said.rates, &truth.rates, self.rate * q, weight, &mut slope.rates);
-        total += vectors(&said.along, &truth.along, self.rate * dt * q, weight, &mut slope.along);
+        total += vectors(&predicted.rates, &truth.rates, self.rate * q, weight, &mut slope.rates);
+        total += vectors(&predicted.along, &truth.along, self.rate * dt * q, weight, &mut slope.along);
         total += vectors(&x, &true_x, self.velocity * dt * q, 2.0 * weight, &mut by_nodes[0]);
         total += vectors(&v, &true_v, self.velocity * q, weight, &mut by_nodes[1]);
         chain.nodes_back(&by_nodes, slope);
-        total + self.led(&said.gripper, &truth.gripper, 0.2 * weight / 12.0, &mut slope.gripper)
+        total + self.led(&predicted.gripper, &truth.gripper, 0.2 * weight / 12.0, &mut slope.gripper)
     }
 
-    fn led(&self, said: &Gripper, truth: &Gripper, weight: f64, slope: &mut Gripper) -> f64 {
-        let pairs = said.numbers().zip(truth.numbers()).zip(self.gripper);
+    fn led(&self, predicted: &Gripper, truth: &Gripper, weight: f64, slope: &mut Gripper) -> f64 {
+        let pairs = predicted.numbers().zip(truth.numbers()).zip(self.gripper);
         pairs.zip(slope.numbers_mut()).map(|(((a, b), unit), slope)| round(a - b, 2.0 * unit, weight, slope)).sum()
     }
 }

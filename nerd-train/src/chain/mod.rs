@@ -31,5 +31,5 @@ pub use learner::ChainLearner;
 pub(crate) use learner::ROLLOUTS;
 pub use loss::Loss;
 pub use scales::scales;
-pub use unroll::{Rollout, Unroll, join};
+pub use unroll::{Rollout, Unroll, frame_back, join};
 pub use view::View;

@@ -33,7 +33,7 @@ pub struct Unroll<'a> {
 struct Kept {
     before: Vec<Rods>,
     looks: Vec<Look>,
-    said: Vec<f32>,
+    outputs: Vec<f32>,
     /// Of the frame's loss, by the rollouts after it.
     slopes: Vec<Rods>,
 }
@@ -55,10 +55,9 @@ impl Unroll<'_> {
         let mut total = 0.0;
         let kept: Vec<Kept> = (0..self.course.frames).map(|k| self.forward(k, rollouts, weight, &mut memory[k], &mut total)).collect();
         let mut gradient: Vec<f32> = Vec::new();
-        let mut behind: Vec<Rods> = Vec::new();
+        let mut upstream: Vec<Rods> = Vec::new();
         for (k, kept) in kept.into_iter().enumerate().rev() {
-            let own = self.backward(&kept, (&behind, self.course.frames - 1 - k), &mut memory[k], &mut gradient);
-            behind = own;
+            upstream = self.backward(&kept, (&upstream, self.course.frames - 1 - k), &mut memory[k], &mut gradient);
         }
         (total, gradient)
     }
@@ -73,9 +72,9 @@ impl Unroll<'_> {
         let looks: Vec<Look> = rollouts.iter().map(look).collect();
         let mut tokens = Vec::new();
         rollouts.iter().zip(&looks).for_each(|(r, look)| look.tokens(chain, &r.rods, &mut tokens));
-        let said = self.network.forward(&tokens, memory, Pass::Kept(chain.rods)).clone();
+        let outputs = self.network.forward(&tokens, memory, Pass::Kept(chain.rods)).clone();
         let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
-        for ((r, look), numbers) in rollouts.iter_mut().zip(&looks).zip(said.chunks_exact(chain.rods * OUTPUTS)) {
+        for ((r, look), numbers) in rollouts.iter_mut().zip(&looks).zip(outputs.chunks_exact(chain.rods * OUTPUTS)) {
             let after = chain.advance(&r.rods, &look.glided, Outputs { numbers, scale: &self.course.scale });
             r.frame += 1;
             let (truth, mut slope) = (self.truth(r.motion, r.frame, &r.view), Rods::zeros(chain.rods));
@@ -83,42 +82,47 @@ impl Unroll<'_> {
             before.push(std::mem::replace(&mut r.rods, after));
             slopes.push(slope);
         }
-        Kept { before, looks, said, slopes }
+        Kept { before, looks, outputs, slopes }
     }
 
-    /// Gradients by the rollouts before a frame from the upstream ones, `behind`, of so many later frames; none after the last.
-    fn backward(&self, kept: &Kept, (behind, later): (&[Rods], usize), memory: &mut Memory, gradient: &mut Vec<f32>) -> Vec<Rods> {
+    /// Gradients by the rollouts before a frame from the upstream ones of so many later frames; none after the last.
+    fn backward(&self, kept: &Kept, (upstream, later): (&[Rods], usize), memory: &mut Memory, gradient: &mut Vec<f32>) -> Vec<Rods> {
         let (chain, width) = (self.chain, self.chain.rods * OUTPUTS);
-        let (mut all, mut slopes, mut by_said) = (kept.slopes.clone(), Vec::with_capacity(kept.before.len()), Vec::new());
-        all.iter_mut().zip(behind).for_each(|(own, behind)| join(own, behind, later));
-        for ((before, numbers), behind) in kept.before.iter().zip(kept.said.chunks_exact(width)).zip(&all) {
+        let (mut all, mut slopes, mut by_outputs) = (kept.slopes.clone(), Vec::with_capacity(kept.before.len()), Vec::new());
+        all.iter_mut().zip(upstream).for_each(|(own, upstream)| join(own, upstream, later));
+        for ((before, numbers), upstream) in kept.before.iter().zip(kept.outputs.chunks_exact(width)).zip(&all) {
             let mut slope = Rods::zeros(chain.rods);
-            by_said.extend(chain.advance_back(before, Outputs { numbers, scale: &self.course.scale }, behind, &mut slope));
+            by_outputs.extend(chain.advance_back(before, Outputs { numbers, scale: &self.course.scale }, upstream, &mut slope));
             slopes.push(slope);
         }
-        let (by_weights, by_tokens) = self.network.backward(chain.rods, &by_said, memory, true);
+        let (by_weights, by_tokens) = self.network.backward(chain.rods, &by_outputs, memory, true);
         match gradient.is_empty() {
             true => *gradient = by_weights,
             false => gradient.iter_mut().zip(&by_weights).for_each(|(g, w)| *g += w),
         }
         let tokens = by_tokens.chunks_exact(by_tokens.len() / kept.before.len());
-        for ((((before, look), behind), tokens), slope) in kept.before.iter().zip(&kept.looks).zip(&all).zip(tokens).zip(&mut slopes) {
-            let mut glided = look.tokens_back(chain, before, tokens, slope);
-            glided.numbers_mut().zip(behind.gripper.numbers()).for_each(|(x, g)| *x += g);
-            let led = chain.glide_back(&glided);
-            slope.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+        for ((((before, look), upstream), tokens), slope) in kept.before.iter().zip(&kept.looks).zip(&all).zip(tokens).zip(&mut slopes) {
+            frame_back(chain, look, before, tokens, upstream, slope);
         }
         slopes
     }
 }
 
+/// Adds to `slope` what comes to the rods before a frame through their tokens, from the gradients by these, and through the gripper's glide.
+pub fn frame_back(chain: &Chain, look: &Look, before: &Rods, by_tokens: &[f32], upstream: &Rods, slope: &mut Rods) {
+    let mut glided = look.tokens_back(chain, before, by_tokens, slope);
+    glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, g)| *x += g);
+    let led = chain.glide_back(&glided);
+    slope.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+}
+
 /// Adds upstream gradients of so many later frames to its own: at most as much as if each of them were as large as its own. Where a rod
 /// strikes, a frame stretches what comes into it, and without that one rollout of hundreds would decide an update.
-pub fn join(own: &mut Rods, behind: &Rods, later: usize) {
+pub fn join(own: &mut Rods, upstream: &Rods, later: usize) {
     let norm = |rods: &Rods| (square(rods.gripper.numbers()) + square(rods.along.iter().chain(&rods.rates).flatten().copied())).sqrt();
-    let share = (later as f64 * norm(own) / norm(behind).max(1e-300)).min(1.0);
-    own.gripper.numbers_mut().zip(behind.gripper.numbers()).for_each(|(x, y)| *x += share * y);
-    let pairs = own.along.iter_mut().chain(&mut own.rates).zip(behind.along.iter().chain(&behind.rates));
+    let share = (later as f64 * norm(own) / norm(upstream).max(1e-300)).min(1.0);
+    own.gripper.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, y)| *x += share * y);
+    let pairs = own.along.iter_mut().chain(&mut own.rates).zip(upstream.along.iter().chain(&upstream.rates));
     pairs.for_each(|(x, y)| *x += y * share);
 }
 

@@ -14,7 +14,6 @@ use crate::windows::Windows;
 /// Trains on a device of burn; a card wants the whole batch in one shard ([`Sharded::shards`]).
 pub type BurnLearner = Sharded<Burn>;
 
-/// A device of burn.
 pub struct Burn {
     device: BurnDevice,
 }
@@ -54,12 +53,10 @@ impl Pass for Burn {
     }
 }
 
-/// `[windows, tokens, outputs]`.
 fn errors(network: &BurnNetwork, Shard { windows, tokens, x, y }: Shard) -> Tensor<3> {
     network.forward(network.tensor(x, windows, tokens)) - network.tensor(y, windows, tokens)
 }
 
-/// Its numbers; waits for the device.
 fn read(tensor: Tensor<1>) -> Result<Vec<f32>, LearnError> {
     let data = tensor.try_into_data().map_err(|e| LearnError::Device(format!("{e:?}")))?;
     Ok(data.iter::<f32>().collect())

@@ -61,11 +61,10 @@ impl Pass for Fused {
 
 /// Predictions minus targets, `[windows][tokens][outputs]`.
 fn errors((network, memory): &mut (Loaded, Memory), shard: &Shard) -> Vec<f32> {
-    let said = network.forward(&shard.x, memory, Tokens::Kept(shard.tokens));
-    said.iter().zip(&shard.y).map(|(said, y)| said - y).collect()
+    let predicted = network.forward(&shard.x, memory, Tokens::Kept(shard.tokens));
+    predicted.iter().zip(&shard.y).map(|(p, y)| p - y).collect()
 }
 
-/// Sum of squares.
 fn squares(error: &[f32]) -> f64 {
     error.iter().map(|e| f64::from(e * e)).sum()
 }

@@ -153,8 +153,8 @@ pub fn validation_rows(windows: usize, wanted: usize) -> Vec<u64> {
 
 #[cfg(feature = "cuda")]
 impl From<nerd_cuda::DeviceError> for LearnError {
-    fn from(nerd_cuda::DeviceError(said): nerd_cuda::DeviceError) -> Self {
-        Self::Device(said)
+    fn from(nerd_cuda::DeviceError(message): nerd_cuda::DeviceError) -> Self {
+        Self::Device(message)
     }
 }
 
@@ -169,7 +169,7 @@ impl From<LearnError> for nerd_model::transformer::ForwardError {
 impl From<LearnError> for nerd_cuda::DeviceError {
     fn from(error: LearnError) -> Self {
         match error {
-            LearnError::Device(said) => Self(said),
+            LearnError::Device(message) => Self(message),
             other => Self(other.to_string()),
         }
     }

@@ -56,7 +56,6 @@ impl Adam {
         }
     }
 
-    /// Makes it of these weights and moments.
     pub fn step(&self, [w, m, v]: [&mut [f32]; 3], gradient: &[f32]) {
         let Self { decay, gain, rate, root, scale } = *self;
         for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
@@ -68,12 +67,10 @@ impl Adam {
     }
 }
 
-/// What a gradient of this norm is multiplied by.
 fn clip(norm: f32, most: f32) -> f32 {
     (most / (norm + 1e-6)).min(1.0)
 }
 
-/// A state and its updates.
 pub(crate) struct Optimiser {
     pub config: LearnerConfig,
     pub state: LearnerState,
@@ -99,7 +96,6 @@ impl Optimiser {
         Ok(())
     }
 
-    /// See [`super::Learner::progress`].
     pub fn progress(&mut self) -> Progress {
         let (loss, norm, n) = std::mem::take(&mut self.sums);
         let n = f64::from(n.max(1));

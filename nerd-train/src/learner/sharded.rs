@@ -23,23 +23,18 @@ const SUM: usize = 1 << 14;
 
 /// How the errors of a shard and their gradient come about.
 pub trait Pass: Sync {
-    /// A thread's own network.
     type Worker;
     /// A network with these weights, for gradients or for errors alone.
     fn worker(&self, weights: &Weights, gradients: bool) -> Self::Worker;
     /// Its thread needs it no more.
     fn rest(&self, _: Self::Worker) {}
-    /// Sum of the squared errors.
     fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
     /// Sum of the squared errors, and the gradient of the loss, both times the loss's scale.
     fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError>;
 }
 
-/// Some windows.
 pub struct Shard {
-    /// How many.
     pub windows: usize,
-    /// Of each.
     pub tokens: usize,
     /// Tokens `[windows][tokens][inputs]`.
     pub x: Vec<f32>,
@@ -52,7 +47,6 @@ pub struct Shard {
 pub struct Loss {
     /// Factor of every error's share.
     pub scale: f64,
-    /// [`LearnerConfig::huber`].
     pub huber: Option<f32>,
 }
 
@@ -183,7 +177,6 @@ fn values(set: &Windows, windows: usize) -> f64 {
     (windows * set.history * set.outputs) as f64
 }
 
-/// The windows `rows` of a set.
 fn shard(set: &Windows, rows: &[u64]) -> Shard {
     let gather = |data: &[f32], width: usize| {
         let window = |&row: &u64| &data[set.first_token(row as usize) * width..][..set.history * width];

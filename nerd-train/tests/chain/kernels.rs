@@ -6,7 +6,7 @@ use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
 use nerd_train::chain::device::{row, unroll_program};
-use nerd_train::chain::{Loss, Motions, View, join, scales};
+use nerd_train::chain::{Loss, Motions, View, frame_back, join, scales};
 
 use crate::cpp;
 
@@ -51,9 +51,9 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
 
     let starts: Vec<(usize, usize, View)> = (0..ROLLOUTS).map(|k| (k % 6, 2 * k, View::new(0.4 * k as f64, k % 2 == 0))).collect();
-    let said: Vec<f32> = some(ROLLOUTS * chain.rods * OUTPUTS, 0.3).into_iter().map(|x| x as f32).collect();
+    let outputs: Vec<f32> = some(ROLLOUTS * chain.rods * OUTPUTS, 0.3).into_iter().map(|x| x as f32).collect();
     let by_tokens: Vec<f32> = some(ROLLOUTS * chain.rods * INPUTS, 0.01).into_iter().map(|x| x as f32).collect();
-    let behinds = some(ROLLOUTS * numbers(&chain), 5.0);
+    let upstreams = some(ROLLOUTS * numbers(&chain), 5.0);
     let head = [ROLLOUTS, motions.len(), motions.frames, FRAME];
     let mut input: Vec<u8> = head.iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
     let rows = starts.iter().flat_map(|(motion, frame, view)| row(*motion, *frame, true, view));
@@ -63,8 +63,8 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     let reach = Reach { colliders, ..Reach::default() };
     let scenes = motions.scenes.iter().flat_map(|scene| record(scene, &system, &settings, reach).expect("a scene with kernels"));
     input.extend(rows.chain(states).chain(torques).chain(scenes).flat_map(f64::to_le_bytes));
-    input.extend(said.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
-    input.extend(behinds.iter().flat_map(|x| x.to_le_bytes()));
+    input.extend(outputs.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
+    input.extend(upstreams.iter().flat_map(|x| x.to_le_bytes()));
     let output = compiler.run(&unroll_program(&chain, &scale, &loss, &system, colliders), input);
     let mut at = 0;
     let mut next = |count: usize, bytes: usize| {
@@ -73,49 +73,46 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     };
     let doubles = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<_>>();
     let floats = |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect::<Vec<_>>();
-    let (wide, tokens_wide, said_wide) = (numbers(&chain), chain.rods * padded(INPUTS), chain.rods * OUTPUTS);
+    let (wide, tokens_wide, outputs_wide) = (numbers(&chain), chain.rods * padded(INPUTS), chain.rods * OUTPUTS);
     let (before, after) = (doubles(next(ROLLOUTS * wide, 8)), doubles(next(ROLLOUTS * wide, 8)));
     let (tokens, judged) = (floats(next(ROLLOUTS * tokens_wide, 4)), doubles(next(2 * ROLLOUTS, 8)));
-    let (slopes, by_said, fronts) =
-        (doubles(next(ROLLOUTS * wide, 8)), floats(next(ROLLOUTS * said_wide, 4)), doubles(next(ROLLOUTS * wide, 8)));
+    let (slopes, by_outputs, fronts) =
+        (doubles(next(ROLLOUTS * wide, 8)), floats(next(ROLLOUTS * outputs_wide, 4)), doubles(next(ROLLOUTS * wide, 8)));
 
     let (mut worst, mut touching) = ([0.0f64; 7], 0);
     for (i, (motion, frame, view)) in starts.into_iter().enumerate() {
         let truth = |k: usize| view.rods(&chain, &chain.rods(motions.state(motion, frame + k)));
         let (own, torques) = (truth(FRAME), view.torques(&chain, motions.torques(motion, frame + FRAME)));
         let look = Look::at(&chain, &own, &torques, |place| view.contact(&chain, &motions.scenes[motion], place));
-        let mut told = Vec::new();
-        look.tokens(&chain, &own, &mut told);
-        touching += told.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
-        let of_said = Outputs { numbers: &said[i * said_wide..][..said_wide], scale: &scale };
-        let moved = chain.advance(&own, &look.glided, of_said);
-        let mut behind = Rods::zeros(chain.rods);
-        let given = &behinds[i * wide..][..wide];
-        behind.gripper.numbers_mut().zip(given).for_each(|(x, g)| *x = *g);
-        let vectors = behind.along.iter_mut().chain(&mut behind.rates).flat_map(|v| v.iter_mut());
+        let mut expected = Vec::new();
+        look.tokens(&chain, &own, &mut expected);
+        touching += expected.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
+        let predicted = Outputs { numbers: &outputs[i * outputs_wide..][..outputs_wide], scale: &scale };
+        let moved = chain.advance(&own, &look.glided, predicted);
+        let mut upstream = Rods::zeros(chain.rods);
+        let given = &upstreams[i * wide..][..wide];
+        upstream.gripper.numbers_mut().zip(given).for_each(|(x, g)| *x = *g);
+        let vectors = upstream.along.iter_mut().chain(&mut upstream.rates).flat_map(|v| v.iter_mut());
         vectors.zip(&given[12..]).for_each(|(x, g)| *x = *g);
         let mut all = Rods::zeros(chain.rods);
         let cost = loss.of(&chain, (&moved, &truth(FRAME + 1)), FRAME + 1, WEIGHT, &mut all);
-        join(&mut all, &behind, 1 + i);
+        join(&mut all, &upstream, 1 + i);
         let mut front = Rods::zeros(chain.rods);
-        let wanted = chain.advance_back(&own, of_said, &all, &mut front);
-        let mut glided = look.tokens_back(&chain, &own, &by_tokens[i * chain.rods * INPUTS..][..chain.rods * INPUTS], &mut front);
-        glided.numbers_mut().zip(all.gripper.numbers()).for_each(|(x, g)| *x += g);
-        let led = chain.glide_back(&glided);
-        front.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+        let wanted = chain.advance_back(&own, predicted, &all, &mut front);
+        frame_back(&chain, &look, &own, &by_tokens[i * chain.rods * INPUTS..][..chain.rods * INPUTS], &all, &mut front);
 
         let seen: Vec<f64> =
             tokens[i * tokens_wide..][..tokens_wide].chunks(padded(INPUTS)).flat_map(|token| token[..INPUTS].to_vec()).collect();
-        let told: Vec<f64> = told.into_iter().map(f64::from).collect();
+        let expected: Vec<f64> = expected.into_iter().map(f64::from).collect();
         let wanted: Vec<f64> = wanted.into_iter().map(f64::from).collect();
         let [a, b, c, d] = [&before, &after, &slopes, &fronts].map(|all| &all[i * wide..][..wide]);
         let found = [
             apart(a, &flat(&own)),
             apart(b, &flat(&moved)),
-            apart(&seen, &told),
+            apart(&seen, &expected),
             apart(&judged[2 * i..][..1], &[cost]),
             apart(c, &flat(&all)),
-            apart(&by_said[i * said_wide..][..said_wide], &wanted),
+            apart(&by_outputs[i * outputs_wide..][..outputs_wide], &wanted),
             apart(d, &flat(&front)),
         ];
         worst.iter_mut().zip(found).for_each(|(worst, found)| *worst = worse(*worst, found));
@@ -124,7 +121,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         assert_eq!(judged[2 * i + 1] != 0.0, mean <= 0.03, "rollout {i} is {mean} m off");
     }
     println!(
-        "{touching} ends of rods near a surface; before, after, tokens, loss, its slopes, by what is said, by the chain: {worst:?} off"
+        "{touching} ends of rods near a surface; before, after, tokens, loss, its slopes, by outputs, by the chain: {worst:?} off"
     );
     let exact = [worst[0], worst[1], worst[3], worst[4], worst[6]].into_iter().fold(0.0, f64::max);
     assert!(touching > 100 && exact < 1e-9 && worst[2].max(worst[5]) < 1e-6, "{touching}, {worst:?}");

@@ -71,10 +71,10 @@ fn a_motion_turned_and_mirrored_is_one_as_well() {
         let other = Look::at(&chain, &seen, &view.torques(&chain, torques), |place| view.contact(&chain, scene, place));
         let glided = view.rods(&chain, &Rods { gripper: look.glided, ..rods.clone() });
         worst = worst.max(apart(&glided, &Rods { gripper: other.glided, ..seen.clone() }));
-        let (mut told, mut others) = (Vec::new(), Vec::new());
-        look.tokens(&chain, &rods, &mut told);
+        let (mut tokens, mut others) = (Vec::new(), Vec::new());
+        look.tokens(&chain, &rods, &mut tokens);
         other.tokens(&chain, &seen, &mut others);
-        for (own, other) in told.as_chunks::<INPUTS>().0.iter().zip(others.as_chunks::<INPUTS>().0) {
+        for (own, other) in tokens.as_chunks::<INPUTS>().0.iter().zip(others.as_chunks::<INPUTS>().0) {
             for first in [0, 3, 6, 9, 18, 21, 24, 27] {
                 let v = |x: &[f32]| nalgebra::Vector3::new(x[first], x[first + 1], x[first + 2]).map(f64::from);
                 worst = worst.max((view.vector(&v(own)) - v(other)).norm() * 1e-6);

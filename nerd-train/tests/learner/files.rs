@@ -83,15 +83,15 @@ fn settings_out_of_their_ranges_are_refused_by_name() {
         (LearnerConfig { huber: Some(f32::NAN), ..LEARNER }.check(), "huber"),
         (LearnerConfig { huber: Some(0.0), ..LEARNER }.check(), "huber"),
     ] {
-        let said = refused.expect_err(words);
-        assert!(said.contains(words), "{said} does not say {words}");
+        let error = refused.expect_err(words);
+        assert!(error.contains(words), "{error} does not say {words}");
     }
 }
 
 #[test]
 fn unknown_keys_are_errors() {
-    let known: TrainerConfig = serde_json::from_str(r#"{"updates": 10, "schedule": {"end": 1e-5}}"#).unwrap();
-    assert_eq!((known.updates, known.schedule.start, known.schedule.end), (10, 1e-3, 1e-5));
+    let config: TrainerConfig = serde_json::from_str(r#"{"updates": 10, "schedule": {"end": 1e-5}}"#).unwrap();
+    assert_eq!((config.updates, config.schedule.start, config.schedule.end), (10, 1e-3, 1e-5));
     assert!(serde_json::from_str::<TrainerConfig>(r#"{"epochs": 10}"#).is_err());
     assert!(serde_json::from_str::<TrainerConfig>(r#"{"schedule": {"decay": 1}}"#).is_err());
 }

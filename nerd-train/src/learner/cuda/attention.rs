@@ -11,7 +11,6 @@ const SHARED: usize = 48 << 10;
 /// Shape of all attentions of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Attention {
-    /// Columns of queries.
     pub width: usize,
     pub heads: usize,
     /// Most keys that a query meets.
@@ -24,7 +23,6 @@ pub(super) struct Attention {
 }
 
 impl Attention {
-    /// See [`nerd_model::program::Op::Attend`].
     pub fn new(width: usize, heads: usize, band: Option<usize>, tokens: usize) -> Result<Self, LearnError> {
         let mut shape = Self { width, heads, seen: band.unwrap_or(tokens), rotary: band.is_some(), tokens, group: 1 };
         if !width.is_multiple_of(4 * heads) || tokens > 64 || shape.seen > 32 {
@@ -43,7 +41,6 @@ impl Attention {
         }
     }
 
-    /// In front of its kernels.
     pub fn constants(&self) -> String {
         let Self { width, heads, seen, rotary, group, .. } = self;
         format!("constexpr int E = {width}, H = {heads}, B = {seen}, G = {group};\nconstexpr bool ROTARY = {rotary};")
@@ -69,7 +66,6 @@ impl Attention {
         self.seen * 2 * self.width
     }
 
-    /// Mixed values of windows.
     pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, turns: u64) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
         d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(turns)])

@@ -18,7 +18,7 @@ use super::plan::Part;
 /// Buffers of one length that are enough for both streams to go on.
 const SOME: usize = 3;
 
-/// Gradients by a slot's rows, and which of the buffers they stand in, if in one.
+/// Gradients by a slot's rows, and which of the buffers has them, if one.
 #[derive(Clone, Copy)]
 struct Slope {
     at: u64,
@@ -33,11 +33,9 @@ struct Gradient {
     size: Size,
 }
 
-/// One pass.
 struct Walk<'a> {
     net: &'a Network,
     back: &'a Back,
-    /// Windows.
     rows: usize,
     slopes: Vec<Option<Slope>>,
     free: VecDeque<usize>,
@@ -48,7 +46,7 @@ struct Walk<'a> {
 }
 
 impl Network {
-    /// Where the gradient by predictions stands, or that by the hidden layer of a head.
+    /// Where the gradient by predictions is, or that by the hidden layer of a head.
     pub fn slope(&self) -> u64 {
         if let Some(Part::Head { from, .. }) = self.plan.parts.last() { self.at(*from) } else { self.targets.ptr }
     }
@@ -134,8 +132,8 @@ impl Walk<'_> {
         let dx = self.take(from)?;
         match op {
             Op::Norm => {
-                let known = before.map_or(0, |slope| slope.at);
-                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.asides[i][0].ptr), Ptr(known), Ptr(dx.at), Int(n)];
+                let earlier = before.map_or(0, |slope| slope.at);
+                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.asides[i][0].ptr), Ptr(earlier), Ptr(dx.at), Int(n)];
                 d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
@@ -194,12 +192,10 @@ impl Walk<'_> {
         self.slopes[slot.0].ok_or_else(|| DeviceError(format!("{slot:?} of the program is written and not read")))
     }
 
-    /// Releases a gradient.
     fn done(&mut self, slot: Slot) {
         self.free.extend(self.slopes[slot.0].take().and_then(|slope| slope.buffer));
     }
 
-    /// A buffer for the gradient of a slot.
     fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
         let slope = self.fresh(self.rows * self.net.plan.tokens * self.net.plan.width(slot))?;
         self.slopes[slot.0] = Some(slope);

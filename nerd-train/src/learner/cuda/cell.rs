@@ -8,7 +8,6 @@ use super::network::Network;
 /// Windows, columns of a state, and whether it is an LSTM.
 type Shape = (usize, usize, bool);
 
-/// Columns of gates.
 fn wide((_, e, lstm): Shape) -> usize {
     if lstm { 4 * e } else { 3 * e }
 }

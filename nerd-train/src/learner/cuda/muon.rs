@@ -26,7 +26,6 @@ struct Group {
     polynomial: Buffer<f32>,
 }
 
-/// Memory of all groups.
 pub(super) struct Muon {
     groups: Vec<Group>,
     /// Whether an entry of the flat vector is one of theirs (1).
@@ -36,7 +35,6 @@ pub(super) struct Muon {
 }
 
 impl Muon {
-    /// Memory for the hidden matrices of a network.
     pub fn new(device: &Device, network: &TransformerConfig) -> Result<Self, LearnError> {
         let (hidden, mut entries) = (hidden(network).concat(), vec![1u8; network.parameters()]);
         others(network).into_iter().for_each(|run| entries[run].fill(0));

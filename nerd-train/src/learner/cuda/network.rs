@@ -155,7 +155,6 @@ impl Network {
         self.device.write(&self.values[0], &self.staging)
     }
 
-    /// Place of a slot's rows.
     pub fn at(&self, slot: Slot) -> u64 {
         // Slots inside a fused kernel have no rows.
         self.values.get(self.homes[slot.0]).map_or(0, |rows| rows.ptr)
@@ -303,7 +302,6 @@ impl Network {
         self.column_sum(self.partial.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }
 
-    /// The last three tensors of the parameters at `w`.
     fn head(&self, w: u64, bias: Weight) -> [u64; 3] {
         [0, 1, 2].map(|k| self.tensor(w, Weight(bias.0 + k)))
     }
@@ -340,7 +338,6 @@ impl Network {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.turns.ptr))
     }
 
-    /// Places of slots' rows.
     pub fn addresses(&self) -> Vec<u64> {
         (0..self.homes.len()).map(|slot| self.at(Slot(slot))).collect()
     }

@@ -41,7 +41,6 @@ pub(crate) struct Optimiser {
     norms: Buffer<f32>,
     scalars: Buffer<Scalars>,
     muon: Option<Muon>,
-    /// Over ranks.
     sums: Option<Sums>,
     config: LearnerConfig,
     shape: TransformerConfig,
@@ -75,7 +74,6 @@ impl Optimiser {
         })
     }
 
-    /// Place of its numbers.
     pub fn scalars(&self) -> u64 {
         self.scalars.ptr
     }
@@ -100,7 +98,6 @@ impl Optimiser {
         self.muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, self.scalars.ptr)?))
     }
 
-    /// The rate of the next updates.
     pub fn set_lr(&mut self, d: &Device, lr: f32) -> Result<(), LearnError> {
         if lr.to_bits() != self.lr.to_bits() {
             d.set_word(self.scalars.ptr + offset_of!(Scalars, lr) as u64, lr.to_bits())?;
@@ -109,7 +106,6 @@ impl Optimiser {
         Ok(())
     }
 
-    /// See [`crate::learner::Learner::progress`].
     pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
         let s = d.download(&self.scalars)?[0];
         if s.bad_step != u64::MAX {
@@ -120,7 +116,6 @@ impl Optimiser {
         Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
     }
 
-    /// See [`crate::learner::Learner::state`].
     pub fn state(&self, d: &Device) -> Result<LearnerState, LearnError> {
         let weights = Weights { config: self.shape, flat: d.download(&self.weights)? };
         let (average, m, v) = (d.download(&self.average)?, d.download(&self.m)?, d.download(&self.v)?);

@@ -35,7 +35,6 @@ pub(crate) struct Plan {
     pub starts: Vec<usize>,
     /// Of each folded row: offsets of W, w and W', and columns.
     pub table: Vec<[i32; 4]>,
-    /// Entries of the folded vector.
     pub folded: usize,
     /// Columns of a token on the device: cuBLAS likes rows aligned.
     pub padded: usize,
@@ -155,7 +154,6 @@ impl Plan {
         Ok(())
     }
 
-    /// Place of a matrix's W'.
     fn fold(&mut self, weight: Weight, scale: Weight) -> usize {
         let shape = &self.program.tensors[weight.0].shape;
         let (at, rows, columns) = (self.folded, shape[0], shape[1]);
@@ -263,7 +261,6 @@ impl Plan {
 }
 
 impl Part {
-    /// The slot that it writes.
     pub fn to(&self) -> Slot {
         match *self {
             Self::Linear { to, .. } | Self::Step(Step { to, .. }) | Self::Head { to, .. } | Self::Shift { at: to, .. } => to,
@@ -308,8 +305,8 @@ mod tests {
             },
         ];
         for (i, build) in all.into_iter().enumerate() {
-            let said = refused(build);
-            assert!(said.as_ref().is_some_and(|said| !said.contains('\n')), "{i}: {said:?}");
+            let error = refused(build);
+            assert!(error.as_ref().is_some_and(|error| !error.contains('\n')), "{i}: {error:?}");
         }
         assert_eq!(refused(|_, _| {}), None);
     }

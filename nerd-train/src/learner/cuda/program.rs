@@ -50,9 +50,9 @@ impl CudaProgram {
         self.network.load(tokens, self.network.plan.tokens)?;
         let net = &self.network;
         pass(net, self.weights.ptr)?;
-        let mut said = net.device.download(net.predictions())?;
-        said.truncate(net.rows * net.plan.tokens * net.plan.outputs());
-        Ok(said)
+        let mut predictions = net.device.download(net.predictions())?;
+        predictions.truncate(net.rows * net.plan.tokens * net.plan.outputs());
+        Ok(predictions)
     }
 
     /// Gradients by the parameters and by the tokens last passed, from that by their predictions.

@@ -12,7 +12,6 @@ use crate::learner::LearnError;
 /// Inference with memory on this process's GPU: every frame computes the token of every environment, whatever is asked, so one graph
 /// serves. Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
 pub struct CudaStream {
-    /// The pass over all environments.
     replay: Replay,
     pub(super) network: Network,
     weights: Buffer<f32>,
@@ -20,7 +19,6 @@ pub struct CudaStream {
     rings: Buffer<f32>,
     /// Tokens taken of each environment since it was cleared, there and here.
     pub(super) taken: (Buffer<u32>, Vec<u32>),
-    /// Of every environment.
     predictions: Vec<f32>,
 }
 

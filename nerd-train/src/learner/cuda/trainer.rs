@@ -44,7 +44,6 @@ struct Data {
     per: usize,
 }
 
-/// Which windows.
 enum Choice {
     /// Those of the next update, from row `first` of the batch on.
     Drawn { scalars: u64, seed: u64, first: usize },
