@@ -120,9 +120,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         let mean = nodes(&moved).iter().zip(nodes(&truth(FRAME + 1))).map(|(a, b)| (a - b).norm()).sum::<f64>() / chain.rods as f64;
         assert_eq!(judged[2 * i + 1] != 0.0, mean <= 0.03, "rollout {i} is {mean} m off");
     }
-    println!(
-        "{touching} ends of rods near a surface; before, after, tokens, loss, its slopes, by outputs, by the chain: {worst:?} off"
-    );
+    println!("{touching} ends of rods near a surface; before, after, tokens, loss, its slopes, by outputs, by the chain: {worst:?} off");
     let exact = [worst[0], worst[1], worst[3], worst[4], worst[6]].into_iter().fold(0.0, f64::max);
     assert!(touching > 100 && exact < 1e-9 && worst[2].max(worst[5]) < 1e-6, "{touching}, {worst:?}");
     assert_eq!(at, output.len());
