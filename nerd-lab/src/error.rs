@@ -1,21 +1,15 @@
-//! Errors of the laboratory: one line for whoever gave the command.
+//! Errors of files: one line that names the file; for `map_err`.
 
 use std::path::Path;
 
-pub use anyhow::{Error, Result};
+use anyhow::Error;
 
-/// Of a file; for `map_err`.
+/// Of reading or writing it.
 pub fn file(path: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
-    move |source| Error::msg(format!("{}: {source}", path.display()))
+    format(path)
 }
 
-/// Of what a file holds; for `map_err`.
+/// Of what it holds.
 pub fn format<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> Error + '_ {
     move |reason| Error::msg(format!("{}: {reason}", path.display()))
 }
-
-/// Ends a function with this line.
-macro_rules! refuse {
-    ($($text:tt)*) => { anyhow::bail!($($text)*) };
-}
-pub(crate) use refuse;

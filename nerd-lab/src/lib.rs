@@ -18,4 +18,5 @@ pub mod paper;
 mod prelude;
 mod python;
 pub mod report;
+mod roll;
 pub mod survey;

@@ -3,10 +3,11 @@
 pub(crate) use std::path::{Path, PathBuf};
 pub(crate) use std::sync::Arc;
 
+pub(crate) use anyhow::{Context, Error, Result, bail};
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_sim::prelude::*;
-pub(crate) use nerd_sim::sampling::{Start, start, stream};
+pub(crate) use nerd_sim::sampling::{Start, stream};
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 pub(crate) use nerd_train::device::Device;
 pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
@@ -17,6 +18,5 @@ pub(crate) use nerd_train::shipped;
 pub(crate) use nerd_train::stats::mean;
 pub(crate) use serde::{Deserialize, Serialize};
 
-pub(crate) use crate::error::{Result, refuse};
 pub(crate) use crate::experiments::{About, Experiment, Measured};
 pub(crate) use crate::report::{Axis, Figure, Input, Inputs, Panel, Series, Style, Table, digits, or_dash, pair, write};

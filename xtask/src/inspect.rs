@@ -38,8 +38,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
         format!("{} is of robot `{1}`; name its file: --robot PATH/{1}.urdf, of a cable PATH/{1}.toml", folder.display(), manifest.robot)
     })?;
     let found = Inspection::of(folder, &manifest, &system, args.bound)?;
-    say!("{}", found.words());
-    crate::out::table(&found.table());
+    crate::out::tables(&[found.counted(), found.table()]);
     Ok(())
 }
 

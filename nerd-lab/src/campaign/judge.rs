@@ -1,7 +1,5 @@
 //! A case is used as its command line says, in a folder of its own, and what it leaves is looked at.
 
-use anyhow::Result;
-
 use super::files::{Files, NOT_FINITE, below, whole, write};
 use crate::prelude::*;
 

@@ -7,8 +7,6 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Result;
-
 use crate::prelude::*;
 
 mod bench;

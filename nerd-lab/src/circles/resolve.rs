@@ -66,23 +66,17 @@ fn lookup(modules: &[Module], id: usize, name: &str, seen: &mut Vec<(usize, Stri
     seen.push(key);
     let module = &modules[id];
     let mut targets = Vec::new();
-    match module.names.get(name) {
-        Some(meanings) => {
-            for meaning in meanings {
-                match meaning {
-                    Name::Module(child) => targets.push(Target::Module(*child)),
-                    Name::Item => targets.push(Target::In(id)),
-                    Name::Import(path) => targets.extend(resolve(modules, id, path, seen)),
-                }
-            }
+    for meaning in module.names.get(name).into_iter().flatten() {
+        match meaning {
+            Name::Module(child) => targets.push(Target::Module(*child)),
+            Name::Item => targets.push(Target::In(id)),
+            Name::Import(path) => targets.extend(resolve(modules, id, path, seen)),
         }
-        None => {
-            for glob in &module.globs {
-                for target in resolve(modules, id, &glob.path, seen) {
-                    if let Target::Module(other) = target {
-                        targets.extend(lookup(modules, other, name, seen));
-                    }
-                }
+    }
+    for glob in module.globs.iter().filter(|_| !module.names.contains_key(name)) {
+        for target in resolve(modules, id, &glob.path, seen) {
+            if let Target::Module(other) = target {
+                targets.extend(lookup(modules, other, name, seen));
             }
         }
     }

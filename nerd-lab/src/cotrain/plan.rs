@@ -78,7 +78,7 @@ impl Plan {
         };
         let (truth, asked) = (ModelConfig::truth_of(&model)?, onward.record.truth(&system));
         if config.recipe.is_some() && truth != asked {
-            refuse!("--model has learned `{}`, --recipe learns `{}`: one loop has one truth", truth.name(), asked.name());
+            bail!("--model has learned `{}`, --recipe learns `{}`: one loop has one truth", truth.name(), asked.name());
         }
         onward.record.truth = Some(truth);
         lengthen(&mut onward, config.updates);
@@ -112,7 +112,7 @@ impl Plan {
         // As they are read: a number that is written and read may have another last digit.
         let apart = between(&found, &asked.to_string());
         if !apart.is_empty() {
-            refuse!("{} is of other settings: {apart}; use another --out, or its settings", path.display());
+            bail!("{} is of other settings: {apart}; use another --out, or its settings", path.display());
         }
         Ok(())
     }
@@ -132,24 +132,24 @@ fn last_of(named: &str, robot: &str) -> Result<RunConfig> {
     };
     let own = recipe(&Given::new())?.runs.first().map_or_else(String::new, |run| run.robot.clone());
     if !own.is_empty() && own != robot {
-        refuse!("--recipe {named} trains `{own}`, the tasks are of `{robot}`");
+        bail!("--recipe {named} trains `{own}`, the tasks are of `{robot}`");
     }
     match recipe(&given)?.runs.pop() {
         Some(last) => Ok(last),
-        None => refuse!("--recipe {named} has no runs"),
+        None => bail!("--recipe {named} has no runs"),
     }
 }
 
 fn robot_of(tasks: &[String]) -> Result<&'static str> {
-    let Some(first) = tasks.first() else { refuse!("at least one task is needed") };
+    let Some(first) = tasks.first() else { bail!("at least one task is needed") };
     let robot = named(first)?.robot();
     for (k, task) in tasks.iter().enumerate() {
         let other = named(task)?.robot();
         if other != robot {
-            refuse!("`{first}` is a task of `{robot}`, `{task}` of `{other}`: a model is of one robot, so is a loop");
+            bail!("`{first}` is a task of `{robot}`, `{task}` of `{other}`: a model is of one robot, so is a loop");
         }
         if tasks[..k].contains(task) {
-            refuse!("`{task}` is named twice; --seeds says how many policies it has");
+            bail!("`{task}` is named twice; --seeds says how many policies it has");
         }
     }
     Ok(robot)

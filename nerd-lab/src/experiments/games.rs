@@ -68,7 +68,7 @@ fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
 /// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
 pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
     if n == 0 {
-        refuse!("--games 0: at least one is needed");
+        bail!("--games 0: at least one is needed");
     }
     let mut episodes = arena.episodes(task, n, seed)?;
     // Nobody goes on with these.
@@ -86,7 +86,7 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
 pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
     let (config, policy) = folder::load(path)?;
     if config.task != task {
-        refuse!("{} is a policy of `{}`, not of `{task}`", path.display(), config.task);
+        bail!("{} is a policy of `{}`, not of `{task}`", path.display(), config.task);
     }
     Ok(policy)
 }

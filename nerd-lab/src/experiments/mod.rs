@@ -20,9 +20,9 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::error::{Result, refuse};
 use crate::report::artifact::{Artifact, may_write};
 use crate::report::{Figure, Inputs, Provenance, Table};
+use anyhow::{Result, bail};
 
 pub use registry::{Entry, REGISTRY};
 
@@ -59,7 +59,7 @@ impl Measured {
     pub fn new(data: &impl Serialize, tables: Vec<Table>) -> Result<Self> {
         match serde_json::to_value(data)? {
             Value::Object(data) => Ok(Self { data, tables, figures: Vec::new() }),
-            other => refuse!("a result is an object, not {other}"),
+            other => bail!("a result is an object, not {other}"),
         }
     }
 

@@ -3,7 +3,7 @@
 use nerd_train::settings::{Given, Key, Settings};
 
 use super::Experiment;
-use crate::error::{Result, refuse};
+use anyhow::{Result, bail};
 
 #[derive(Debug)]
 pub struct Entry {
@@ -39,7 +39,7 @@ impl Entry {
     pub fn named(name: &str) -> Result<&'static Self> {
         match REGISTRY.iter().find(|entry| entry.name == name) {
             Some(entry) => Ok(entry),
-            None => refuse!("no experiment `{name}`: choose from {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
+            None => bail!("no experiment `{name}`: choose from {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
         }
     }
 
@@ -47,11 +47,11 @@ impl Entry {
     pub fn with(&self, set: &[String]) -> Result<Box<dyn Experiment>> {
         let mut given = Given::new();
         for text in set {
-            let Some((name, value)) = text.split_once('=') else { refuse!("--set {text}: KEY=VALUE is needed") };
+            let Some((name, value)) = text.split_once('=') else { bail!("--set {text}: KEY=VALUE is needed") };
             let keys = (self.keys)();
             let Some(key) = keys.iter().find(|key| key.name() == name) else {
                 let known: Vec<String> = keys.iter().map(|key| key.name()).collect();
-                refuse!("--set {name}: settings of {} are {}", self.name, known.join(", "));
+                bail!("--set {name}: settings of {} are {}", self.name, known.join(", "));
             };
             let value = key.values.parse(value).map_err(|needed| anyhow::anyhow!("--set {name}={value}: {needed}"))?;
             given.insert(name.into(), value);

@@ -74,44 +74,38 @@ impl Inspection {
         }
         let Counts { tokens, not_finite, beyond, .. } = counts;
         if tokens == 0 {
-            refuse!("{}: no trajectory is left to look at ({not_finite} not finite, {beyond} beyond {bound})", folder.display());
+            bail!("{}: no trajectory is left to look at ({not_finite} not finite, {beyond} beyond {bound})", folder.display());
         }
         Ok(Self { robot: system.name.clone(), bound, counts, kinds })
     }
 
-    pub fn words(&self) -> String {
+    /// What is counted beside the columns, and as which share of what.
+    pub fn counted(&self) -> Table {
         let Self { robot, counts, kinds, bound } = self;
-        let of =
-            |target: bool| kinds.iter().filter(|kind| kind.name.starts_with('\u{394}') == target).map(|kind| kind.columns).sum::<usize>();
-        let share = |n: u64, of: u64| format!("{:.3} %", 100.0 * n as f64 / of.max(1) as f64);
+        let row = |what: String, n: u64, of: u64| vec![what, n.to_string(), format!("{:.3}", 100.0 * n as f64 / of.max(1) as f64)];
+        let mut rows = vec![
+            row("trajectories not finite, left out".into(), counts.not_finite, counts.trajectories),
+            row(format!("trajectories beyond {bound}, left out"), counts.beyond, counts.trajectories),
+        ];
         let points = counts.tokens * kinds.iter().filter(|kind| kind.name == "contact depths").map(|kind| kind.columns as u64).sum::<u64>();
-        let mut text = format!(
-            "{robot}: {} tokens of {} inputs and {} targets; {} of {} trajectories left out ({} not finite, {} beyond {bound})\n",
-            counts.tokens,
-            of(false),
-            of(true),
-            counts.not_finite + counts.beyond,
-            counts.trajectories,
-            counts.not_finite,
-            counts.beyond,
-        );
         if points > 0 {
-            text += &format!(
-                "contact: {} of tokens see a point within the mask, {} touch; {} of points are seen, {} touch\n",
-                share(counts.tokens_near[0], counts.tokens),
-                share(counts.tokens_near[1], counts.tokens),
-                share(counts.points_near[0], points),
-                share(counts.points_near[1], points)
-            );
+            for (k, [one, all]) in [["within its mask", "within their masks"], ["that touches", "that touch"]].into_iter().enumerate() {
+                rows.push(row(format!("tokens with a point {one}"), counts.tokens_near[k], counts.tokens));
+                rows.push(row(format!("points {all}"), counts.points_near[k], points));
+            }
         }
-        for (joint, n) in &counts.wraps {
-            text += &format!("angle of `{joint}` wraps in {} of transitions\n", share(*n, counts.tokens));
-        }
-        let constant: Vec<&str> = kinds.iter().filter(|kind| kind.count > 0 && kind.constant()).map(|kind| kind.name.as_str()).collect();
-        if !constant.is_empty() {
-            text += &format!("constant, nothing to learn from: {}\n", constant.join(", "));
-        }
-        text
+        rows.extend(
+            counts.wraps.iter().map(|(joint, n)| row(format!("transitions in which the angle of `{joint}` wraps"), *n, counts.tokens)),
+        );
+        let (targets, inputs): (Vec<_>, Vec<_>) = kinds.iter().partition(|kind| kind.name.starts_with('\u{394}'));
+        let [inputs, targets] = [inputs, targets].map(|kinds| kinds.iter().map(|kind| kind.columns).sum::<usize>());
+        let constant = kinds.iter().filter(|kind| kind.count > 0 && kind.constant()).map(|kind| kind.name.as_str()).collect::<Vec<_>>();
+        let idle = if constant.is_empty() { String::new() } else { format!(" Constant, nothing to learn from: {}.", constant.join(", ")) };
+        let note = format!(
+            "{robot}: {} trajectories, {} tokens of {inputs} inputs and {targets} targets.{idle}",
+            counts.trajectories, counts.tokens
+        );
+        Table::new("counts", &["what", "number", "share (%)"]).with(rows).noted(&note)
     }
 
     pub fn table(&self) -> Table {

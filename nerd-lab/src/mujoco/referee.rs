@@ -103,7 +103,7 @@ impl Referee {
     fn by(script: &str, python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         let (system, first) = (&batch.system, batch.driven(0));
         if (1..batch.len()).any(|env| batch.driven(env) != first) {
-            refuse!("drives differ between environments, which the referee of MuJoCo does not take");
+            bail!("drives differ between environments, which the referee of MuJoCo does not take");
         }
         let robot = system.robot.clone();
         let free = Arc::new(Scene::free(system.gravity()));

@@ -8,7 +8,9 @@ use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, GenericImageView};
 use serde_json::json;
 
-use crate::error::{self, Result, refuse};
+use anyhow::{Result, bail};
+
+use crate::error;
 use crate::report::write;
 use nerd_train::replay::{self, Replay};
 
@@ -45,7 +47,7 @@ pub fn gif(replays: &[Replay], seconds: u32, path: &Path) -> Result<()> {
 /// What a browser shows of a page in a window of this size.
 fn screenshot(page: &str, (width, height): (u32, u32)) -> Result<image::DynamicImage> {
     let starts = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|found| found.status.success());
-    let Some(browser) = BROWSERS.into_iter().find(starts) else { refuse!("a film needs a browser: one of {}", BROWSERS.join(", ")) };
+    let Some(browser) = BROWSERS.into_iter().find(starts) else { bail!("a film needs a browser: one of {}", BROWSERS.join(", ")) };
     let folder = tempfile::tempdir().map_err(error::file(Path::new("a temporary folder")))?;
     let at = |name: &str| -> PathBuf { folder.path().join(name) };
     write(&at("film.html"), page.as_bytes())?;
@@ -58,6 +60,6 @@ fn screenshot(page: &str, (width, height): (u32, u32)) -> Result<image::DynamicI
         .output()?;
     match image::open(at("film.png")) {
         Ok(sheet) if sheet.dimensions() == (width, height) => Ok(sheet),
-        _ => refuse!("{browser} drew no film: {}", String::from_utf8_lossy(&run.stderr).lines().last().unwrap_or_default()),
+        _ => bail!("{browser} drew no film: {}", String::from_utf8_lossy(&run.stderr).lines().last().unwrap_or_default()),
     }
 }

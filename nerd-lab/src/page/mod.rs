@@ -10,8 +10,8 @@ use std::path::Path;
 
 use nerd_train::progress::Bar;
 
-use crate::error::Result;
 use crate::report::{Manifest, write};
+use anyhow::Result;
 use motions::Cause;
 use nerd_train::replay::{self, Replay};
 

@@ -8,6 +8,7 @@ use nerd_train::replay::{self, Replay};
 use nerd_train::shipped::{model, policies};
 
 use crate::prelude::*;
+use crate::roll::begun;
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;
@@ -36,7 +37,7 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
         Cause::Data => driven(robot, &model(Truth::default(), robot), frames, UNSEEN),
         Cause::Policy(task) => {
             let Some(policy) = policies(&format!("{task}-neural-"))?.into_iter().next() else {
-                refuse!("models/policies has no {task}-neural-*: train one with `cargo xtask policy train {task} --solver neural`");
+                bail!("models/policies has no {task}-neural-*: train one with `cargo xtask policy train {task} --solver neural`");
             };
             self::policy(&policy, &model(Truth::default(), named(task)?.robot()), frames, 1)
         }
@@ -46,8 +47,7 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
 /// Passive motion of a model's robot from its reset law, and the truth's from the same start.
 pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
-    let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
-    batch.reset(0, &start(&system, Start::Reset, &mut stream(seed, 0)));
+    let batch = begun(&system, &system.scene(scene)?, 1, Start::Reset, seed);
     let title = format!("{} in {}", system.name, batch.scenes[0].name);
     beside(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
 }

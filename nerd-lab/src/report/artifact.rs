@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::{Inputs, Provenance, Table, read_json, write, write_json};
-use crate::error::{Result, refuse};
+use anyhow::{Result, bail};
 
 /// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -61,7 +61,7 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
     let path = file(folder, name);
     if effort < there.effort {
-        refuse!(
+        bail!(
             "{}: measured with {:.3e} rollout frames, this run has {effort:.3e}; write it elsewhere (--out out/try)",
             path.display(),
             there.effort
@@ -69,7 +69,7 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     }
     let own = || folder.canonicalize().is_ok_and(|folder| results().canonicalize().is_ok_and(|results| results == folder));
     if provenance.dirty() && !there.provenance.dirty() && own() {
-        refuse!("{}: of a clean checkout; commit your changes first, or write elsewhere (--out out/try)", path.display());
+        bail!("{}: of a clean checkout; commit your changes first, or write elsewhere (--out out/try)", path.display());
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
 use super::write;
-use crate::error::{Result, refuse};
+use anyhow::{Result, bail};
 
 /// Height of a line of the legend, and of the title (px).
 const ROW: u32 = 22;
@@ -203,7 +203,7 @@ impl Figure {
                 area.present()
             };
             if let Err(error) = drawn() {
-                refuse!("cannot draw `{}`: {error}", self.title);
+                bail!("cannot draw `{}`: {error}", self.title);
             }
         }
         Ok(svg)

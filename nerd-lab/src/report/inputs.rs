@@ -9,11 +9,14 @@ use crate::choice::Choice;
 use nerd_model::folder::ModelConfig;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::sampling::Start;
 use nerd_train::shipped::{from_root, root};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{self, Result};
+use anyhow::Result;
+
+use crate::error;
+use crate::roll::{begun, rolled};
 use sha2::{Digest, Sha256};
 
 /// Frames of the rollout by which a solver is known: long enough to fall, touch and bend, too short for rounding to grow.
@@ -57,13 +60,8 @@ impl Input {
 
     pub fn motion(robot: &str, scene: &str, solver: &Setting) -> Result<Self> {
         let system = System::named(robot)?;
-        let mut batch = Batch::new(&system, &system.scene(scene)?, 1);
-        let mut stepper = solver.solver(&system)?;
-        batch.reset(0, &start(&system, Start::Reset, &mut stream(1, 0)));
-        let torques = vec![0.0; system.robot.joint_count()];
-        for _ in 0..FRAMES {
-            stepper.step(&mut batch, &torques)?;
-        }
+        let begun = begun(&system, &system.scene(scene)?, 1, Start::Reset, 1);
+        let batch = rolled(begun, &mut *solver.solver(&system)?, FRAMES)?;
         Ok(Self::Motion { robot: robot.into(), scene: scene.into(), solver: solver.clone(), state: batch.state(0).to_vec() })
     }
 

@@ -5,7 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::artifact::{Artifact, file};
-use crate::error::{self, Result, refuse};
+use anyhow::{Result, bail};
+
+use crate::error;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -63,7 +65,7 @@ impl Manifest {
         let manifest: Self = toml::from_str(&text).map_err(|e| error::format(&path)(e.to_string().replace('\n', " ")))?;
         let twice = manifest.artefact.iter().enumerate().find(|(i, e)| manifest.artefact[..*i].iter().any(|other| other.name == e.name));
         match twice {
-            Some((_, entry)) => refuse!("{}: it has `{}` twice", path.display(), entry.name),
+            Some((_, entry)) => bail!("{}: it has `{}` twice", path.display(), entry.name),
             None => Ok(manifest),
         }
     }

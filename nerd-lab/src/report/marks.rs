@@ -15,7 +15,9 @@ use serde_json::Value;
 use super::artifact::Artifact;
 use super::below;
 use super::table::{digits, pair};
-use crate::error::{self, Result, refuse};
+use anyhow::{Result, bail};
+
+use crate::error;
 
 const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
 const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");
@@ -52,24 +54,24 @@ impl Marks {
         let (name, pointer, format) = match words[..] {
             [name, pointer] => (name, pointer, "digits"),
             [name, pointer, format] => (name, pointer, format),
-            _ => refuse!("`{mark}`: a result, a JSON pointer and perhaps a format are needed"),
+            _ => bail!("`{mark}`: a result, a JSON pointer and perhaps a format are needed"),
         };
-        let Some(value) = self.result(name)?.1.pointer(pointer) else { refuse!("`{mark}`: results/{name}/result.json has no {pointer}") };
+        let Some(value) = self.result(name)?.1.pointer(pointer) else { bail!("`{mark}`: results/{name}/result.json has no {pointer}") };
         match show(value, format) {
             Some(text) => Ok(text),
-            None => refuse!("`{mark}`: {value} cannot be shown as `{format}`"),
+            None => bail!("`{mark}`: {value} cannot be shown as `{format}`"),
         }
     }
 
     fn table(&mut self, mark: &str) -> Result<String> {
         let words: Vec<&str> = mark.split_whitespace().collect();
-        let [name, table] = words[..] else { refuse!("`{mark}`: a result and one of its tables are needed") };
+        let [name, table] = words[..] else { bail!("`{mark}`: a result and one of its tables are needed") };
         let (head, _) = self.result(name)?;
         match head.table(table) {
             Some(table) => Ok(format!("\n{}", table.markdown())),
             None => {
                 let known: Vec<&str> = head.tables.iter().map(|t| t.name.as_str()).collect();
-                refuse!("`{mark}`: results/{name}/result.json has no such table, but {}", known.join(", "))
+                bail!("`{mark}`: results/{name}/result.json has no such table, but {}", known.join(", "))
             }
         }
     }
@@ -98,7 +100,7 @@ fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -
     while let Some(at) = rest.find(open) {
         let (before, after) = rest.split_at(at);
         let end = after.find("-->").zip(after.find(close)).filter(|(a, b)| a < b);
-        let Some((mark, stop)) = end else { refuse!("a mark is not closed: {}", after.lines().next().unwrap_or_default()) };
+        let Some((mark, stop)) = end else { bail!("a mark is not closed: {}", after.lines().next().unwrap_or_default()) };
         done += before;
         done += &after[..mark + 3];
         done += &fill(after[open.len()..mark].trim())?;

@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::{self, Result};
+use anyhow::Result;
+
+use crate::error;
 
 pub use artifact::Artifact;
 pub use figure::{Axis, Figure, Mark, Panel, Series, Style, unbeaten};

@@ -3,7 +3,6 @@
 
 use std::time::Instant;
 
-use anyhow::{Error, bail};
 use nerd_sim::range::Range;
 use nerd_sim::vary::{self, VarySpec};
 use rand::RngExt;

@@ -25,6 +25,7 @@ use file::{reason, text};
 pub use stand::{STANDING, stand, standing};
 
 use crate::prelude::*;
+use crate::roll::rolled;
 
 const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it
@@ -93,11 +94,9 @@ fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
 fn roll(system: System, name: &str) -> Result<usize, String> {
     let system = Arc::new(system);
     let scene = system.scene("free").map_err(|e| reason(&e, name))?;
-    let torques = vec![0.0; system.robot.joint_count()];
     let frames = |substeps| {
-        let mut batch = Batch::new(&system, &scene, 1);
         let mut solver = Articulated::new(ArticulatedConfig { substeps, ..ArticulatedConfig::converged(Friction::Coulomb) });
-        (0..FRAMES).try_for_each(|_| solver.step(&mut batch, &torques)).map(|()| substeps).map_err(|e| e.to_string())
+        rolled(Batch::new(&system, &scene, 1), &mut solver, FRAMES).map(|_| substeps).map_err(|e| e.to_string())
     };
     frames(SUBSTEPS[0]).or_else(|_| frames(SUBSTEPS[1]))
 }

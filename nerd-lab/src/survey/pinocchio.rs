@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use anyhow::{Context, Result, bail};
 use nalgebra::{DMatrix, Vector3};
 use nerd_core::dynamics::{Data, Derivatives, Factor, aba, bias, crba, jacobian, kinematics, rnea};
 use nerd_core::robot::{JointKind, Robot};

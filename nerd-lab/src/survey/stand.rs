@@ -1,7 +1,6 @@
 //! Whether a robot stands, from its URDF alone: on its own geometry, on a plane, each joint held by a drive
 //! ([`nerd_sim::drive::holding`]); and whether it falls as a body falls when nothing holds it. MuJoCo stands beside it where there is one.
 
-use anyhow::Error;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, kinematics, point_position, totals};
@@ -60,7 +59,7 @@ pub(super) fn ready(found: &Found) -> Result<Ready> {
     let system = System::bare_at(&found.name, &text(&found.path).map_err(Error::msg)?, true, Some(&found.path));
     let system = Arc::new(system.map_err(|e| Error::msg(reason(&e, &found.name)))?);
     if system.robot.contact_points.is_empty() {
-        refuse!("has nothing to touch the ground with");
+        bail!("has nothing to touch the ground with");
     }
     let (mut state, pose) = pose_of(&system.robot, Some(&found.path));
     state[2] -= lowest(&system, &state);

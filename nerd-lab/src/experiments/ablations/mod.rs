@@ -68,15 +68,15 @@ impl Ablations {
     /// Refuses robots that the paper has no test case of, and anything twice.
     fn check(&self) -> Result<()> {
         if let Some(robot) = self.robot.iter().find(|r| !["pendulum", "ant"].contains(&r.as_str())) {
-            refuse!("robot {robot}: the paper's test cases are of pendulum and ant");
+            bail!("robot {robot}: the paper's test cases are of pendulum and ant");
         }
         let (robots, seeds): (HashSet<_>, HashSet<_>) = (self.robot.iter().collect(), self.seed.iter().collect());
         if robots.len() < self.robot.len() || seeds.len() < self.seed.len() {
-            refuse!("robot and seed: each once");
+            bail!("robot and seed: each once");
         }
         let slugs = BARS.each_ref().map(Bar::slug);
         match self.only.iter().find(|name| !slugs.contains(name)) {
-            Some(name) => refuse!("only {name}: choose from {}", slugs.join(", ")),
+            Some(name) => bail!("only {name}: choose from {}", slugs.join(", ")),
             None => Ok(()),
         }
     }
@@ -88,7 +88,7 @@ impl Ablations {
         }
         let found = policies(&format!("{TASK}-neural-"))?;
         if found.is_empty() {
-            refuse!("models/policies has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`");
+            bail!("models/policies has no {TASK}-neural-*: train one with `cargo xtask policy train {TASK} --solver neural`");
         }
         Ok(found)
     }
@@ -115,7 +115,7 @@ impl Ablations {
     fn measured(&self, run: &RunConfig, truth: &[(PathBuf, f64)]) -> Result<(ModelConfig, Measurement)> {
         let folder = run.out.join("model");
         if !folder.join("config.json").exists() && Run::new(run)?.train()?.is_none() {
-            refuse!("{}: training did not finish; the same command continues it", run.out.display());
+            bail!("{}: training did not finish; the same command continues it", run.out.display());
         }
         let system = System::named(&run.robot)?;
         let model = Model::load(&folder, &system, Some(&run.record.truth(&system).name()))?;

@@ -79,7 +79,7 @@ impl Row {
 pub(super) fn check(rows: &[Row]) -> Result<()> {
     for row in rows {
         if let Some(other) = rows.iter().find(|r| r.robot == row.robot && r.data != row.data) {
-            refuse!("{}: {} and {} learned from different data; move out/ablations away", row.robot, row.name, other.name);
+            bail!("{}: {} and {} learned from different data; move out/ablations away", row.robot, row.name, other.name);
         }
     }
     Ok(())

@@ -5,8 +5,6 @@
 mod pace;
 
 use crate::choice::Choice;
-#[cfg(not(feature = "cuda"))]
-use crate::error::refuse;
 use crate::prelude::*;
 
 settings! {
@@ -61,7 +59,7 @@ impl Experiment for Benchmark {
 
     #[cfg(not(feature = "cuda"))]
     fn measure(&self) -> Result<Measured> {
-        refuse!("benchmark needs a build with `--features cuda`: cargo run --release -p xtask --features cuda -- measure benchmark")
+        bail!("benchmark needs a build with `--features cuda`: cargo run --release -p xtask --features cuda -- measure benchmark")
     }
 
     #[cfg(feature = "cuda")]

@@ -12,6 +12,7 @@ use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
 use crate::report::{Mark, unbeaten};
+use crate::roll::{begun, idle, rolled};
 
 /// Frames after which most robots touch something: there rollouts begin.
 const FALL: usize = 25;
@@ -48,10 +49,8 @@ impl<'a> Course<'a> {
     /// Starts, each after a fall.
     pub fn new(robot: &str, scene: &str, asked: &'a Benchmark) -> Result<Self> {
         let system = System::named(robot)?;
-        let mut batch = Batch::new(&system, &system.scene(scene)?, asked.rollouts);
-        (0..asked.rollouts).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(asked.seed, env as u64))));
-        let (mut solver, torques) = (Articulated::new(ArticulatedConfig::accurate(&system)), idle(&batch));
-        (0..FALL).try_for_each(|_| solver.step(&mut batch, &torques))?;
+        let batch = begun(&system, &system.scene(scene)?, asked.rollouts, Start::Sample, asked.seed);
+        let batch = rolled(batch, &mut Articulated::new(ArticulatedConfig::accurate(&system)), FALL)?;
         Ok(Self { of: format!("{robot}, {scene}"), system, batch, asked })
     }
 
@@ -130,10 +129,6 @@ impl<'a> Course<'a> {
 pub(super) fn mark(paces: &mut [Pace]) {
     let race: Vec<_> = paces.iter().map(|p| p.microseconds().zip(p.errors[1]).filter(|_| p.lost == 0)).collect();
     paces.iter_mut().zip(unbeaten(&race)).for_each(|(p, front)| p.front = front);
-}
-
-fn idle(batch: &Batch) -> Vec<f64> {
-    vec![0.0; batch.len() * batch.system.robot.joint_count()]
 }
 
 /// How many environments could not be stepped; they stay where they were.

@@ -77,7 +77,7 @@ impl Calibration {
         match solver {
             "articulated" => Ok(Engine::Articulated(ArticulatedConfig::implicit(self.substeps, Friction::Coulomb))),
             "rapier" => Ok(Engine::Rapier(RapierConfig { steps: 1, ..Default::default() })),
-            other => refuse!("--solvers {other}: choose from articulated, rapier"),
+            other => bail!("--solvers {other}: choose from articulated, rapier"),
         }
     }
 
@@ -86,7 +86,7 @@ impl Calibration {
         let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
         let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
         if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
-            refuse!("`{name}` is named twice");
+            bail!("`{name}` is named twice");
         }
         let parameters: Vec<Parameter> = match &self.parameters[..] {
             [] => Parameter::usual(&log.system, &log.scene, solver == "rapier")?,
@@ -118,7 +118,7 @@ impl Calibration {
         let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
         if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
-            refuse!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
+            bail!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
         }
         let solver = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
         let parameters = parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();

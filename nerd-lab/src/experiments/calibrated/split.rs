@@ -64,7 +64,7 @@ impl Parts {
             Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
-            refuse!(
+            bail!(
                 "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; take fewer --frames, or another --train",
                 ids.len(),
                 parts.train.len(),

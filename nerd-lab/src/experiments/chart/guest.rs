@@ -9,6 +9,7 @@ use super::shown::Point;
 use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
+use crate::roll::begun;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Against {
@@ -20,8 +21,7 @@ pub(super) struct Against {
 }
 
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
-    let starts: Vec<_> = (0..config.starts).map(|k| start(system, Start::Reset, &mut stream(config.seed, k as u64))).collect();
-    Referee::new(python, system, scene, &starts, config.steps)
+    Referee::of(python, &begun(system, scene, config.starts, Start::Reset, config.seed), config.steps)
 }
 
 /// Its settings: integrator, name, substeps.

@@ -7,6 +7,7 @@ use nerd_sim::dataset::Drive;
 use nerd_sim::suite::Row;
 
 use crate::prelude::*;
+use crate::roll::{begun, idle, rolled};
 
 const STARTS: usize = 32;
 
@@ -65,19 +66,19 @@ pub(super) static ASKS: [Ask; 11] = [
     },
 ];
 
-fn rolled(case: &Case, maker: &Maker, steps: usize) -> Result<PassiveReport> {
+fn beside(case: &Case, maker: &Maker, steps: usize) -> Result<PassiveReport> {
     let config = PassiveConfig { starts: STARTS, steps, seed: 21, action: Action::Zero };
     let (mut truth, mut solver) = (case.truth.solver(&case.system), maker(&case.system)?);
     Ok(passive(&case.system, &case.scene, &mut *truth, &mut *solver, config, &mut |_| ())?)
 }
 
 fn horizon(case: &Case, maker: &Maker, steps: usize) -> Result<f64> {
-    let report = rolled(case, maker, steps)?;
+    let report = beside(case, maker, steps)?;
     Ok(report.error.iter().sum::<f64>() / report.hold.iter().sum::<f64>().max(1e-12))
 }
 
 fn gone(case: &Case, maker: &Maker) -> Result<f64> {
-    Ok(rolled(case, maker, 1000)?.diverged as f64)
+    Ok(beside(case, maker, 1000)?.diverged as f64)
 }
 
 /// Starts of the training box with all velocities times `factor`, driven as the training data times `drive`.
@@ -118,7 +119,7 @@ fn moved(case: &Case, maker: &Maker, by: f64) -> Result<f64> {
     let scene = Arc::new(scene);
     let mut there = Batch { system: system.clone(), scenes: vec![scene; STARTS], ..here.clone() };
     shift(&mut there, &by);
-    let (here, mut there) = (run(here, &mut *maker(&case.system)?, 20)?, run(there, &mut *maker(&system)?, 20)?);
+    let (here, mut there) = (rolled(here, &mut *maker(&case.system)?, 20)?, rolled(there, &mut *maker(&system)?, 20)?);
     shift(&mut there, &-by);
     Ok(here.states.iter().zip(&there.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max))
 }
@@ -138,19 +139,19 @@ fn shift(batch: &mut Batch, by: &Vector3<f64>) {
 }
 
 fn history(case: &Case, maker: &Maker) -> Result<f64> {
-    let fresh = run(starts(&case.system, &case.scene), &mut *maker(&case.system)?, 15)?;
+    let fresh = rolled(starts(&case.system, &case.scene), &mut *maker(&case.system)?, 15)?;
     let gap = |batch: Batch| fresh.states.iter().zip(&batch.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     // Reset.
     let mut solver = maker(&case.system)?;
-    run(starts(&case.system, &case.scene), &mut *solver, 12)?;
+    rolled(starts(&case.system, &case.scene), &mut *solver, 12)?;
     (0..STARTS).for_each(|env| solver.reset(env));
-    let reset = run(starts(&case.system, &case.scene), &mut *solver, 15)?;
+    let reset = rolled(starts(&case.system, &case.scene), &mut *solver, 15)?;
     // Not reset: another solver steps some frames in between, then the start is put back by hand.
     let mut solver = maker(&case.system)?;
-    let begun = run(starts(&case.system, &case.scene), &mut *solver, 5)?;
-    let mut skipped = run(begun, &mut *case.truth.solver(&case.system), 3)?;
+    let begun = rolled(starts(&case.system, &case.scene), &mut *solver, 5)?;
+    let mut skipped = rolled(begun, &mut *case.truth.solver(&case.system), 3)?;
     skipped.states.clone_from(&starts(&case.system, &case.scene).states);
-    let skipped = run(skipped, &mut *solver, 15)?;
+    let skipped = rolled(skipped, &mut *solver, 15)?;
     Ok(gap(reset).max(gap(skipped)))
 }
 
@@ -158,7 +159,7 @@ fn flight(case: &Case, maker: &Maker) -> Result<f64> {
     let free = Arc::new(Scene::free(case.scene.gravity));
     let (mut real, mut made) = (starts(&case.system, &free), starts(&case.system, &free));
     let (mut truth, mut solver) = (case.truth.solver(&case.system), maker(&case.system)?);
-    let torques = vec![0.0; STARTS * case.system.robot.joint_count()];
+    let torques = idle(&real);
     let mut data = Data::new(&case.system.robot);
     let (mut worst, mut kinetic) = (vec![0.0f64; STARTS], vec![1e-9f64; STARTS]);
     for _ in 0..100 {
@@ -175,17 +176,7 @@ fn flight(case: &Case, maker: &Maker) -> Result<f64> {
 }
 
 fn starts(system: &Arc<System>, scene: &Arc<Scene>) -> Batch {
-    let mut batch = Batch::new(system, scene, STARTS);
-    (0..STARTS).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(24, env as u64))));
-    batch
-}
-
-fn run(mut batch: Batch, solver: &mut dyn Solver, frames: usize) -> Result<Batch> {
-    let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
-    for _ in 0..frames {
-        solver.step(&mut batch, &torques)?;
-    }
-    Ok(batch)
+    begun(system, scene, STARTS, Start::Sample, 24)
 }
 
 /// Mean |difference| of positions, endless angles wrapped.

@@ -96,11 +96,11 @@ impl Motions {
     /// Refuses what does not fit together.
     fn fits(&self) -> Result<()> {
         match self.device {
-            Device::Cpu if self.environments.is_some() => refuse!("--environments means nothing without --device cuda"),
-            Device::Cuda if cfg!(not(feature = "cuda")) => refuse!("--device cuda needs a build with `--features cuda`"),
-            Device::Cuda if self.frames < LOOK => refuse!("--frames {}: on a card they are looked at every {LOOK}", self.frames),
+            Device::Cpu if self.environments.is_some() => bail!("--environments means nothing without --device cuda"),
+            Device::Cuda if cfg!(not(feature = "cuda")) => bail!("--device cuda needs a build with `--features cuda`"),
+            Device::Cuda if self.frames < LOOK => bail!("--frames {}: on a card they are looked at every {LOOK}", self.frames),
             Device::Cuda if self.environments.is_some_and(|n| n < self.starts) => {
-                refuse!("--environments: {} at least, a motion each (--starts)", self.starts)
+                bail!("--environments: {} at least, a motion each (--starts)", self.starts)
             }
             _ => Ok(()),
         }
@@ -193,7 +193,7 @@ impl Motions {
         self.fits()?;
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
-            refuse!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
+            bail!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
         }
         let (Self { starts, frames, seed, .. }, settings) = (self.clone(), self.settings());
         let config = GenerateConfig { transitions: starts * frames, frames, seed, ..GenerateConfig::default() };

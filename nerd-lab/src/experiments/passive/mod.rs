@@ -61,7 +61,7 @@ impl Case {
             models.push((place, robot, folder));
         }
         if models.is_empty() {
-            refuse!("models/ holds no model: train one with `cargo xtask train`, or name one with --model");
+            bail!("models/ holds no model: train one with `cargo xtask train`, or name one with --model");
         }
         models.sort();
         let case = |(_, robot, folder): (usize, String, PathBuf)| {
@@ -136,14 +136,14 @@ impl Passive {
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
     let itself = case.solver.is(truth, system, scene);
     if itself && case.shake == 0.0 && !case.control {
-        refuse!(
+        bail!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
              --tolerance, --shake; or --control for the zeros",
             truth.name()
         );
     }
     if case.control && (!itself || case.shake > 0.0) {
-        refuse!("--control holds the truth `{}` against itself: leave out what names or shakes another solver", truth.name());
+        bail!("--control holds the truth `{}` against itself: leave out what names or shakes another solver", truth.name());
     }
     // Two batches with what their solvers keep, sums over steps, working memory of the truth.
     let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());

@@ -10,7 +10,7 @@ use crate::prelude::*;
 impl Policies {
     fn plan(&self) -> Result<Vec<PolicyRun>> {
         if !self.policy.is_empty() {
-            refuse!("--fresh trains its own policies: leave --policy out");
+            bail!("--fresh trains its own policies: leave --policy out");
         }
         let known = nerd_tasks::names().into_iter().filter(|task| policy_reward(task).is_some());
         let tasks = if self.task.is_empty() { known.map(String::from).collect() } else { self.task.clone() };
@@ -60,7 +60,7 @@ fn done(run: &PolicyRun) -> Result<bool> {
     let system = System::named(nerd_tasks::named(&run.task)?.robot())?;
     let identity = format!("{} on {}", run.task, run.arena.identity(&system)?);
     if found.provenance.get("learned in") != Some(&identity) || found.ppo != run.config {
-        refuse!("{} holds a policy of another arena or other settings: take another --runs", path.display());
+        bail!("{} holds a policy of another arena or other settings: take another --runs", path.display());
     }
     Ok(run.minutes.is_some() || found.iterations >= run.config.iterations)
 }

@@ -54,7 +54,7 @@ impl Policies {
         }
         let found = shipped::policies("")?;
         if found.is_empty() {
-            refuse!("models/policies holds no policy: train one with `cargo xtask policy train`, or name one with --policy");
+            bail!("models/policies holds no policy: train one with `cargo xtask policy train`, or name one with --policy");
         }
         Ok(found)
     }

@@ -1,0 +1,24 @@
+//! Batches that begin by a robot's laws, and roll out without torques.
+
+use std::sync::Arc;
+
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+
+/// `n` environments, each from a start drawn from its own stream of the seed.
+pub fn begun(system: &Arc<System>, scene: &Arc<Scene>, n: usize, law: Start, seed: u64) -> Batch {
+    let mut batch = Batch::new(system, scene, n);
+    (0..n).for_each(|env| batch.reset(env, &start(system, law, &mut stream(seed, env as u64))));
+    batch
+}
+
+/// No torques.
+pub fn idle(batch: &Batch) -> Vec<f64> {
+    vec![0.0; batch.len() * batch.system.robot.joint_count()]
+}
+
+/// The batch after so many frames without torques.
+pub fn rolled(mut batch: Batch, solver: &mut dyn Solver, frames: usize) -> Result<Batch, StepError> {
+    let torques = idle(&batch);
+    (0..frames).try_for_each(|_| solver.step(&mut batch, &torques)).map(|()| batch)
+}
