@@ -6,9 +6,7 @@ use nerd_model::folder::Model;
 use nerd_model::pick::Setting;
 use nerd_model::transformer::Architecture;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
-use nerd_sim::batch::Batch;
-use nerd_sim::solver::{Capabilities, Solver, StepError};
-use nerd_sim::system::System;
+use nerd_sim::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::learner::cuda::{self, Precision};

@@ -12,8 +12,7 @@ use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::pick::learned;
 use nerd_model::transformer::{Architecture, Stream, Weights};
-use nerd_sim::solver::Solver;
-use nerd_sim::system::System;
+use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};

@@ -7,14 +7,10 @@
 
 use std::sync::Arc;
 
-use nerd_sim::batch::Batch;
-use nerd_sim::control::Controller;
 use nerd_sim::dataset::{Act, Drive, Smooth};
+use nerd_sim::prelude::*;
 use nerd_sim::range::within;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::Scene;
-use nerd_sim::solver::{Solver, StepError};
-use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
 mod gaps;

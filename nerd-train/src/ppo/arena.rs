@@ -12,8 +12,7 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
-use super::config::PpoConfig;
-use super::trainer::Trainer;
+use super::{PpoConfig, Trainer};
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 #[cfg(feature = "cuda")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::folder::{PolicyConfig, save};
-use super::trainer::{Iteration, Trainer};
+use super::{Iteration, Trainer};
 use crate::error::{Error, Result};
 use crate::records::{Session, rows};
 

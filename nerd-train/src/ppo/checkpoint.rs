@@ -9,10 +9,9 @@ use std::path::Path;
 
 use nerd_tasks::Snapshot;
 
-use super::config::PpoConfig;
 use super::folder::{get, put};
 use super::team::Team;
-use super::trainer::Trainer;
+use super::{PpoConfig, Trainer};
 use crate::difference::between;
 use crate::error::Result;
 use crate::ranks::RankError;

@@ -4,15 +4,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::config::PpoConfig;
-use super::engine::Engine;
 use super::gae::advantages;
 use super::loss::surprise;
-use super::noise::{StreamKey, drawn};
-use super::policy::{Actor, Policy};
-use super::rollout::Rollout;
+use super::noise::drawn;
 use super::team::Team;
-use super::update::{Adam, Updated, update};
+use super::update::update;
+use super::{Actor, Adam, Engine, Policy, PpoConfig, Rollout, StreamKey, Updated};
 use crate::error::Result;
 use crate::ranks::Ranks;
 

@@ -3,12 +3,7 @@
 use nerd_sim::solver::StepError;
 use nerd_tasks::{Episodes, Snapshot};
 
-use super::config::PpoConfig;
-use super::gae::{TERMINATED, TRUNCATED};
-use super::noise::StreamKey;
-use super::policy::Policy;
-use super::rollout::{Ended, Running, Stepped, Taken};
-use super::update::{Adam, Updated};
+use super::{Adam, Ended, Policy, PpoConfig, Running, Stepped, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
 use crate::error::Result;
 
 /// One rollout after the other: [`Engine::begin`], then [`Engine::act`] and [`Engine::arrive`] by turns, [`Engine::finish`], and

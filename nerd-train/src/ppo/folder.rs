@@ -11,9 +11,7 @@ use nerd_model::transformer::TensorSpec;
 use nerd_tasks::Task;
 use serde::{Deserialize, Serialize};
 
-use super::config::PpoConfig;
-use super::normalizer::RunningMoments;
-use super::policy::{Policy, Shape};
+use super::{Policy, PpoConfig, RunningMoments, Shape};
 use crate::error::{Error, Result};
 use crate::tensors::Tensors;
 

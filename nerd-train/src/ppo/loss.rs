@@ -10,7 +10,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::PpoConfig;
+use super::PpoConfig;
 
 /// Mean actions beyond this cost.
 const BOUND: f32 = 1.1;

@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::policy::Answer;
+use super::Answer;
 
 /// A ChaCha8 stream of a seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,16 +6,14 @@ use std::fmt;
 use std::sync::Arc;
 
 use nerd_sim::dataset::{Act, Pilot};
+use nerd_sim::prelude::*;
 use nerd_sim::sampling::FASTEST;
-use nerd_sim::scene::Scene;
-use nerd_sim::system::System;
 use nerd_tasks::{Task, View, Work, fast_start};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::noise::normal;
-use super::policy::{Actor, Policy};
-use super::stack::Stack;
+use super::{Actor, Policy, Stack};
 
 /// Widest noise on actions, in the policy's own spread: data that its surest actions alone had made says nothing beside them.
 const NOISE: f64 = 2.0;

@@ -3,8 +3,7 @@
 use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
 
-use super::policy::{Actor, Policy};
-use super::rollout::{Ended, Running};
+use super::{Actor, Ended, Policy, Running};
 
 /// One game.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -14,8 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::config::PpoConfig;
-use super::normalizer::RunningMoments;
+use super::{PpoConfig, RunningMoments};
 
 /// Rows that one thread takes at a time; a gradient is summed over these in order, so that threads change no bit.
 pub(super) const ROWS: usize = 512;

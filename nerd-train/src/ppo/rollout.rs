@@ -3,7 +3,7 @@
 use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
 
-use super::stack::Stack;
+use super::Stack;
 
 /// Steps `[step][env]` of one iteration.
 #[derive(Clone, Debug, Default)]

@@ -11,10 +11,8 @@ use nerd_sim::prelude::*;
 use nerd_tasks::{Task, named};
 use serde_json::json;
 
-use super::arena::Arena;
 use super::card;
-use super::config::PpoConfig;
-use super::trainer::{Iteration, Trainer};
+use super::{Arena, Iteration, PpoConfig, Trainer};
 use crate::bounds;
 use crate::error::{Error, Result, refuse};
 use crate::progress::bar;

@@ -7,9 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::loss::Terms;
-use super::normalizer::RunningMoments;
-use super::rollout::{Ended, Taken};
+use super::{Ended, RunningMoments, Taken, Terms};
 use crate::ranks::{RankError, Ranks};
 
 /// This rank among those of a run; alone by default.

@@ -7,14 +7,8 @@ use std::time::Instant;
 use nerd_tasks::Episodes;
 use serde::{Deserialize, Serialize};
 
-use super::config::PpoConfig;
-use super::cpu::OnCpu;
-use super::engine::Engine;
-use super::noise::StreamKey;
-use super::policy::{Policy, Shape};
-use super::rollout::Running;
 use super::team::Team;
-use super::update::{Adam, Updated};
+use super::{Adam, Engine, OnCpu, Policy, PpoConfig, Running, Shape, StreamKey, Updated};
 use crate::error::{Error, Result, refuse};
 use crate::ranks::Ranks;
 

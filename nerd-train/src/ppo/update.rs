@@ -11,13 +11,10 @@ use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::config::PpoConfig;
-use super::loss::{Past, Terms, divergence, step};
-use super::noise::StreamKey;
-use super::normalizer::RunningMoments;
-use super::policy::{Policy, ROWS};
-use super::rollout::Rollout;
+use super::loss::{Past, divergence, step};
+use super::policy::ROWS;
 use super::team::Team;
+use super::{Policy, PpoConfig, Rollout, RunningMoments, StreamKey, Terms};
 use crate::learner::optimiser::{self, norm};
 use crate::ranks::RankError;
 

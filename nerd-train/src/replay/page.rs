@@ -5,9 +5,7 @@
 use nalgebra::Point3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, kinematics, link_pose};
-use nerd_core::robot::Robot;
-use nerd_sim::batch::Batch;
-use nerd_sim::scene::Scene;
+use nerd_sim::prelude::*;
 use nerd_sim::system::Source;
 use serde::Serialize;
 

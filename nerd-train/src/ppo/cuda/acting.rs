@@ -3,14 +3,10 @@
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Buffer, DeviceError};
 
-use super::super::config::PpoConfig;
-use super::super::noise::StreamKey;
-use super::super::normalizer::RunningMoments;
-use super::super::policy::Policy;
-use super::super::rollout::Rollout;
 use super::CudaEngine;
 use super::memory::{Kept, PARTS, Steps};
 use crate::error::{Result, refuse};
+use crate::ppo::{Policy, PpoConfig, Rollout, RunningMoments, StreamKey};
 
 /// Values of the network in units of reward: mean and scale.
 fn units(policy: &Policy) -> [f64; 2] {

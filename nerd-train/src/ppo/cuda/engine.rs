@@ -3,16 +3,12 @@
 use nerd_sim::solver::StepError;
 use nerd_tasks::{Episodes, Snapshot};
 
-use super::super::config::PpoConfig;
-use super::super::engine::Engine;
-use super::super::noise::StreamKey;
-use super::super::policy::Policy;
-use super::super::rollout::{Running, Taken};
 use super::super::update::{self, Adam, Updated};
 use super::memory::Kept;
 use super::world::World;
 use super::{CudaEngine, own, sizes};
 use crate::error::{Result, refuse};
+use crate::ppo::{Engine, Policy, PpoConfig, Running, StreamKey, Taken};
 
 impl CudaEngine {
     /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.

@@ -2,9 +2,8 @@
 
 use nerd_cuda::{Buffer, Device, DeviceError, Event};
 
-use super::super::config::PpoConfig;
-use super::super::policy::Shape;
 use crate::learner::cuda::Network;
+use crate::ppo::{PpoConfig, Shape};
 
 /// Parts that sums over all steps are made in.
 pub(super) const PARTS: usize = 1024;

@@ -15,10 +15,8 @@ use std::sync::mpsc::Receiver;
 use nerd_cuda::{Arg, Buffer, DeviceError, Precision, Replay, Sums};
 use nerd_sim::articulated::device::RANDOM;
 
-use super::config::PpoConfig;
-use super::noise::StreamKey;
-use super::policy::Shape;
 use super::team::Team;
+use super::{PpoConfig, Shape, StreamKey};
 use crate::error::Result;
 use crate::learner::cuda::{Network, Plan, joined};
 use crate::ranks::Ranks;

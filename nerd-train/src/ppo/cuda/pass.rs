@@ -5,13 +5,10 @@ use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
 use nerd_cuda::DeviceError;
 use nerd_model::program::Slot;
 
-use super::super::config::PpoConfig;
-use super::super::loss::Terms;
-use super::super::policy::Policy;
-use super::super::update::{Adam, Updated};
 use super::memory::{PassState, Steps};
 use super::{CudaEngine, SQUARES, THREADS};
 use crate::error::{Error, Result, refuse};
+use crate::ppo::{Adam, Policy, PpoConfig, Terms, Updated};
 
 impl CudaEngine {
     /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.

@@ -4,13 +4,10 @@ use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{DeviceError, Lane};
 use nerd_sim::articulated::device::Resident;
 
-use super::super::config::PpoConfig;
-use super::super::noise::StreamKey;
-use super::super::policy::Policy;
-use super::super::rollout::{Ended, Running, Taken};
 use super::CudaEngine;
 use super::world::World;
 use crate::error::Result;
+use crate::ppo::{Ended, Policy, PpoConfig, Running, StreamKey, Taken};
 
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is.
