@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use nerd_model::transformer::{TransformerConfig, Weights};
+use nerd_sim::files::FileError;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
@@ -97,7 +98,7 @@ impl Best {
             return Ok(None);
         }
         let damaged = |e: Error| {
-            let reason = if let Error::Format { reason, .. } = e { reason } else { e.to_string() };
+            let reason = if let Error::File(FileError { reason, .. }) = e { reason } else { e.to_string() };
             let path = path.display();
             Error::Refused(format!("{path} is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"))
         };

@@ -1,10 +1,11 @@
 //! Errors of this crate.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nerd_model::folder::ModelError;
 use nerd_model::pick::PickError;
 use nerd_sim::dataset::DatasetError;
+use nerd_sim::files::FileError;
 use nerd_sim::prelude::{StepError, SystemError};
 use nerd_tasks::TaskError;
 
@@ -12,22 +13,9 @@ use nerd_tasks::TaskError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file that cannot be read or written.
-    #[error("{path}: {source}", path = path.display())]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// The file system's error.
-        source: std::io::Error,
-    },
-    /// A file that does not hold what it should.
-    #[error("{path}: {reason}", path = path.display())]
-    Format {
-        /// Which.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
+    /// A file that cannot be read or written, or does not hold what it should.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Settings that mean nothing together, or more than there is.
     #[error("{0}")]
     Refused(String),
@@ -41,13 +29,8 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
     /// Of a file; for `map_err`.
-    pub fn file(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
-        move |source| Self::File { path: path.into(), source }
-    }
-
-    /// Of what a file holds; for `map_err`.
-    pub fn format<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> Self + '_ {
-        move |reason| Self::Format { path: path.into(), reason: reason.to_string() }
+    pub fn file<E: ToString>(path: &Path) -> impl Fn(E) -> Self + '_ {
+        move |reason| FileError::new(path, reason).into()
     }
 }
 

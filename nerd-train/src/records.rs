@@ -54,7 +54,7 @@ impl Record {
 
     /// Appends one line.
     pub fn write(&mut self, line: &impl Serialize) -> Result<()> {
-        let text = serde_json::to_string(line).map_err(Error::format(&self.path))?;
+        let text = serde_json::to_string(line).map_err(Error::file(&self.path))?;
         self.file.write_all(format!("{text}\n").as_bytes()).map_err(Error::file(&self.path))
     }
 }

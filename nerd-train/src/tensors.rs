@@ -48,8 +48,8 @@ impl Tensors {
     /// Writes the file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<()> {
         let views = self.parts.iter().map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
-        let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::format(path))?;
-        let bytes = safetensors::serialize(views, Some(self.words.clone())).map_err(Error::format(path))?;
+        let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::file(path))?;
+        let bytes = safetensors::serialize(views, Some(self.words.clone())).map_err(Error::file(path))?;
         nerd_sim::files::write(path, &bytes).map_err(Error::file(path))
     }
 
@@ -66,7 +66,7 @@ impl Tensors {
     }
 
     pub fn wrong(&self, reason: impl Display) -> Error {
-        Error::Format { path: self.path.clone(), reason: reason.to_string() }
+        Error::file(&self.path)(reason)
     }
 
     pub fn word(&self, name: &str) -> Result<&str> {

@@ -105,7 +105,7 @@ impl Arena {
     pub fn settings(&self, task: &str, recipe: Option<&str>, file: Option<&Path>) -> Result<PpoConfig> {
         if let Some(path) = file {
             let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
-            return PpoConfig::from_text(&text).map_err(Error::format(path));
+            return PpoConfig::from_text(&text).map_err(Error::file(path));
         }
         match recipe {
             Some("small") => PpoConfig::small(task),

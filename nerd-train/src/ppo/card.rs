@@ -36,7 +36,7 @@ pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer:
 fn curve(out: &Path, folder: &Path) -> Result<()> {
     let metrics = out.join("metrics.jsonl");
     let lines = std::fs::read_to_string(&metrics).map_err(Error::file(&metrics))?;
-    let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::format(&metrics))?;
+    let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::file(&metrics))?;
     let every = lines.len().div_ceil(POINTS).max(1);
     let mut text = String::from("steps,reward,length\n");
     for line in lines.iter().filter(|l| (l.step as usize).is_multiple_of(every)) {

@@ -44,7 +44,7 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
         let path = folder.join(name);
         nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
     };
-    let json = serde_json::to_string_pretty(config).map_err(Error::format(&folder.join("config.json")))?;
+    let json = serde_json::to_string_pretty(config).map_err(Error::file(&folder.join("config.json")))?;
     write("README.md", card.into())?;
     file.put_word("task", &config.task);
     file.save(&folder.join("policy.safetensors"))?;
@@ -55,7 +55,7 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 /// Reads the folder of a policy of a built-in task.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, config) = config(folder)?;
-    let task = nerd_tasks::named(&config.task).map_err(Error::format(&path))?;
+    let task = nerd_tasks::named(&config.task).map_err(Error::file(&path))?;
     read(folder, config, &*task)
 }
 
@@ -63,7 +63,7 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
 pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
     let (path, config) = config(folder)?;
     if config.task != task.name() {
-        return Err(Error::format(&path)(format!("a policy of task `{}`, not of `{}`", config.task, task.name())));
+        return Err(Error::file(&path)(format!("a policy of task `{}`, not of `{}`", config.task, task.name())));
     }
     read(folder, config, task)
 }
@@ -71,12 +71,12 @@ pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)
 fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     let path = folder.join("config.json");
     let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
-    let config = serde_json::from_str(&text).map_err(Error::format(&path))?;
+    let config = serde_json::from_str(&text).map_err(Error::file(&path))?;
     Ok((path, config))
 }
 
 fn read(folder: &Path, config: PolicyConfig, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
-    check(&config, task).map_err(Error::format(&folder.join("config.json")))?;
+    check(&config, task).map_err(Error::file(&folder.join("config.json")))?;
     let file = Tensors::open(&folder.join("policy.safetensors"))?;
     let policy = get(&file, "", config.shape.clone())?;
     Ok((config, policy))

@@ -101,10 +101,10 @@ pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>>
     if !path.exists() {
         return Ok(None);
     }
-    let mut found: serde_json::Value = serde_json::from_str(&checkpoint::config(&path)?).map_err(Error::format(&path))?;
+    let mut found: serde_json::Value = serde_json::from_str(&checkpoint::config(&path)?).map_err(Error::file(&path))?;
     // Through a text, as what was found went: as values alone, numbers of four bytes are widened.
-    let asked = serde_json::to_string(run).map_err(Error::format(&path))?;
-    let asked: serde_json::Value = serde_json::from_str(&asked).map_err(Error::format(&path))?;
+    let asked = serde_json::to_string(run).map_err(Error::file(&path))?;
+    let asked: serde_json::Value = serde_json::from_str(&asked).map_err(Error::file(&path))?;
     if run.data_sha256.is_empty() {
         for key in ["data_sha256", "transitions"] {
             found[key] = asked[key].clone();

@@ -75,7 +75,7 @@ impl Recipe {
     }
 
     fn parse(path: &Path, text: &str, given: &Given) -> Result<Self> {
-        let wrong = |reason: String| Error::Format { path: path.into(), reason };
+        let wrong = |reason: String| Error::file(path)(reason);
         let table: toml::Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
         let mut common = match serde_json::to_value(table) {
             Ok(Value::Object(common)) => common,

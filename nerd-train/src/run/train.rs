@@ -97,7 +97,7 @@ impl Run {
         let mut trainer = self.trainer(identity, started)?;
         if self.ranks.leads() {
             let path = out.join("run.json");
-            let text = serde_json::to_string_pretty(identity).map_err(Error::format(&path))?;
+            let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
             nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
             tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
         }
@@ -121,7 +121,7 @@ impl Run {
 
     /// What makes its updates until the minutes are over.
     fn trainer(&self, identity: &Identity, started: Instant) -> Result<Trainer> {
-        let run = serde_json::to_string(identity).map_err(Error::format(&self.plan.config.out))?;
+        let run = serde_json::to_string(identity).map_err(Error::file(&self.plan.config.out))?;
         let mut trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run);
         (trainer.stop_at, trainer.ranks) = (self.left(started), self.ranks.clone());
         Ok(trainer)
