@@ -23,6 +23,13 @@ impl StreamKey {
     }
 }
 
+/// What a stream is made from, as kernels take it.
+#[cfg(feature = "cuda")]
+pub(super) fn key(rng: &ChaCha8Rng) -> [u64; 4] {
+    let seed = rng.get_seed();
+    std::array::from_fn(|word| u64::from_le_bytes(seed.as_chunks().0[word]))
+}
+
 /// Actions around their means. Noise is one stream; these actions have its numbers from `first` on, and a thread's part of them begins
 /// where those before it would end.
 pub(super) fn drawn(answer: &Answer, key: StreamKey, first: usize) -> Vec<f32> {

@@ -6,6 +6,7 @@ use nerd_cuda::{Buffer, DeviceError};
 use super::CudaEngine;
 use super::memory::{Kept, PARTS, Steps};
 use crate::error::{Result, refuse};
+use crate::ppo::noise::key;
 use crate::ppo::{Policy, PpoConfig, Rollout, RunningMoments, StreamKey};
 
 /// Values of the network in units of reward: mean and scale.
@@ -54,19 +55,14 @@ impl CudaEngine {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
         self.ask(self.kept.observations.at(first * width), self.steps.inputs.at(first * self.net.plan.padded), n)?;
-        let key = noise.rng().get_seed();
-        let key = key.as_chunks::<8>().0.iter().map(|word| Long(u64::from_le_bytes(*word)));
         let Steps { surprise, actions, means, spreads, .. } = &self.steps;
         let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), surprise.at(first)];
-        let mut args = vec![Ptr(self.said()), Ptr(self.parameter())];
-        args.extend(key);
-        args.push(Long(noise.number));
-        args.extend(self.kept.returns.map(Double));
-        args.extend(written.map(Ptr));
-        args.extend([self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
-        args.extend([n, a, self.shape.outputs()].map(Int));
-        args.push(Long(self.team.part.start as u64));
-        self.over("act", n, &args)
+        let read = [self.said(), self.parameter()].map(Ptr);
+        let [key0, key1, key2, key3] = key(&noise.rng());
+        let noise = [key0, key1, key2, key3, noise.number].map(Long);
+        let (units, kept) = (self.kept.returns.map(Double), [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
+        let (sizes, own) = ([n, a, self.shape.outputs()].map(Int), [Long(self.team.part.start as u64)]);
+        self.over("act", n, &[&read[..], &noise, &units, &written.map(Ptr), &kept, &sizes, &own].concat())
     }
 
     /// Advantages and returns of a rollout that is there, the rows where it ends too.
@@ -102,12 +98,11 @@ impl CudaEngine {
         // As predicted: in updated moments a value would be clipped to something that was never predicted.
         let said = units(policy);
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
-        let laws = [[mean[0], variance[0].sqrt() + 1e-8], units(policy), said].concat().into_iter().map(Double);
+        let [goal, goal_scale] = units(policy);
+        let laws = [mean[0], variance[0].sqrt() + 1e-8, goal, goal_scale, said[0], said[1]].map(Double);
         let Steps { advantages, goals, values, .. } = &self.steps;
-        let mut args = vec![Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
-        args.extend(laws);
-        args.extend([advantages.ptr, goals.ptr, values.ptr].map(Ptr));
-        Ok(self.over("goals", n, &args)?)
+        let read = [Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
+        Ok(self.over("goals", n, &[&read[..], &laws, &[advantages.ptr, goals.ptr, values.ptr].map(Ptr)].concat())?)
     }
 
     /// Takes the observations into their moments.

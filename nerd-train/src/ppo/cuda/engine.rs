@@ -3,11 +3,11 @@
 use nerd_sim::solver::StepError;
 use nerd_tasks::{Episodes, Snapshot};
 
-use super::super::update::{self, Adam, Updated};
 use super::memory::Kept;
 use super::world::World;
 use super::{CudaEngine, own, sizes};
 use crate::error::{Result, refuse};
+use crate::ppo::update::{self, Adam, Updated};
 use crate::ppo::{Engine, Policy, PpoConfig, Running, StreamKey, Taken};
 
 impl CudaEngine {

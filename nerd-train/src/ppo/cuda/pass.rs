@@ -1,4 +1,4 @@
-//! Passes of [`super::super::update`] over a rollout on the device. The order of steps is drawn as on the CPU, so the minibatches are the
+//! Passes of `update.rs` over a rollout on the device. The order of steps is drawn as on the CPU, so the minibatches are the
 //! same.
 
 use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};

@@ -7,6 +7,8 @@ use nerd_sim::sampling::stream;
 use nerd_sim::solver::{Fault, Simulation, StepError};
 use nerd_tasks::{Episodes, Snapshot};
 
+use crate::ppo::noise::key;
+
 /// Mirror of `World` in `task.cuh`.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -68,14 +70,11 @@ impl World {
             let device = Device::open(nerd_cuda::ordinal(), &text, &["task_act", "task_judge"])?;
             let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
-            let mut key = [0; 4];
-            let words = stream(seed, 0).get_seed();
-            key.iter_mut().zip(words.as_chunks::<8>().0).for_each(|(word, bytes)| *word = u64::from_le_bytes(*bytes));
             let world = [held.states.ptr, goals.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
             let mut at = [0; 10];
             at[..5].copy_from_slice(&world);
             at[5..].copy_from_slice(&[held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr]);
-            let fields = Fields { at, key, first: first as u64, counts: counts.ptr, n: n as i32 };
+            let fields = Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32 };
             let sizes = [kept.states.len(), n * system.robot.joint_count()];
             let past = Past { most, states: device.zeros(most * sizes[0])?, torques: device.zeros(most * sizes[1])?, sizes, count: 0 };
             let turns = [device.event()?, device.event()?];
