@@ -53,7 +53,6 @@ impl Frame {
         &mut self,
         model: &Model,
         batch: &Batch,
-        flies: bool,
         torques: &[f64],
         aside: &[Fault],
         first: usize,
@@ -61,9 +60,9 @@ impl Frame {
         next: &mut [f64],
     ) {
         self.lost.clear();
-        let d = batch.system.robot.state_dim();
-        let (system, joints) = (&batch.system, batch.system.robot.joint_count());
         self.asked.clear();
+        let (system, flies) = (&batch.system, model.config.base.flies());
+        let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
         for (i, token) in tokens.chunks_exact_mut(model.config.network.inputs).enumerate() {
             let env = first + i;
             if aside.iter().any(|fault| fault.env == env) {

@@ -101,11 +101,11 @@ impl Solver for Neural {
         }
         self.next.clear();
         self.next.extend_from_slice(self.flight.as_ref().map_or(&batch.states, |f| f.states()));
-        let (model, flies, before, network) = (&self.model, self.flight.is_some(), &*batch, self.model.config.network);
+        let (model, before, network) = (&self.model, &*batch, self.model.config.network);
         let (d, aside) = (network.outputs, &self.faults);
         let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(self.next.par_chunks_mut(CHUNK * d)).zip(&mut self.frames);
         chunks.enumerate().for_each(|(i, ((tokens, next), frame))| {
-            frame.tell(model, before, flies, torques, aside, i * CHUNK, tokens, next);
+            frame.tell(model, before, torques, aside, i * CHUNK, tokens, next);
         });
         self.asked.clear();
         for frame in &mut self.frames {

@@ -76,27 +76,30 @@ fn weighed(chain: &Chain, rods: &Rods, torques: &[f64], outputs: Outputs, scene:
     let mut tokens = Vec::new();
     look.tokens(chain, rods, &mut tokens);
     let after = chain.advance(rods, &look.glided, outputs);
-    let (by_tokens, out) = (numbers(tokens.len(), 9.0, 1.0), weights(chain));
-    tokens.iter().zip(by_tokens).map(|(x, w)| f64::from(*x) * w).sum::<f64>()
-        + flat(&after).iter().zip(flat(&out)).map(|(a, b)| a * b).sum::<f64>()
+    let tokens: Vec<f64> = tokens.into_iter().map(f64::from).collect();
+    dot(&tokens, &numbers(tokens.len(), 9.0, 1.0)) + dot(&flat(&after), &weights(chain))
 }
 
-fn weights(chain: &Chain) -> Rods {
-    let vectors = |seed: f64| numbers(3 * chain.rods, seed, 1.0).as_chunks::<3>().0.iter().map(|v| Vector3::from(*v)).collect();
-    let mut rods = Rods { along: vectors(1.0), rates: vectors(2.0), ..Rods::zeros(chain.rods) };
-    rods.gripper.numbers_mut().zip(numbers(12, 5.0, 1.0)).for_each(|(x, w)| *x = w);
-    rods
+fn weights(chain: &Chain) -> Vec<f64> {
+    [numbers(12, 5.0, 1.0), numbers(3 * chain.rods, 1.0, 1.0), numbers(3 * chain.rods, 2.0, 1.0)].concat()
 }
 
 fn flat(rods: &Rods) -> Vec<f64> {
     rods.gripper.numbers().chain(rods.along.iter().chain(&rods.rates).flat_map(|v| v.iter().copied())).collect()
 }
 
-fn moved(rods: &Rods, way: &Rods, h: f64) -> Rods {
-    let sum = |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a + b * h).collect();
-    let mut out = Rods { gripper: rods.gripper, along: sum(&rods.along, &way.along), rates: sum(&rods.rates, &way.rates) };
-    out.gripper.numbers_mut().zip(way.gripper.numbers()).for_each(|(x, w)| *x += w * h);
-    out
+/// The reverse of [`flat`].
+fn rods_of(numbers: &[f64]) -> Rods {
+    let (gripper, rest) = numbers.split_at(12);
+    let [along, rates] =
+        [0, 1].map(|i| rest[i * rest.len() / 2..][..rest.len() / 2].as_chunks().0.iter().map(|v: &[f64; 3]| Vector3::from(*v)).collect());
+    let mut rods = Rods { along, rates, ..Rods::default() };
+    rods.gripper.numbers_mut().zip(gripper).for_each(|(x, g)| *x = *g);
+    rods
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[test]
@@ -114,7 +117,7 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let outputs = Outputs { numbers: &raw, scale: &scale };
         let look = Look::at(&chain, &rods, &torques, |place| scene.contact(place));
         let by_tokens: Vec<f32> = numbers(chain.rods * INPUTS, 9.0, 1.0).iter().map(|x| *x as f32).collect();
-        let (mut slope, upstream) = (Rods::zeros(chain.rods), weights(&chain));
+        let (mut slope, upstream) = (Rods::zeros(chain.rods), rods_of(&weights(&chain)));
         let by_outputs = chain.advance_back(&rods, outputs, &upstream, &mut slope);
         let mut glided = look.tokens_back(&chain, &rods, &by_tokens, &mut slope);
         glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, b)| *x += b);
@@ -122,18 +125,14 @@ fn slopes_of_a_frame_are_those_of_differences() {
         slope.gripper.numbers_mut().zip(gripper.numbers()).for_each(|(x, g)| *x += g);
 
         // Along ways of every part alone; tokens are rounded to f32, so the step is large.
-        for part in 0..3 {
-            let mut way = Rods::zeros(chain.rods);
-            let any = moved(&way, &weights(&chain), 1.0);
-            match part {
-                0 => way.gripper = any.gripper,
-                1 => way.along = any.along.clone(),
-                _ => way.rates = any.rates.clone(),
-            }
-            let h = 1e-5 * [1.0, 1.0, 100.0][part];
-            let value = |h: f64| weighed(&chain, &moved(&rods, &way, h), &torques, outputs, &scene);
-            let (found, wanted) =
-                (flat(&slope).iter().zip(flat(&way)).map(|(a, b)| a * b).sum::<f64>(), (value(h) - value(-h)) / (2.0 * h));
+        let (third, start) = (12 + 3 * chain.rods, flat(&rods));
+        for (part, h) in [(0..12, 1e-5), (12..third, 1e-5), (third..start.len(), 1e-3)] {
+            let way: Vec<f64> = weights(&chain).iter().enumerate().map(|(k, w)| if part.contains(&k) { *w } else { 0.0 }).collect();
+            let value = |h: f64| {
+                let moved: Vec<f64> = start.iter().zip(&way).map(|(x, w)| x + h * w).collect();
+                weighed(&chain, &rods_of(&moved), &torques, outputs, &scene)
+            };
+            let (found, wanted) = (dot(&flat(&slope), &way), (value(h) - value(-h)) / (2.0 * h));
             worst = worst.max((found - wanted).abs() / wanted.abs().max(100.0));
         }
         let way = numbers(chain.rods * OUTPUTS, 8.0, 1.0);
@@ -145,6 +144,7 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let wanted = (value(1e-3) - value(-1e-3)) / 2e-3;
         worst = worst.max((found - wanted).abs() / wanted.abs().max(1.0));
     }
+    println!("slopes are {worst:.1e} from those of differences");
     assert!(worst < 2e-3, "slopes are {worst:.1e} from those of differences");
 }
 

@@ -4,7 +4,6 @@
 //! They build on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
 //! CUDA, so that a test runs them where there is no GPU.
 
-mod places;
 mod whole;
 
 use std::fmt::Write;
@@ -20,23 +19,25 @@ use crate::folder::Model;
 use crate::form::View;
 
 pub use crate::program::op::padded;
-pub use places::Products;
-pub use whole::{Whole, whole_program};
+pub use whole::{Products, Whole, whole_program};
 
 /// The settings with which scenes are put in order for a model's kernels; or what of it has no kernel, and where it can be stepped.
 pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
-    let Model { config, .. } = model;
-    let on_cpu = "which has no kernel; step it with the network alone on the device, or on the CPU";
-    match (config.base, config.view) {
-        (_, View::World | View::Blind) => return Err(format!("a model whose view is {:?}, {on_cpu}", config.view)),
-        (Base::Flight | Base::ExactFlight | Base::Nothing, _) => return Err(format!("a model that adds to {:?}, {on_cpu}", config.base)),
-        (Base::State | Base::Draft(_), View::Own) => {}
+    let (base, view) = (model.config.base, model.config.view);
+    let refuse =
+        |what: String| Err(format!("a model {what}, which has no kernel; step it with the network alone on the device, or on the CPU"));
+    if view != View::Own {
+        return refuse(format!("whose view is {view:?}"));
     }
-    let Base::Draft(substeps) = config.base else {
-        return Ok((ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { faced: Some(system.spec.material), ..Reach::default() }));
+    let (settings, faced) = match base {
+        Base::Flight | Base::ExactFlight | Base::Nothing => return refuse(format!("that adds to {base:?}")),
+        Base::State => (ArticulatedConfig::implicit(1, Friction::Coulomb), system.spec.material),
+        Base::Draft(substeps) => {
+            let (settings, material) = Draft::settings(system, substeps).map_err(|e| e.to_string())?;
+            (settings, material.mean(&system.spec.material))
+        }
     };
-    let (settings, material) = Draft::settings(system, substeps).map_err(|e| e.to_string())?;
-    Ok((settings, Reach { faced: Some(material.mean(&system.spec.material)), ..Reach::default() }))
+    Ok((settings, Reach { faced: Some(faced), ..Reach::default() }))
 }
 
 /// The text for one model of `system`, for scenes of at most so many colliders; an error as of [`settings`].

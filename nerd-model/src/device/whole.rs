@@ -1,11 +1,10 @@
-//! A small program as one kernel, `whole_pass`: every slot is in shared memory, and a block computes one window, or a few on tensor cores.
-//! With many windows of narrow rows, separate kernels would mostly move rows to and from memory.
+//! The network of a chain as one kernel, `whole_pass`: its rows are in shared memory, and a block computes one window, or a few on tensor
+//! cores. With many windows of narrow rows, separate kernels would mostly move rows to and from memory.
 
 use std::fmt::Write;
 
-use super::places::{Places, Products};
 use crate::program::op::padded;
-use crate::program::{Activation, Op, Program, Slot, Step, Weight};
+use crate::program::{Activation, Op, Program, Slot, Step};
 
 /// Shared bytes that every device gives without asking.
 const SHARED: usize = 48 << 10;
@@ -13,6 +12,15 @@ const SHARED: usize = 48 << 10;
 const MOST_WARPS: usize = 8;
 /// Most rows of a block on tensor cores, but where a window alone has more: what its threads sum is in registers.
 const MOST_ROWS: usize = 96;
+
+/// Arithmetic of the products.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Products {
+    /// In 32 bits.
+    F32,
+    /// On tensor cores, operands rounded to TF32: for devices of compute capability 8 and above.
+    Tf32,
+}
 
 /// A program's pass as a kernel.
 pub struct Whole {
@@ -24,135 +32,84 @@ pub struct Whole {
     pub windows: usize,
 }
 
-/// What writes the kernel.
-struct Writer<'a> {
-    program: &'a Program,
-    tokens: usize,
-    windows: usize,
-    products: Products,
-    starts: Vec<usize>,
-    places: Places<'a>,
-    text: String,
+/// A chain's program (`program/networks.rs`) over windows of so many tokens `[T][padded inputs]`; none of another form, or where it does
+/// not fit.
+pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
+    let most = if products == Products::F32 { 1 } else { (MOST_ROWS / tokens).max(1) };
+    (1..=most).rev().find_map(|windows| whole(program, tokens, windows, products))
 }
 
-/// A program over windows of so many tokens `[T][padded inputs]`; none where a step has no such form, or it does not fit.
-pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
-    // Predictions come from a product, and tokens are not changed.
-    let last = program.steps.last()?;
-    let last = matches!(last.op, Op::Linear { add: false, .. }) && program.steps.iter().filter(|step| step.to == last.to).count() == 1;
-    if !last || program.steps.iter().any(|step| step.to == Slot(0)) {
+fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -> Option<Whole> {
+    let [embed, place, blocks @ .., last, out] = &program.steps[..] else { return None };
+    let ((blocks, []), Op::Place(table), h) = (blocks.as_chunks::<5>(), place.op, embed.to) else { return None };
+    let follow = |from: Slot, steps: &[Step]| steps.iter().try_fold(from, |at, step| (step.from == at).then_some(step.to));
+    let in_line = follow(Slot(0), &[*embed, *place]) == Some(h) && blocks.iter().all(|block| follow(h, block) == Some(h));
+    if blocks.is_empty() || !in_line || follow(h, &[*last, *out]).is_none() || last.op != Op::Norm {
         return None;
     }
-    let most = if products == Products::F32 { 1 } else { (MOST_ROWS / tokens).max(1) };
-    (1..=most).rev().find_map(|windows| Writer::new(program, tokens, windows, products).whole())
-}
 
-impl<'a> Writer<'a> {
-    fn new(program: &'a Program, tokens: usize, windows: usize, products: Products) -> Self {
-        let places = Places::new(program, windows * tokens, products);
-        Self { program, tokens, windows, products, starts: program.starts(), places, text: String::new() }
+    let (tensor, rows, starts) = (products == Products::Tf32, tokens * windows, program.starts());
+    let [inputs, e, outputs] = [Slot(0), h, out.to].map(|slot| program.width(slot));
+    // Numbers from one row to the next in shared memory, so that threads which read at once read different banks.
+    let apart = |width: usize| if tensor { 8 * (width.div_ceil(8) | 1) } else { width.next_multiple_of(4) + 4 };
+    // Of h, of what is normed, and of what is active: that in place of what is normed on tensor cores, whose products read all rows first.
+    let (row, normed) = (apart(e), rows * apart(e));
+    let active = if tensor { normed } else { 2 * normed };
+    let most = if tensor { normed + rows * row.max(apart(inputs)) } else { 3 * normed };
+
+    let linear = |step: &Step, (x, apart_x): (&str, usize), (parts, off): (usize, usize), (y, apart_y): (&str, usize), f: &str| {
+        let Op::Linear { weight, scale: None, bias, add } = step.op else { return None };
+        let (inner, wide) = (program.width(step.from) / parts, program.width(step.to));
+        let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| format!("w + {}", starts[bias.0]));
+        // Four weights are read at once.
+        let aligned = !wide.is_multiple_of(4) || starts[weight.0].is_multiple_of(4);
+        let sizes = format!("<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>");
+        aligned.then(|| format!("    linear{sizes}({x}, {off}, w + {}, {bias}, {y}, none, rows);\n", starts[weight.0]))
+    };
+    let [stream, normed, active] = [0, normed, active].map(|at| format!("s + {at}"));
+    let [stream, normed, active] = [&stream, &normed, &active].map(|at| (at.as_str(), row));
+    let norm = format!("    norm<{e}, {row}>({}, {});\n", stream.0, normed.0);
+    let mut pass = String::new();
+    let mut seen = ("tokens", padded(inputs));
+    if tensor {
+        let _ = writeln!(pass, "    take<{inputs}, {}, {}>(tokens, {}, rows);", padded(inputs), apart(inputs), normed.0);
+        seen = (normed.0, apart(inputs));
     }
-
-    fn whole(mut self) -> Option<Whole> {
-        let (program, tokens, windows, tensor) = (self.program, self.tokens, self.windows, self.products == Products::Tf32);
-        let mut i = 0;
-        if tensor {
-            let (inputs, x) = (program.width(Slot(0)), self.places.write(Slot(0)));
-            let _ = writeln!(self.text, "    take<{inputs}, {}, {}>(tokens, {x}, rows);", padded(inputs), self.places.apart(inputs));
+    pass += &linear(embed, seen, (1, 0), stream, "same")?;
+    let _ = writeln!(pass, "    place<{e}, {row}>(w + {}, {});", starts[table.0], stream.0);
+    for [before, near, wide, activate, mix] in blocks {
+        let (Op::Norm, Op::Neighbours(off), Op::Activate(Activation::Gelu)) = (before.op, near.op, activate.op) else { return None };
+        if program.width(wide.to) != e || mix.to != h {
+            return None;
         }
-        while i < program.steps.len() {
-            i += self.step(i)?;
-        }
-        let widest = self.places.widest()?;
-        // Zeros in place of a row.
-        let zeros = program.widths.iter().map(|width| self.places.apart(*width)).max()?;
-        let floats = self.places.most + zeros;
-        let warps = if tensor { widest.div_ceil(16) } else { (widest.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) }.min(MOST_WARPS);
-        let sizes = [
-            ("T", tokens),
-            ("WINDOWS", windows),
-            ("ROWS", tokens * windows),
-            ("WARPS", warps),
-            ("INPUTS", padded(program.width(Slot(0)))),
-            ("OUTPUTS", program.width(program.predictions())),
-            ("FLOATS", floats),
-        ];
-        let mut text: String = sizes.iter().map(|(name, n)| format!("#define {name} {n}\n")).collect();
-        text += include_str!("whole.cuh");
-        text += if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") };
-        let _ = writeln!(
-            text,
-            "FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {};\n    \
-             EACH(k, {zeros}) none[k] = 0;\n    SYNC;\n{}}}",
-            self.places.most, self.text,
-        );
-        text += include_str!("whole_main.cuh");
-        (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows })
+        pass += &norm;
+        pass += &linear(wide, normed, (3, off), active, "gelu")?;
+        pass += &linear(mix, active, (1, 0), stream, "same")?;
     }
+    pass += &norm;
+    pass += &linear(out, normed, (1, 0), ("out", outputs), "same")?;
 
-    /// Writes the step, and the next one if that is done with it; how many were.
-    fn step(&mut self, i: usize) -> Option<usize> {
-        let Step { from, to, op } = self.program.steps[i];
-        let (wide, row) = (self.program.width(to), self.places.apart(self.program.width(to)));
-        let mut done = 1;
-        match op {
-            // Four weights are read at once.
-            Op::Linear { weight, .. } if wide.is_multiple_of(4) && !self.starts[weight.0].is_multiple_of(4) => return None,
-            Op::Linear { weight, scale: None, bias, add } => {
-                let (mut target, mut f) = (to, "same");
-                if !add && self.activated(i) {
-                    (target, f, done) = (self.program.steps[i + 1].to, "gelu", 2);
-                }
-                self.plain(from, to)?;
-                let (x, apart_x, parts, off) = self.places.read(from)?;
-                if self.products == Products::Tf32 && !add {
-                    self.places.release(i + done);
-                }
-                let last = i + done == self.program.steps.len();
-                let (y, apart_y) = if last { ("out".into(), wide) } else { (self.places.write(target), row) };
-                let inner = self.program.width(from) / parts;
-                let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| self.tensor(bias));
-                let w = self.tensor(weight);
-                let _ = writeln!(
-                    self.text,
-                    "    linear<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>({x}, {off}, {w}, {bias}, {y}, none, rows);"
-                );
-            }
-            Op::Place(table) => {
-                let (x, table) = (self.places.write(to), self.tensor(table));
-                let _ = writeln!(self.text, "    place<{wide}, {row}>({table}, {x});");
-            }
-            Op::Norm => {
-                let (x, apart_x, ..) = self.places.read(from).filter(|(_, apart_x, parts, _)| *parts == 1 && *apart_x == row)?;
-                let y = self.places.write(to);
-                let _ = writeln!(self.text, "    norm<{wide}, {apart_x}>({x}, {y});");
-            }
-            Op::Neighbours(off) => {
-                self.places.read(from).filter(|(_, _, parts, _)| *parts == 1)?;
-                self.places.beside(to, from, off);
-            }
-            _ => return None,
-        }
-        self.places.release(i + done);
-        Some(done)
-    }
-
-    /// Nothing where a product may not read `from` for `to`: a sum that it adds to itself, or, on tensor cores, what nobody has rounded.
-    fn plain(&self, from: Slot, to: Slot) -> Option<()> {
-        let source = self.places.source(from);
-        let rough = |op: &Op| matches!(op, Op::Linear { .. } | Op::Place(_)) && self.products == Products::Tf32;
-        (source != to && !self.program.steps.iter().any(|step| step.to == source && rough(&step.op))).then_some(())
-    }
-
-    /// Whether a GELU alone reads what step i writes, and follows it.
-    fn activated(&self, i: usize) -> bool {
-        let (step, steps) = (self.program.steps[i], &self.program.steps);
-        let readers = steps.iter().filter(|other| other.from == step.to).count();
-        let follows = |next: &Step| next.from == step.to && next.op == Op::Activate(Activation::Gelu);
-        readers == 1 && i + 2 < steps.len() && follows(&steps[i + 1])
-    }
-
-    fn tensor(&self, weight: Weight) -> String {
-        format!("w + {}", self.starts[weight.0])
-    }
+    // Zeros in place of a row.
+    let zeros = program.widths.iter().map(|width| apart(*width)).max()?;
+    let (floats, widest) = (most + zeros, e.max(outputs));
+    let warps = if tensor { widest.div_ceil(16) } else { (widest.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) }.min(MOST_WARPS);
+    let sizes = [
+        ("T", tokens),
+        ("WINDOWS", windows),
+        ("ROWS", rows),
+        ("WARPS", warps),
+        ("INPUTS", padded(inputs)),
+        ("OUTPUTS", outputs),
+        ("FLOATS", floats),
+    ];
+    let mut text: String = sizes.iter().map(|(name, n)| format!("#define {name} {n}\n")).collect();
+    text += include_str!("whole.cuh");
+    text += if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") };
+    let _ = writeln!(
+        text,
+        "FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {most};\n    \
+         EACH(k, {zeros}) none[k] = 0;\n    SYNC;\n{pass}}}",
+    );
+    text += include_str!("whole_main.cuh");
+    (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows })
 }

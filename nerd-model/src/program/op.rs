@@ -124,7 +124,7 @@ impl Program {
 
     /// A new tensor.
     pub fn tensor(&mut self, name: &str, shape: &[usize], init: Init) -> Weight {
-        self.tensors.push(TensorSpec::new(name, shape, init));
+        self.tensors.push(TensorSpec { name: name.into(), shape: shape.to_vec(), init });
         Weight(self.tensors.len() - 1)
     }
 
@@ -182,10 +182,6 @@ pub enum Init {
 }
 
 impl TensorSpec {
-    pub(crate) fn new(name: &str, shape: &[usize], init: Init) -> Self {
-        Self { name: name.into(), shape: shape.to_vec(), init }
-    }
-
     /// Number of entries.
     #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {

@@ -114,17 +114,16 @@ pub fn operations() -> Vec<Specimen> {
 /// One of each network, over windows or sequences of [`TOKENS`].
 pub fn networks() -> Vec<Specimen> {
     let small = TransformerConfig { layers: 2, heads: 2, block: TOKENS, history: TOKENS, head: 9, ..TransformerConfig::paper(5, 3, 24) };
-    let of = |architecture, positions, history| TransformerConfig { architecture, positions, history, ..small };
     let rivals = [Architecture::Transformer, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
-    let mut all: Vec<_> = rivals.map(|rival| (format!("{rival:?}"), of(rival, Positions::Table, TOKENS))).into();
-    all.push(("rotary Transformer".into(), of(Architecture::Transformer, Positions::Rotary, 3)));
-    let mut all: Vec<_> = all.into_iter().map(|(name, config)| (name, config.program())).collect();
-    all.push(("policy".into(), policy(&[5, 24, 9, 4], Activation::Elu, Some(3))));
+    let rivals = rivals.map(|architecture| (format!("{architecture:?}"), TransformerConfig { architecture, ..small }.program()));
+    let rotary = TransformerConfig { positions: Positions::Rotary, history: 3, ..small };
+    let others = [("rotary Transformer", rotary.program()), ("policy", policy(&[5, 24, 9, 4], Activation::Elu, Some(3)))];
+    let all = rivals.into_iter().chain(others.map(|(name, program)| (name.to_string(), program)));
     let specimen = |(name, program): (String, Program)| {
         let mut specimen = Specimen::new(&name, program);
         // Deep networks have small outputs with the parameters of shallow ones.
         specimen.flat.iter_mut().for_each(|w| *w *= 0.4);
         specimen
     };
-    all.into_iter().map(specimen).collect()
+    all.map(specimen).collect()
 }

@@ -87,12 +87,10 @@ impl Network {
         }
         let (text, kernels) = source(&plan);
         let mut device = Device::open(nerd_cuda::ordinal(), &text, &kernels)?.with_products(precision)?;
-        // Those whose tokens are asked for all at once.
-        let along = plan.program.steps.iter().any(|step| matches!(step.op, Op::Neighbours(_)));
         // Older cards have no tensor cores for TF32.
         let tensor = precision != Precision::F32 && device.capability()? >= (8, 0);
         let products = if tensor { Products::Tf32 } else { Products::F32 };
-        let whole = if along { whole_program(&plan.program, plan.tokens, products) } else { None };
+        let whole = whole_program(&plan.program, plan.tokens, products);
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;
         }
