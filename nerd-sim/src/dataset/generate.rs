@@ -8,7 +8,6 @@ use nerd_core::dynamics::Data;
 
 use super::begin::Begun;
 use super::config::{GenerateConfig, Part};
-use super::drive::Drive;
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
 use crate::files::FileError;
@@ -28,7 +27,7 @@ pub fn record(
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
     let Begun { mut batch, mut streams, mut drives, drawn, scales, holds, mut pilots } = Begun::new(system, config, first, count);
     (0..count).for_each(|env| solver.reset(env));
-    let f = config.frames;
+    let (f, last) = (config.frames, drives.len() - 1);
     let zeros = |n: usize| vec![0.0; n];
     let mut out = Recording {
         trajectories: count,
@@ -60,7 +59,7 @@ pub fn record(
             let now = &mut tau[env * joints..(env + 1) * joints];
             match &mut pilots[env] {
                 Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
-                None => of(&mut drives, env).draw(batch.state(env), scales[env], &mut streams[env], now),
+                None => drives[env.min(last)].draw(batch.state(env), scales[env], &mut streams[env], now),
             }
             out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
             if points > 0 {
@@ -78,12 +77,6 @@ pub fn record(
         }
     }
     Ok(out)
-}
-
-/// What drives an environment.
-fn of(drives: &mut [Drive], env: usize) -> &mut Drive {
-    let last = drives.len() - 1;
-    &mut drives[env.min(last)]
 }
 
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are

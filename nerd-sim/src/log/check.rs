@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::dynamics::{Data, totals};
 use nerd_core::state::quaternion;
 
@@ -62,13 +62,14 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[
 
 /// Refuses rates that the poses contradict, and says what would explain them.
 pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
+    let seconds = |a: &Moment, b: &Moment| b.time - a.time;
+    // Of so many columns from one on: the rates of the poses, and those that were measured.
+    let columns = |from: usize, many: usize| {
+        let some = |all: &[f64]| Vector3::from_fn(|i, _| if i < many { all[from + i] } else { 0.0 });
+        misfit(pairs(raw).map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), some(&b.qd))))
+    };
     if let Some(root) = &spec.root {
-        let seconds = |a: &Moment, b: &Moment| b.time - a.time;
-        let linear = pairs(raw).map(|(a, b)| {
-            let v = rate(&system.robot, &a.q, &b.q, seconds(a, b));
-            (Vector3::new(v[3], v[4], v[5]), Vector3::new(b.qd[3], b.qd[4], b.qd[5]))
-        });
-        if let (Some(names), Some([off, factor])) = (&root.velocity, misfit(linear)) {
+        if let (Some(names), Some([off, factor])) = (&root.velocity, columns(3, 3)) {
             refuse(csv, &names.join(", "), off, factor, None)?;
         }
         let angular = |order: Order, axes: Axes| {
@@ -96,10 +97,7 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
     let first = system.robot.joint_count();
     for (k, joint) in system.robot.joints().enumerate() {
         let column = spec.joints.iter().find(|j| j.name == joint.name).and_then(|j| j.velocity.as_ref());
-        let v = system.robot.nv() - first + k;
-        let along = |x: f64| Vector3::new(x, 0.0, 0.0);
-        let found = misfit(pairs(raw).map(|(a, b)| (along(rate(&system.robot, &a.q, &b.q, b.time - a.time)[v]), along(b.qd[v]))));
-        if let (Some(column), Some([off, factor])) = (column, found) {
+        if let (Some(column), Some([off, factor])) = (column, columns(system.robot.nv() - first + k, 1)) {
             refuse(csv, column, off, factor, None)?;
         }
     }
@@ -108,14 +106,9 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
 
 /// An orientation (x y z w) that was read in the order `stated`, as it would be in another.
 fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
-    let columns = match stated {
+    order.turn(match stated {
         Order::Wxyz => [q[3], q[0], q[1], q[2]],
         Order::Xyzw => [q[0], q[1], q[2], q[3]],
-    };
-    let [a, b, c, d] = columns;
-    UnitQuaternion::new_normalize(match order {
-        Order::Wxyz => Quaternion::new(a, b, c, d),
-        Order::Xyzw => Quaternion::new(d, a, b, c),
     })
 }
 

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use nerd_core::robot::JointKind;
 use nerd_core::state::write_quaternion;
 
 use super::data::{LogError, bad};
-use super::spec::{Axes, LogSpec, Order, RootColumns, Units};
+use super::spec::{Axes, LogSpec, RootColumns, Units};
 use crate::files::FileError;
 use crate::system::System;
 use crate::table::{Row, Table, twice};
@@ -125,11 +125,7 @@ impl<'a> Columns<'a> {
             let p = row.numbers(&root.position)?;
             let x = row.numbers(&root.quaternion)?;
             row.unit(&root.quaternion, &x)?;
-            let [w, i, j, k] = match root.spec.order {
-                Order::Wxyz => [x[0], x[1], x[2], x[3]],
-                Order::Xyzw => [x[3], x[0], x[1], x[2]],
-            };
-            let turn = UnitQuaternion::new_normalize(Quaternion::new(w, i, j, k));
+            let turn = root.spec.order.turn([x[0], x[1], x[2], x[3]]);
             q.extend(p.iter().map(|p| p * length));
             q.resize(7, 0.0);
             write_quaternion(&mut q[3..], &turn);

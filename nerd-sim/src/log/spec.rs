@@ -1,5 +1,6 @@
 //! The TOML beside a table of measurements: which column is what, in which unit and frame.
 
+use nalgebra::{Quaternion, UnitQuaternion};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -120,6 +121,16 @@ pub(super) struct RootColumns {
 pub(super) enum Order {
     Wxyz,
     Xyzw,
+}
+
+impl Order {
+    /// The rotation that four numbers in this order are.
+    pub fn turn(self, [a, b, c, d]: [f64; 4]) -> UnitQuaternion<f64> {
+        UnitQuaternion::new_normalize(match self {
+            Self::Wxyz => Quaternion::new(a, b, c, d),
+            Self::Xyzw => Quaternion::new(d, a, b, c),
+        })
+    }
 }
 
 /// Axes of an angular velocity: the world's, or the root link's.

@@ -73,28 +73,26 @@ impl System {
     /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
     fn derived(name: &str, urdf: &str, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
         let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
-        let read = |floating| {
+        let read = |floating| -> Result<UrdfRobot, UrdfError> {
             let mut read = UrdfRobot::read_alone(urdf, base(floating))?;
             touch(&mut read, path, points);
             Ok(read)
         };
-        let urdf_error = |e| SystemError::Urdf(name.into(), e);
-        let (floating, cannot) = match (own.get("floating").and_then(toml::Value::as_bool), read(true)) {
-            (Some(said), _) => (said, None),
-            // Where a fixed base cannot be had, a free one is what the file asks for.
-            (None, Ok(free)) => (floats(&free.robot) || read(false).is_err(), None),
-            (None, Err(e)) => (false, Some(e)),
+        let read = match own.get("floating").and_then(toml::Value::as_bool) {
+            Some(floating) => read(floating),
+            // Where one base cannot be had, the other is what the file asks for.
+            None => match (read(true), read(false)) {
+                (Ok(free), Ok(fixed)) => Ok(if floats(&free.robot) { free } else { fixed }),
+                (Ok(free), Err(_)) => Ok(free),
+                (Err(cause), Ok(mut fixed)) => {
+                    fixed.notes.push(format!("its base is taken as fixed, since a free one cannot be: {cause}"));
+                    Ok(fixed)
+                }
+                (Err(cause), Err(UrdfError::Still)) => Err(cause),
+                (Err(_), Err(error)) => Err(error),
+            },
         };
-        // If neither base works, the free one's error is the cause.
-        let mut read = match (read(floating), cannot) {
-            (Err(UrdfError::Still), Some(e)) => return Err(urdf_error(e)),
-            (read, Some(e)) => {
-                let mut read = read.map_err(urdf_error)?;
-                read.notes.push(format!("its base is taken as fixed, since a free one cannot be: {e}"));
-                read
-            }
-            (read, None) => read.map_err(urdf_error)?,
-        };
+        let mut read = read.map_err(|e| SystemError::Urdf(name.into(), e))?;
         if untouched(&own) {
             read.robot.contact_points.clear();
         }
