@@ -90,17 +90,18 @@ mod tests {
     fn columns_that_act_lead_to_the_last_that_is_not_zero() {
         let joints = 7;
         let mut torques = vec![0.0; 3 * ROWS * joints];
-        assert_eq!(acting(&torques, joints), Some(0), "of zeros");
-        torques[5] = -0.0;
-        assert_eq!(acting(&torques, joints), Some(0), "of a zero with a sign");
         let last = torques.len() - joints;
-        torques[last + 3] = -1e-300;
-        assert_eq!(acting(&torques, joints), Some(4), "of one number in the last row");
-        torques[0] = 1.0;
-        assert_eq!(acting(&torques, joints), Some(4), "of two");
-        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            torques[last - 1] = bad;
-            assert_eq!(acting(&torques, joints), None, "{bad}");
+        assert_eq!(acting(&torques, joints), Some(0), "of zeros");
+        for (at, x, columns) in [
+            (5, -0.0, Some(0)),
+            (last + 3, -1e-300, Some(4)),
+            (0, 1.0, Some(4)),
+            (last - 1, f64::NAN, None),
+            (last - 1, f64::INFINITY, None),
+            (last - 1, f64::NEG_INFINITY, None),
+        ] {
+            torques[at] = x;
+            assert_eq!(acting(&torques, joints), columns, "after {x} at {at}");
         }
         assert_eq!((acting(&[], joints), acting(&[], 0)), (Some(0), Some(0)), "of nothing");
     }

@@ -11,6 +11,10 @@ use crate::suite::trial::{Error, Motion, Trial};
 
 /// What ANYmal's URDF allows its joints (rad/s).
 const SPEED: f64 = 20.0;
+const URDF: &str = "speed limit of its URDF";
+/// Figures under a torque that is held for a frame, and under a law that looks a frame ahead.
+const HELD: &str = "largest joint speed, no armature, PD at 60 Hz, 2 s";
+const AHEAD: &str = "largest joint speed, no armature, PD that looks a frame ahead, 2nd second";
 
 pub(super) static SAMENESS: [Row; 3] = [
     Row::new("pendulum self-convergence", "against four times the substeps, ground, 1 s, 4 starts", "rad", 1.2e-3, |trial| {
@@ -35,38 +39,26 @@ pub(super) static ROWS: [Row; 9] = [
     Row::new("ANYmal kp 85", "largest joint speed, armature 0.06, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
         anymal(trial, 0.06, [85.0, 2.0], false)
     })
-    .source("speed limit of its URDF")
+    .source(URDF)
     .why("The robot with its rotors' inertia and moderate gains: it must stand."),
-    Row::new("ANYmal kp 200", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.0, [200.0, 0.5], false)
-    })
-    .source("speed limit of its URDF")
-    .why("Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass."),
-    Row::new("ANYmal kp 2000", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.0, [2000.0, 0.5], false)
-    })
-    .source("speed limit of its URDF")
-    .why("The same, ten times stiffer: what each solver makes of an impossible demand."),
-    Row::new("ANYmal kp 5000", "largest joint speed, no armature, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.0, [5000.0, 0.5], false)
-    })
-    .source("speed limit of its URDF")
-    .why("The same, stiffer still: here some give up, which is better than a wrong answer."),
-    Row::new("kp 200 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.0, [200.0, 0.5], true)
-    })
-    .source("speed limit of its URDF")
-    .why("A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that."),
-    Row::new("kp 2000 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.0, [2000.0, 0.5], true)
-    })
-    .source("speed limit of its URDF")
-    .why("The same, ten times stiffer."),
-    Row::new("kp 5000 ahead", "largest joint speed, no armature, PD that looks a frame ahead, 2nd second", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.0, [5000.0, 0.5], true)
-    })
-    .source("speed limit of its URDF")
-    .why("The same, at gains of a position-controlled arm."),
+    Row::new("ANYmal kp 200", HELD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [200.0, 0.5], false))
+        .source(URDF)
+        .why("Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass."),
+    Row::new("ANYmal kp 2000", HELD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [2000.0, 0.5], false))
+        .source(URDF)
+        .why("The same, ten times stiffer: what each solver makes of an impossible demand."),
+    Row::new("ANYmal kp 5000", HELD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [5000.0, 0.5], false))
+        .source(URDF)
+        .why("The same, stiffer still: here some give up, which is better than a wrong answer."),
+    Row::new("kp 200 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [200.0, 0.5], true))
+        .source(URDF)
+        .why("A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that."),
+    Row::new("kp 2000 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [2000.0, 0.5], true))
+        .source(URDF)
+        .why("The same, ten times stiffer."),
+    Row::new("kp 5000 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [5000.0, 0.5], true))
+        .source(URDF)
+        .why("The same, at gains of a position-controlled arm."),
     Row::new("no number", "0 if a state that is not a number is refused, 1 if not", "", 0.0, no_number)
         .source("an error, with its place")
         .why("A state that is not a number must be refused where it stands, before it spreads."),
