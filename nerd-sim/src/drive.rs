@@ -85,8 +85,8 @@ pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
 
 /// Drives with the gains of a robot's specification (`kp`, `kd`), one a joint, at its default position; none if it has no gains.
 pub fn specified(system: &System) -> Vec<Drive> {
-    let said = system.joint_specs().zip(system.robot.joints());
-    let drives = said.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: effort(joint) });
+    let joints = system.joint_specs().zip(system.robot.joints());
+    let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: effort(joint) });
     if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
 }
 

@@ -31,7 +31,7 @@ impl Draft {
         let mut scene = Scene::free(system.gravity());
         // Represents what the points face.
         scene.colliders.push(Collider::plane(Plane { normal: Vector3::y(), offset: 0.0 }, material));
-        let known = Workspace::know(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
+        let known = Workspace::prepare(system).map_err(|e| SystemError::Spec(system.name.clone(), e))?;
         let workspace = Workspace::new(system, known);
         Ok(Self { workspace, config, scene })
     }

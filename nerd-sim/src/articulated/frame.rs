@@ -15,11 +15,11 @@ use crate::system::System;
 
 impl Frame for Workspace {
     type Config = ArticulatedConfig;
-    type Known = Bounds;
+    type Prepared = Bounds;
     const CHUNK: usize = 64;
     const DRIVEN: bool = true;
 
-    fn know(system: &System) -> Result<Arc<Bounds>, String> {
+    fn prepare(system: &System) -> Result<Arc<Bounds>, String> {
         Ok(Arc::new(Bounds::new(system)))
     }
 

@@ -48,13 +48,13 @@ fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
 /// of the rows is asked, since what rests has rates of noise alone.
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
-    let mut all: Vec<_> = rates.filter(|(found, told)| (found + told).iter().all(|x| x.is_finite())).collect();
+    let mut all: Vec<_> = rates.filter(|(found, measured)| (found + measured).iter().all(|x| x.is_finite())).collect();
     all.sort_by(|a, b| (b.0.norm() * b.1.norm()).total_cmp(&(a.0.norm() * a.1.norm())));
     all.truncate(all.len().div_ceil(4));
-    for (found, told) in all {
-        off.push((found - told).norm());
+    for (found, measured) in all {
+        off.push((found - measured).norm());
         size.push(found.norm());
-        (product, square) = (product + found.dot(&told), square + told.norm_squared());
+        (product, square) = (product + found.dot(&measured), square + measured.norm_squared());
     }
     let size = median(&mut size).filter(|s| *s > 1e-6)?;
     Some([median(&mut off)? / size, product / square])
@@ -78,8 +78,8 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
                 // The angular velocity in the columns' own axes, then in those of the hypothesis.
                 let own = Vector3::new(b.qd[0], b.qd[1], b.qd[2]);
                 let own = if root.axes == Axes::Body { quaternion(&b.q[3..7]).inverse() * own } else { own };
-                let told = if axes == Axes::Body { y * own } else { own };
-                ((y * x.inverse()).scaled_axis() / seconds(a, b), told)
+                let measured = if axes == Axes::Body { y * own } else { own };
+                ((y * x.inverse()).scaled_axis() / seconds(a, b), measured)
             }))
         };
         if let (Some(names), Some([off, factor])) = (&root.angular, angular(root.order, root.axes)) {
@@ -113,13 +113,13 @@ fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
 }
 
 fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<String>) -> Result<(), LogError> {
-    let said = match (better, unit(factor)) {
+    let advice = match (better, unit(factor)) {
         (Some(better), _) => better,
         (None, Some(unit)) => format!("{unit} would explain it"),
         (None, None) if off < OFF => return Ok(()),
         (None, None) => format!("rates times {factor:.3} fit best"),
     };
-    Err(bad(csv, format!("columns {columns}: rates are {:.0} % off those that the poses have; {said}", 100.0 * off)))
+    Err(bad(csv, format!("columns {columns}: rates are {:.0} % off those that the poses have; {advice}", 100.0 * off)))
 }
 
 /// What free fall says of lengths and time; an error where only a wrong unit explains it. Frames before a release are taken

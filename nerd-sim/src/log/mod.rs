@@ -1,7 +1,7 @@
 //! Measured trajectories of any robot: a CSV, and a TOML beside it that says which column is what, in which unit and frame
 //! ([`LogSpec`]).
 //!
-//! A [`Log`] holds states as solvers have them, one a frame of the robot. What had to be done for that is said in its `notes`:
+//! A [`Log`] holds states as solvers have them, one a frame of the robot. What had to be done for that is in its `notes`:
 //! velocities taken from differences, gaps at which a trajectory was cut, other rates that were resampled, copies left out. What
 //! cannot be right ends in an error, or in a note with the figure: rates that are not those of the poses, free fall that is not g.
 

@@ -25,10 +25,10 @@ pub(super) struct Workspace {
 
 impl Frame for Workspace {
     type Config = RapierConfig;
-    type Known = Template;
+    type Prepared = Template;
     const CHUNK: usize = 8;
 
-    fn know(system: &System) -> Result<Arc<Template>, String> {
+    fn prepare(system: &System) -> Result<Arc<Template>, String> {
         Template::new(system).map(Arc::new)
     }
 

@@ -17,21 +17,21 @@ use crate::system::System;
 pub(crate) trait Frame: Send + Sized {
     /// Settings of the solver.
     type Config: Sync;
-    /// What is worked out of a robot's numbers, once.
-    type Known: Send + Sync;
+    /// What is computed of a robot's numbers, once.
+    type Prepared: Send + Sync;
     /// Environments that one thread steps in a row.
     const CHUNK: usize;
     /// Whether it has drives inside its frame, and reports forces.
     const DRIVEN: bool = false;
 
-    /// What it must know of a system; `Err` says why it cannot be simulated.
-    fn know(system: &System) -> Result<Arc<Self::Known>, String>;
+    /// Prepares for a system; `Err` says why it cannot be simulated.
+    fn prepare(system: &System) -> Result<Arc<Self::Prepared>, String>;
 
     /// Memory for a system, and for all that differ from it in numbers alone.
-    fn new(system: &System, known: Arc<Self::Known>) -> Self;
+    fn new(system: &System, prepared: Arc<Self::Prepared>) -> Self;
 
-    /// Takes over what is known of the system that is stepped next.
-    fn turn_to(&mut self, known: &Arc<Self::Known>);
+    /// Takes over what is prepared of the system that is stepped next.
+    fn turn_to(&mut self, prepared: &Arc<Self::Prepared>);
 
     /// Advances `state` under joint torques `tau`; `Err` says why not.
     fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
@@ -49,8 +49,8 @@ pub(crate) trait Frame: Send + Sized {
 /// changes), then no more.
 pub(crate) struct Parallel<F: Frame> {
     /// The batch's robot, and those of its environments where they have their own.
-    known: Option<Known<F>>,
-    own: Vec<Known<F>>,
+    prepared: Option<Prepared<F>>,
+    own: Vec<Prepared<F>>,
     frames: Vec<F>,
     next: Vec<f64>,
     /// In the place of forces where there are none.
@@ -58,8 +58,8 @@ pub(crate) struct Parallel<F: Frame> {
     faults: Mutex<Vec<Fault>>,
 }
 
-/// A system and what is known of it.
-type Known<F> = (Arc<System>, Arc<<F as Frame>::Known>);
+/// A system and what is prepared of it.
+type Prepared<F> = (Arc<System>, Arc<<F as Frame>::Prepared>);
 
 /// Number, states, forces and memory of a chunk.
 type Chunk<'a, F> = (usize, ((&'a mut [f64], &'a mut [Vector3<f64>]), &'a mut F));
@@ -68,19 +68,19 @@ impl<F: Frame> Parallel<F> {
     pub(crate) const CAPABILITIES: Capabilities = Capabilities { drives: F::DRIVEN, forces: F::DRIVEN, systems: true };
 
     pub(crate) fn new() -> Self {
-        Self { known: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), none: Vec::new(), faults: Mutex::default() }
+        Self { prepared: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), none: Vec::new(), faults: Mutex::default() }
     }
 
     /// One frame of every environment that can be stepped; see [`crate::solver::Solver::step`].
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         Self::CAPABILITIES.admit(batch)?;
         sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
-        let known = self.know(batch).map_err(StepError::Solver)?;
+        let prepared = self.prepare(batch).map_err(StepError::Solver)?;
         let system = &*batch.system;
         let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
         let chunks = batch.len().div_ceil(F::CHUNK);
         while self.frames.len() < chunks {
-            self.frames.push(F::new(system, known.clone()));
+            self.frames.push(F::new(system, prepared.clone()));
         }
         let own = &self.own;
         // Out of the batch while that is read by all.
@@ -89,30 +89,30 @@ impl<F: Frame> Parallel<F> {
         forces.resize(batch.len() * points, Vector3::zeros());
         let width = (F::CHUNK * points).max(1);
         self.none.resize(chunks, Vector3::zeros());
-        let told = if points > 0 { &mut forces[..] } else { &mut self.none[..] };
+        let reported = if points > 0 { &mut forces[..] } else { &mut self.none[..] };
         self.next.clone_from(&batch.states);
         // Who is not a number from the start is not stepped at all.
         let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
         let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
         let faults = &self.faults;
         let now = &*batch;
-        let run = |(chunk, ((states, told), frame)): Chunk<'_, F>| {
+        let run = |(chunk, ((states, reported), frame)): Chunk<'_, F>| {
             for (i, state) in states.chunks_exact_mut(d).enumerate() {
                 let env = chunk * F::CHUNK + i;
-                let told = &mut told[i * points..(i + 1) * points];
+                let reported = &mut reported[i * points..(i + 1) * points];
                 if bad.contains(&env) {
-                    told.fill(Vector3::zeros());
+                    reported.fill(Vector3::zeros());
                     continue;
                 }
                 let tau = &torques[env * joints..(env + 1) * joints];
                 frame.drive(now.driven(env));
-                if let Some((_, known)) = own.get(env) {
-                    frame.turn_to(known);
+                if let Some((_, prepared)) = own.get(env) {
+                    frame.turn_to(prepared);
                 }
                 match frame.step(now.of(env), &now.scenes[env], config, state, tau) {
-                    Ok(()) => told.copy_from_slice(frame.forces()),
+                    Ok(()) => reported.copy_from_slice(frame.forces()),
                     Err(reason) => {
-                        told.fill(Vector3::zeros());
+                        reported.fill(Vector3::zeros());
                         let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
                         faults.push(Fault { env, frame: now.frames[env], reason: now.of(env).source.lost(reason) });
                     }
@@ -120,9 +120,9 @@ impl<F: Frame> Parallel<F> {
             }
         };
         if chunks <= 1 {
-            self.next.chunks_mut(F::CHUNK * d).zip(told.chunks_mut(width)).zip(&mut self.frames).enumerate().for_each(run);
+            self.next.chunks_mut(F::CHUNK * d).zip(reported.chunks_mut(width)).zip(&mut self.frames).enumerate().for_each(run);
         } else {
-            let both = self.next.par_chunks_mut(F::CHUNK * d).zip(told.par_chunks_mut(width));
+            let both = self.next.par_chunks_mut(F::CHUNK * d).zip(reported.par_chunks_mut(width));
             both.zip(self.frames.par_iter_mut()).enumerate().for_each(run);
         }
         batch.forces = forces;
@@ -130,18 +130,18 @@ impl<F: Frame> Parallel<F> {
     }
 
     /// Looks at the batch's robots as far as they are others than in the last frame.
-    fn know(&mut self, batch: &Batch) -> Result<Arc<F::Known>, String> {
-        let known = match &self.known {
-            Some((system, known)) if Arc::ptr_eq(system, &batch.system) => known.clone(),
+    fn prepare(&mut self, batch: &Batch) -> Result<Arc<F::Prepared>, String> {
+        let prepared = match &self.prepared {
+            Some((system, prepared)) if Arc::ptr_eq(system, &batch.system) => prepared.clone(),
             _ => {
                 self.frames.clear();
                 self.own.clear();
-                self.known.insert((batch.system.clone(), F::know(&batch.system)?)).1.clone()
+                self.prepared.insert((batch.system.clone(), F::prepare(&batch.system)?)).1.clone()
             }
         };
         if batch.systems.is_empty() && !self.own.is_empty() {
             self.own.clear();
-            self.frames.iter_mut().for_each(|frame| frame.turn_to(&known));
+            self.frames.iter_mut().for_each(|frame| frame.turn_to(&prepared));
         }
         self.own.truncate(batch.systems.len());
         for (env, system) in batch.systems.iter().enumerate() {
@@ -152,12 +152,12 @@ impl<F: Frame> Parallel<F> {
                 .system
                 .alike(system)
                 .map_err(|what| format!("the robot of environment {env} is built otherwise than the batch's: {what}"))?;
-            let known = (system.clone(), F::know(system)?);
+            let prepared = (system.clone(), F::prepare(system)?);
             match self.own.get_mut(env) {
-                Some(own) => *own = known,
-                None => self.own.push(known),
+                Some(own) => *own = prepared,
+                None => self.own.push(prepared),
             }
         }
-        Ok(known)
+        Ok(prepared)
     }
 }

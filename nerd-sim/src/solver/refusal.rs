@@ -32,7 +32,7 @@ impl Capabilities {
 #[non_exhaustive]
 pub enum StepError {
     /// Some environments could not be stepped and keep their states. All others were stepped as usual.
-    #[error("{}", said(.0))]
+    #[error("{}", line(.0))]
     Environments(Vec<Fault>),
     /// The batch asks for what this solver has not; nothing was stepped.
     #[error("{0}")]
@@ -68,7 +68,7 @@ pub struct Fault {
     pub reason: String,
 }
 
-fn said(faults: &[Fault]) -> String {
+fn line(faults: &[Fault]) -> String {
     let Some(Fault { env, frame, reason }) = faults.first() else { return "no environment failed".into() };
     let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
     format!("environment {env}, frame {frame}: {reason}{others}")

@@ -51,23 +51,23 @@ impl System {
     }
 }
 
-/// Gives the robot what a checked specification says of it.
-fn equip(robot: &mut Robot, spec: &Spec, told: bool) {
-    for (joint, said) in robot.joints_mut().zip(&spec.joints) {
-        (joint.armature, joint.stiffness, joint.rest) = (said.armature, said.stiffness, said.rest);
-        if let (Some(limit), Some(law)) = (&mut joint.limit, said.limit) {
+/// Gives the robot the numbers of a checked specification.
+fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
+    for (joint, own) in robot.joints_mut().zip(&spec.joints) {
+        (joint.armature, joint.stiffness, joint.rest) = (own.armature, own.stiffness, own.rest);
+        if let (Some(limit), Some(law)) = (&mut joint.limit, own.limit) {
             (limit.stiffness, limit.damping) = (law.stiffness, law.damping);
         }
     }
-    let unsaid: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
-    stiffen(robot, &unsaid, spec.seconds() / spec.substeps as f64);
+    let missing: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
+    stiffen(robot, &missing, spec.seconds() / spec.substeps as f64);
     if !spec.contacts.is_empty() {
         let point = |c: &ContactSpec| {
             Some(ContactPoint { link: robot.link(&c.link).ok()?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
         };
         robot.contact_points = spec.contacts.iter().filter_map(point).collect();
-    } else if told && spec.scenes.is_empty() && spec.random_plane.is_none() {
-        // Said to have nothing to touch: the robot pays for no contact point.
+    } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
+        // Nothing to touch: the robot pays for no contact point.
         robot.contact_points.clear();
     }
 }
@@ -85,13 +85,13 @@ fn upright(quaternion: &mut [f64; 4]) {
 pub(crate) fn name_columns(robot: &Robot, spec: &mut Spec) {
     let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
     let (pose, twist) = (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
-    let said: HashMap<&str, &String> = spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
+    let given: HashMap<&str, &String> = spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
     let mut taken: HashSet<String> = pose.iter().chain(&twist).cloned().chain(RESERVED.map(String::from)).collect();
     let mut column = |joint: &Joint| {
         let clashes = |taken: &HashSet<String>, name: &str| {
             name.is_empty() || name.starts_with("tau") || taken.contains(name) || taken.contains(&format!("d_{name}"))
         };
-        let name = said.get(joint.name.as_str()).map(|column| column.to_string()).unwrap_or_else(|| {
+        let name = given.get(joint.name.as_str()).map(|column| column.to_string()).unwrap_or_else(|| {
             let mut name = joint.name.trim().to_string();
             while clashes(&taken, &name) {
                 name = format!("q_{name}");

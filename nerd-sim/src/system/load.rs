@@ -67,7 +67,7 @@ impl System {
         let spec = Spec::read(text).map_err(wrong)?;
         let mut read = UrdfRobot::read(urdf, base(spec.floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
         touch(&mut read, path, spec.mesh_points);
-        Self::new(name, read, spec, Source::Told)
+        Self::new(name, read, spec, Source::Specified)
     }
 
     /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
@@ -97,8 +97,8 @@ impl System {
             read.robot.contact_points.clear();
         }
         let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
-        let said = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
-        let defaults = joints.filter_map(said).collect();
+        let default = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
+        let defaults = joints.filter_map(default).collect();
         let spec = derived(&mut read, path, &defaults).over(own).map_err(|e| SystemError::spec(name, e))?;
         Self::new(name, read, spec, Source::Derived)
     }
@@ -112,10 +112,10 @@ impl System {
         };
         let spec = Spec::read(text).map_err(|e| SystemError::spec(&name, e))?;
         if spec.floating != robot.floating() {
-            let said = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
-            return Err(SystemError::Spec(name, said));
+            let text = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
+            return Err(SystemError::Spec(name, text));
         }
-        Self::new(&name, robot, spec, Source::Told)
+        Self::new(&name, robot, spec, Source::Specified)
     }
 
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.

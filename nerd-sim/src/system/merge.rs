@@ -35,21 +35,21 @@ impl Spec {
         if own.get("joint").is_some_and(|joints| !joints.is_array()) {
             return Err("joint: a list is needed, write [[joint]] before each".into());
         }
-        if let (Some(joints), Some(toml::Value::Array(said))) =
+        if let (Some(joints), Some(toml::Value::Array(given))) =
             (all.get_mut("joint").and_then(toml::Value::as_array_mut), own.remove("joint"))
         {
-            let names: Vec<_> = said.iter().map(name).collect();
+            let names: Vec<_> = given.iter().map(name).collect();
             if let Some((_, twice)) = names.iter().enumerate().find(|(k, n)| names[..*k].contains(n)) {
                 return Err(format!("[[joint]] name = {:?} appears twice", twice.clone().unwrap_or_default()));
             }
-            for joint in said {
+            for joint in given {
                 match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
-                    (Some(toml::Value::Table(known)), toml::Value::Table(said)) => {
+                    (Some(toml::Value::Table(known)), toml::Value::Table(given)) => {
                         // A gain that is the torque follows it.
-                        if said.contains_key("torque") && known.get("gain") == known.get("torque") {
+                        if given.contains_key("torque") && known.get("gain") == known.get("torque") {
                             known.remove("gain");
                         }
-                        known.extend(said);
+                        known.extend(given);
                     }
                     (_, joint) => {
                         let known: Vec<String> = joints.iter().filter_map(name).collect();

@@ -46,7 +46,7 @@ pub enum Source {
     /// A robot whose specification was made up of its numbers.
     Derived,
     /// A robot with a specification of its own.
-    Told,
+    Specified,
     /// `[cable]` ([`crate::cable`]).
     Cable,
 }
@@ -66,7 +66,7 @@ impl Source {
     pub(crate) fn lost(self, reason: String) -> String {
         match self {
             Self::Cable => format!("{reason} (raise [cable] damping or links, or substeps)"),
-            Self::Derived | Self::Told => reason,
+            Self::Derived | Self::Specified => reason,
         }
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn take(
     if held.torques.len < torques.len() {
         held.torques = device.zeros(torques.len()).map_err(failed)?;
     }
-    held.told = !batch.forces.is_empty();
+    held.watched = !batch.forces.is_empty();
     device.write(&held.states, &batch.states).map_err(failed)?;
     held.sender.send(device, &held.torques, torques, columns, batch.system.robot.joint_count()).map_err(failed)?;
     device.write(&held.drives, &packed(&batch.drives)).map_err(failed)

@@ -55,7 +55,7 @@ pub struct Held {
     pub done: Buffer<u32>,
     pub(crate) sender: Sender,
     forces: Buffer<f64>,
-    pub(crate) told: bool,
+    pub(crate) watched: bool,
     pub(crate) scenes: Vec<Arc<Scene>>,
 }
 
@@ -74,14 +74,14 @@ impl Held {
             done: device.zeros(n)?,
             sender: Sender::new(device)?,
             forces: device.zeros(3 * n * robot.contact_points.len())?,
-            told: false,
+            watched: false,
             scenes: Vec::new(),
         })
     }
 
     /// Where contact forces go; 0 unless requested.
     pub fn forces(&self) -> u64 {
-        if self.told { self.forces.ptr } else { 0 }
+        if self.watched { self.forces.ptr } else { 0 }
     }
 
     /// States and forces after the frames; each environment's fault and the frames that it made.
@@ -91,7 +91,7 @@ impl Held {
         let (mut wrong, mut went) = (vec![0i32; self.n], vec![0u32; self.n]);
         device.read(&self.faults, &mut wrong)?;
         device.read(&self.done, &mut went)?;
-        if self.told {
+        if self.watched {
             let mut forces = vec![0.0; 3 * batch.forces.len()];
             device.read(&self.forces, &mut forces)?;
             batch.forces.iter_mut().zip(forces.as_chunks::<3>().0).for_each(|(f, x)| *f = Vector3::from(*x));

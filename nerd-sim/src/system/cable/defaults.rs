@@ -23,7 +23,7 @@ impl CableSpec {
     pub(crate) fn spec(&self, robot: &Robot) -> Spec {
         let mut spec = plain(robot);
         let bend = SPREAD * (3.0 / self.links as f64).sqrt();
-        for (said, joint) in spec.joints.iter_mut().zip(robot.joints()) {
+        for (own, joint) in spec.joints.iter_mut().zip(robot.joints()) {
             let reach = match joint.name.as_str() {
                 "x" | "y" | "z" => Some(0.3 * self.length),
                 "yaw" | "pitch" | "roll" => Some(0.5),
@@ -31,14 +31,14 @@ impl CableSpec {
                 name if name.starts_with("twist") => Some(0.0),
                 _ => None,
             };
-            (said.armature, said.stiffness) = (joint.armature, joint.stiffness);
+            (own.armature, own.stiffness) = (joint.armature, joint.stiffness);
             // A unit of action leads it as far as its reach.
             let most = reach.map_or(0.0, |reach| rounded(reach * joint.stiffness));
-            (said.torque, said.gain) = (most, Some(most));
+            (own.torque, own.gain) = (most, Some(most));
             let q = reach.map_or(between(-bend, bend), |reach| between(-reach, reach));
-            said.sample = StartSpec { q, ..StartSpec::default() };
+            own.sample = StartSpec { q, ..StartSpec::default() };
             let near = if reach.is_some() { 0.1 } else { 1.0 };
-            said.reset = StartSpec { q: Range { low: near * q.low, high: near * q.high }, ..StartSpec::default() };
+            own.reset = StartSpec { q: Range { low: near * q.low, high: near * q.high }, ..StartSpec::default() };
         }
         let weight = self.mass / self.links as f64 * GRAVITY;
         let stiffness = rounded(weight / (GIVE * self.diameter));

@@ -9,7 +9,7 @@ use super::spec::{CableSpec, Held};
 use crate::scene::GRAVITY;
 use crate::system::derive::rounded;
 
-/// Seconds in which a bent piece comes to rest where no damping is said: leads, hoses and ropes lose a bend in a moment. A chain of springs
+/// Seconds in which a bent piece comes to rest where no damping is given: leads, hoses and ropes lose a bend in a moment. A chain of springs
 /// that loses nothing shakes ever faster.
 const REST: f64 = 0.01;
 /// How fast a gripper follows (rad/s): 4 Hz.

@@ -175,10 +175,10 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
         Range { low: a.clamp(low, high), high: b.clamp(low, high) }
     };
-    let said = |x: f64| x.is_finite() && x > 0.0;
-    let effort = if said(joint.effort) { joint.effort } else { gain };
+    let given = |x: f64| x.is_finite() && x > 0.0;
+    let effort = if given(joint.effort) { joint.effort } else { gain };
     // No URDF has the inertia of rotors.
-    let armature = if said(joint.effort) && said(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
+    let armature = if given(joint.effort) && given(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     JointSpec {
         name: joint.name.clone(),
         default,

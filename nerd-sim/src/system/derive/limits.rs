@@ -14,13 +14,13 @@ const STIFFEST: f64 = 2.0;
 /// Share of its range that a joint may be pushed beyond an end by its effort.
 const GIVE: f64 = 0.04;
 
-/// Gives stiffness and damping to the limits of the joints for which `unsaid`, by joint.
-pub(crate) fn stiffen(robot: &mut Robot, unsaid: &[bool], dt: f64) {
-    if !robot.joints().zip(unsaid).any(|(joint, unsaid)| *unsaid && joint.limit.is_some()) {
+/// Gives stiffness and damping to the limits of the joints for which `missing`, by joint.
+pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
+    if !robot.joints().zip(missing).any(|(joint, missing)| *missing && joint.limit.is_some()) {
         return;
     }
     let inertias = least_inertias(robot);
-    for ((joint, inertia), _) in robot.joints_mut().zip(inertias).zip(unsaid).filter(|(_, unsaid)| **unsaid) {
+    for ((joint, inertia), _) in robot.joints_mut().zip(inertias).zip(missing).filter(|(_, missing)| **missing) {
         let effort = joint.effort;
         if let Some(limit) = &mut joint.limit {
             let of = |a: f64| inertia * (a / dt).powi(2);

@@ -90,9 +90,9 @@ fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
         let own = folder.file_name().is_some_and(|own| own == name).then(|| folder.join(rest));
         [Some(folder.join(name).join(rest)), own, Some(folder.join(rest))].into_iter().flatten()
     });
-    let told = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
-    let told: Vec<PathBuf> = std::env::split_paths(&told).collect();
-    above.chain(told.iter().map(|folder| folder.join(name).join(rest))).find_map(there)
+    let packages = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
+    let packages: Vec<PathBuf> = std::env::split_paths(&packages).collect();
+    above.chain(packages.iter().map(|folder| folder.join(name).join(rest))).find_map(there)
 }
 
 /// The vertices of the convex hull; all of them where there is none, since they lie in a plane.

@@ -21,16 +21,16 @@ pub fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
         let Ok(document) = roxmltree::Document::parse(&text) else { continue };
         for group in document.descendants().filter(|n| n.has_tag_name("group_state")) {
             let Some(name) = group.attribute("name").filter(|name| STANDING.contains(name)) else { continue };
-            let said: Vec<(usize, f64)> = group
+            let given: Vec<(usize, f64)> = group
                 .children()
                 .filter_map(|joint| {
                     let place = robot.joint(joint.attribute("name")?).ok()?.joint;
                     Some((place, joint.attribute("value")?.trim().parse().ok()?))
                 })
                 .collect();
-            if said.len() > best.0 {
+            if given.len() > best.0 {
                 let file = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                best = (said.len(), said, format!("`{name}` of {file}"));
+                best = (given.len(), given, format!("`{name}` of {file}"));
             }
         }
     }
