@@ -81,14 +81,6 @@ impl Device {
         CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
     }
 
-    /// Free bytes of this process's GPU.
-    pub fn free() -> Result<usize, DeviceError> {
-        present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
-        let context = CudaContext::new(ordinal()).map_err(failed("no usable GPU"))?;
-        context.bind_to_thread().map_err(failed("context"))?;
-        driver::result::mem_get_info().map(|(free, _)| free).map_err(failed("memory"))
-    }
-
     /// Opens a GPU, counted from 0, and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
     pub fn open(ordinal: usize, source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
         // cudarc panics when a library is absent, so look first.

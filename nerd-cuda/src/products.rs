@@ -1,14 +1,12 @@
 //! Products of matrices, by cuBLAS.
 
 use cudarc::cublas::{self, sys as blas};
-use serde::{Deserialize, Serialize};
 
 use crate::device::{Device, Lane};
 use crate::error::DeviceError;
 
 /// Arithmetic of products; everything is stored and summed in f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// f32 throughout.
     F32,

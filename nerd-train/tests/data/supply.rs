@@ -29,10 +29,12 @@ fn recorded(system: &Arc<System>, shards: usize) -> Windows {
 }
 
 /// Ten shards over a run of 100 updates, from `step` on.
+fn config(data: GenerateConfig, normalizer: &Normalizer, step: u64) -> SupplyConfig {
+    SupplyConfig { data, shards: 10, updates: 100, step, history: 2, form: Form::default(), normalizer: normalizer.clone() }
+}
+
 fn supply(system: &Arc<System>, normalizer: &Normalizer, step: u64) -> Supply {
-    let (normalizer, form) = (normalizer.clone(), Form::default());
-    let config = SupplyConfig { data: data(SLOTS), shards: 10, updates: 100, step, history: 2, form, normalizer };
-    Supply::new(&Arc::default(), system, solver, config).unwrap()
+    Supply::new(&Arc::default(), system, solver, config(data(SLOTS), normalizer, step)).unwrap()
 }
 
 #[test]
@@ -88,9 +90,8 @@ fn less_than_a_shard_is_refused() {
     let system = System::named("cartpole").unwrap();
     let normalizer = moments(&recorded(&system, SLOTS));
     let refused = |data: GenerateConfig| {
-        let (normalizer, form) = (normalizer.clone(), Form::default());
-        let config = SupplyConfig { data, shards: 10, updates: 100, step: 0, history: 2, form, normalizer };
-        Supply::new(&Arc::default(), &system, solver, config).err().map(|e| e.to_string()).unwrap_or_default()
+        let supply = Supply::new(&Arc::default(), &system, solver, config(data, &normalizer, 0));
+        supply.err().map(|e| e.to_string()).unwrap_or_default()
     };
     let half = GenerateConfig { transitions: SHARD * FRAMES / 2, ..data(1) };
     assert!(refused(half).contains("less than a shard"));

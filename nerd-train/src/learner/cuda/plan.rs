@@ -78,17 +78,14 @@ impl Plan {
             plan.add(i)?;
         }
         for i in 1..plan.parts.len() {
-            let next = plan.parts[i];
-            if let Part::Shift { at, table, .. } = plan.parts[i - 1] {
-                let alone = table.is_none() && plan.program.steps.iter().filter(|step| step.from == at).count() == 1;
-                let takes = match next {
-                    Part::Step(Step { from, op: Op::Norm, .. }) => from == at,
-                    Part::Step(Step { from, op: Op::Activate(_) | Op::Cell { .. }, .. }) => from == at && alone,
-                    _ => false,
-                };
-                let Part::Shift { joined, .. } = &mut plan.parts[i - 1] else { continue };
-                *joined = takes;
-            }
+            let (next, steps) = (plan.parts[i], &plan.program.steps);
+            let Part::Shift { at, table, joined, .. } = &mut plan.parts[i - 1] else { continue };
+            let alone = table.is_none() && steps.iter().filter(|step| step.from == *at).count() == 1;
+            *joined = match next {
+                Part::Step(Step { from, op: Op::Norm, .. }) => from == *at,
+                Part::Step(Step { from, op: Op::Activate(_) | Op::Cell { .. }, .. }) => from == *at && alone,
+                _ => false,
+            };
         }
         if head {
             plan.join_head();
