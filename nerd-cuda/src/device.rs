@@ -34,7 +34,8 @@ pub fn ordinal() -> usize {
 
 /// Makes the GPU of this number, among those of this machine, that of this process: for one of several, before anything is opened.
 pub fn take(local: usize) -> Result<usize, DeviceError> {
-    let ordinal = match Device::count()? {
+    present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
+    let ordinal = match CudaContext::device_count().map_err(failed("no usable GPU"))? as usize {
         // A launcher may show each process its own card alone.
         1 => 0,
         count if local < count => local,
@@ -75,12 +76,6 @@ pub struct Device {
 }
 
 impl Device {
-    /// How many GPUs this process sees.
-    pub fn count() -> Result<usize, DeviceError> {
-        present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
-        CudaContext::device_count().map(|n| n as usize).map_err(failed("no usable GPU"))
-    }
-
     /// Opens a GPU, counted from 0, and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
     pub fn open(ordinal: usize, source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
         // cudarc panics when a library is absent, so look first.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nerd_model::chain::{Chain, ChainSolver, Look, OUTPUTS, Outputs};
+use nerd_model::chain::{Chain, ChainSolver, Look, OUTPUTS, Outputs, Rods};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::Weights;
@@ -31,15 +31,20 @@ pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, norm
             Err(StepError::Environments(_)) => return Ok(f64::INFINITY),
             done => done?,
         }
-        let nodes = |state: &[f64]| chain.nodes(&chain.rods(state))[0].clone();
-        let apart = |i: usize| {
-            let pairs = nodes(batch.state(i)).into_iter().zip(nodes(motions.state(i, frame + 1)));
-            pairs.map(|(a, b)| (a - b).norm()).sum::<f64>() / chain.rods as f64
+        let off = |i: usize| {
+            let [reached, truth] = [batch.state(i), motions.state(i, frame + 1)].map(|state| chain.rods(state));
+            apart(&chain, &reached, &truth) / chain.rods as f64
         };
         // Summed in order: the same bits on any number of threads.
-        total += (0..motions.len()).into_par_iter().map(apart).collect::<Vec<_>>().iter().sum::<f64>();
+        total += (0..motions.len()).into_par_iter().map(off).collect::<Vec<_>>().iter().sum::<f64>();
     }
     Ok(total / (motions.len() * motions.frames) as f64)
+}
+
+/// Sum of the distances of nodes (m).
+pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
+    let ([a, _], [b, _]) = (chain.nodes(a), chain.nodes(b));
+    a.iter().zip(&b).map(|(a, b)| (a - b).norm()).sum()
 }
 
 /// What a network misses of the change of rates over single frames, as a share of it; of so many frames, at even distances.

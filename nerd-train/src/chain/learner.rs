@@ -7,7 +7,7 @@ use nerd_model::program::cpu::{Loaded, Memory};
 use rayon::prelude::*;
 
 use super::course::{ASTRAY, BETA, Course, Draw};
-use super::judge::missed;
+use super::judge::{apart, missed};
 use super::unroll::{Rollout, Unroll};
 use crate::learner::optimiser::Optimiser;
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
@@ -68,8 +68,7 @@ impl ChainLearner {
     /// Whether a rollout is near enough to the truth to be carried on.
     fn near(&self, rollout: &Rollout) -> bool {
         let truth = self.unroll().begin(rollout.motion, rollout.frame, rollout.view).rods;
-        let pairs = self.chain.nodes(&rollout.rods)[0].clone().into_iter().zip(self.chain.nodes(&truth)[0].clone());
-        rollout.rods.finite() && pairs.map(|(a, b)| (a - b).norm()).sum::<f64>() <= ASTRAY * self.chain.rods as f64
+        rollout.rods.finite() && apart(&self.chain, &rollout.rods, &truth) <= ASTRAY * self.chain.rods as f64
     }
 }
 
