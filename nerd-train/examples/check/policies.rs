@@ -7,9 +7,9 @@ use nerd_sim::sampling::stream;
 use nerd_sim::system::System;
 use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
-use nerd_train::ppo::{Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken};
+use nerd_train::ppo::{Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken, Updated};
 
-use crate::with::{Checks, Outcome, largest, share_of_way};
+use crate::with::{Checks, Outcome, largest, share_of_way, worse};
 
 /// Environments, and steps of a rollout.
 const N: usize = 512;
@@ -55,11 +55,9 @@ impl Side {
         let here = cpu.update(&mut one.0, &mut one.1, config, orders)?;
         let there = self.engine.update(&mut other.0, &mut other.1, config, orders)?;
         let moments = |p: &Policy| [&p.seen, &p.returns].map(|m| [&m.mean[..], &m.variance[..], &[m.count][..]].concat()).concat();
-        let found = largest(
-            &[there.terms.actor, there.terms.critic, there.gradient_norm],
-            &[here.terms.actor, here.terms.critic, here.gradient_norm],
-        );
-        Ok([share_of_way(&one.0.flat, &other.0.flat, &first.flat), found.max(largest(&moments(&other.0), &moments(&one.0)))])
+        let terms = |u: &Updated| [u.terms.actor, u.terms.critic, u.gradient_norm];
+        let found = [largest(&terms(&there), &terms(&here)), largest(&moments(&other.0), &moments(&one.0))];
+        Ok([share_of_way(&one.0.flat, &other.0.flat, &first.flat), worse(0.0, found)])
     }
 }
 

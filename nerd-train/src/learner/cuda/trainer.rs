@@ -52,7 +52,8 @@ enum Choice {
 }
 
 impl CudaLearner {
-    /// Takes up `state` as one of several ranks, on this process's GPU, with all windows in device memory. Gradients are added up by NCCL.
+    /// Takes up `state` as one of several ranks, on this process's GPU ([`nerd_cuda::take`]), with all windows in device memory. Gradients
+    /// are added up by NCCL.
     ///
     /// # Errors
     /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
