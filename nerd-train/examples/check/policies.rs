@@ -7,7 +7,9 @@ use nerd_sim::sampling::stream;
 use nerd_sim::system::System;
 use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
-use nerd_train::ppo::{Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken, Updated};
+use nerd_train::ppo::{
+    Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken, Updated,
+};
 
 use crate::with::{Checks, Outcome, largest, share_of_way, worse};
 
