@@ -75,11 +75,3 @@ fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let (near, far) = ((a.coords - b.coords).norm(), (a.coords + b.coords).norm());
     4.0 * near.min(far).atan2(near.max(far))
 }
-
-/// Distances between two states in the order of [`quantities`].
-pub fn differences(system: &Arc<System>, a: &[f64], b: &[f64]) -> Vec<f64> {
-    let gaps = Gaps::new(system);
-    let mut out = vec![0.0; gaps.wraps.len() + if system.robot.floating() { 2 } else { 0 }];
-    gaps.between(a, b, &mut out);
-    out
-}

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 mod gaps;
 mod tally;
 
-pub use gaps::{differences, quantities, summary, summary_names};
+pub use gaps::{quantities, summary, summary_names};
 pub use tally::PassiveReport;
 use tally::Tally;
 

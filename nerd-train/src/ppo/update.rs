@@ -4,6 +4,7 @@
 //! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
 //! so that the divergence is that of one pass, not of all.
 
+use std::borrow::Cow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
@@ -74,15 +75,9 @@ pub(super) fn update(
     let mut learning = Learning::new(policy);
     for order in orders(config, key) {
         for batch in order.chunks(config.minibatch) {
-            let part: Vec<u32>;
-            let own = if team.alone() {
-                batch
-            } else {
-                part = team.own(batch).collect();
-                &part
-            };
-            let mut said = gradient(policy, &learning, &data, own, 1.0 / batch.len() as f32, config);
-            data.compare_with(own, &said);
+            let own: Cow<[u32]> = if team.alone() { batch.into() } else { team.own(batch).collect() };
+            let mut said = gradient(policy, &learning, &data, &own, 1.0 / batch.len() as f32, config);
+            data.compare_with(&own, &said);
             team.sum(&mut said.flat, &mut said.terms)?;
             norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
             learning.load(policy);

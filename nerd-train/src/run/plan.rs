@@ -100,39 +100,26 @@ fn arithmetic(config: &RunConfig) -> Result<String> {
 impl RunConfig {
     /// Refuses settings that mean nothing together.
     pub fn check(&self) -> Result<()> {
-        for (key, empty) in [("robot", self.robot.is_empty()), ("out", self.out.as_os_str().is_empty())] {
-            if empty {
-                refuse!("--{key} is needed: see `cargo xtask train --help`");
-            }
-        }
-        let recorded = [("fresh", self.fresh > 0), ("policy", !self.record.policy.is_empty())];
-        if let Some((key, _)) = recorded.iter().find(|(_, given)| *given && self.data.is_some()) {
-            refuse!("--{key} records by itself: leave out --data");
-        }
-        let chain = self.variant == Variant::Chain;
-        let foreign = [
-            ("stream", self.stream),
-            ("base", self.base != BaseName::State),
-            ("fresh", self.fresh > 0),
-            ("epsilon", self.epsilon.is_some()),
-            ("huber", self.huber.is_some()),
+        let (chain, recorded) = (self.variant == Variant::Chain, self.data.is_none());
+        let wrong = [
+            (self.robot.is_empty(), "--robot is needed: see `cargo xtask train --help`"),
+            (self.out.as_os_str().is_empty(), "--out is needed: see `cargo xtask train --help`"),
+            (!recorded && self.fresh > 0, "--fresh records by itself: leave out --data"),
+            (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),
+            (chain && self.stream, "--stream means nothing with --variant chain"),
+            (chain && self.base != BaseName::State, "--base means nothing with --variant chain"),
+            (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
+            (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
+            (chain && self.huber.is_some(), "--huber means nothing with --variant chain"),
+            (self.sequence.is_some() && !self.stream && !chain, "--sequence means nothing without --stream or --variant chain"),
+            (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
+            (self.draft != Self::default().draft && self.base != BaseName::Draft, "--draft means nothing without --base draft"),
+            (self.f32 && self.device != Device::Cuda, "--f32 means nothing without --device cuda"),
         ];
-        if let Some((key, _)) = foreign.iter().find(|(_, given)| *given && chain) {
-            refuse!("--{key} means nothing with --variant chain");
+        match wrong.iter().find(|(wrong, _)| *wrong) {
+            Some((_, why)) => refuse!("{why}"),
+            None => Ok(()),
         }
-        if self.sequence.is_some() && !self.stream && !chain {
-            refuse!("--sequence means nothing without --stream or --variant chain");
-        }
-        if self.epsilon.is_some() && self.from.is_some() {
-            refuse!("--epsilon cannot be used with --from: the model it starts from has its own");
-        }
-        if self.draft != Self::default().draft && self.base != BaseName::Draft {
-            refuse!("--draft means nothing without --base draft");
-        }
-        if self.f32 && self.device != Device::Cuda {
-            refuse!("--f32 means nothing without --device cuda");
-        }
-        Ok(())
     }
 
     /// What predictions are added to.
