@@ -8,12 +8,9 @@
 
 use std::sync::Arc;
 
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::Data;
 use nerd_sim::articulated::{Articulated, ArticulatedConfig, Draft, Friction};
 use nerd_sim::batch::Batch;
 use nerd_sim::scene::Scene;
-use nerd_sim::scene::contacts;
 use nerd_sim::solver::{Solver, StepError};
 use nerd_sim::system::{System, SystemError};
 use nerd_sim::truth::Truth;
@@ -69,9 +66,6 @@ impl Base {
     }
 }
 
-/// Touch is looked for this far (m) from a surface: its curvature within a frame's travel.
-const MARGIN: f64 = 0.01;
-
 /// Flight of many environments at once.
 pub struct Flight {
     solver: Articulated,
@@ -106,22 +100,4 @@ impl Flight {
     pub fn states(&self) -> &[f64] {
         &self.batch.states
     }
-}
-
-/// Whether contact points may touch something in the frame: if they do where the robot is (`events`) or where flight takes
-/// it (`flown`). `data` and `far` are working memory.
-pub(crate) fn may_touch(
-    system: &System,
-    scene: &Scene,
-    events: &[ContactEvent],
-    flown: &[f64],
-    data: &mut Data,
-    far: &mut Vec<ContactEvent>,
-) -> bool {
-    let near = |events: &[ContactEvent]| events.iter().zip(&system.robot.contact_points).any(|(e, p)| e.distance - p.radius < MARGIN);
-    near(events)
-        || !scene.colliders.is_empty() && {
-            contacts(&system.robot, scene, flown, data, far);
-            near(far)
-        }
 }

@@ -10,9 +10,11 @@ use nerd_sim::scene::contacts;
 use nerd_sim::solver::Fault;
 use nerd_sim::system::{System, SystemError};
 
-use crate::base::may_touch;
 use crate::features::Features;
 use crate::folder::Model;
+
+/// Touch is looked for this far (m) from a surface: its curvature within a frame's travel.
+const MARGIN: f64 = 0.01;
 
 /// Working memory of one thread.
 pub(crate) struct Frame {
@@ -83,7 +85,14 @@ impl Frame {
             }
             self.features.token(state, base, &self.events, tau, &scene.gravity, token);
             model.normalizer.inputs.normalize(token);
-            if !flies || may_touch(system, scene, &self.events, base, &mut self.data, &mut self.far) {
+            // On a flight, where something may be touched: at its start or at its end.
+            let points = &system.robot.contact_points;
+            let near = |events: &[ContactEvent]| events.iter().zip(points).any(|(e, p)| e.distance - p.radius < MARGIN);
+            let mut lands = || {
+                contacts(&system.robot, scene, base, &mut self.data, &mut self.far);
+                near(&self.far)
+            };
+            if !flies || near(&self.events) || !scene.colliders.is_empty() && lands() {
                 self.asked.push(env);
             }
         }

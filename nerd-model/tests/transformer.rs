@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 
+use nalgebra::DMatrix;
 use nerd_model::BurnDevice;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{
@@ -74,34 +75,22 @@ fn erf(x: f64) -> f64 {
 
 /// One window of a Transformer, straight from the equations, in f64.
 fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
-    let c = w.config;
-    let p: HashMap<String, (Vec<usize>, Vec<f64>)> =
-        w.iter().map(|(t, v)| (t.name, (t.shape, v.iter().map(|&v| f64::from(v)).collect()))).collect();
-    let linear = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
-        let (shape, m) = &p[&format!("{name}.weight")];
-        let bias = p.get(&format!("{name}.bias"));
-        let column = |row: &Vec<f64>, j: usize| {
-            row.iter().enumerate().map(|(i, x)| x * m[i * shape[1] + j]).sum::<f64>() + bias.map_or(0.0, |b| b.1[j])
-        };
-        rows.iter().map(|row| (0..shape[1]).map(|j| column(row, j)).collect()).collect()
+    let (c, e, d) = (w.config, w.config.embedding, w.config.embedding / w.config.heads);
+    let matrix = |rows: usize, x: &[f32]| DMatrix::from_row_iterator(rows, x.len() / rows, x.iter().map(|x| f64::from(*x)));
+    let rows = |shape: &[usize]| if shape.len() == 2 { shape[0] } else { 1 };
+    let p: HashMap<String, DMatrix<f64>> = w.iter().map(|(t, x)| (t.name, matrix(rows(&t.shape), x))).collect();
+    let linear = |x: &DMatrix<f64>, name: &str| {
+        let (y, bias) = (x * &p[&format!("{name}.weight")], p.get(&format!("{name}.bias")));
+        DMatrix::from_fn(y.nrows(), y.ncols(), |i, j| y[(i, j)] + bias.map_or(0.0, |b| b[j]))
     };
-    let norm = |rows: &[Vec<f64>], name: &str| -> Vec<Vec<f64>> {
-        let g = &p[&format!("{name}.weight")].1;
-        let one = |row: &Vec<f64>| {
-            let mean = row.iter().sum::<f64>() / row.len() as f64;
-            let var = row.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / row.len() as f64;
-            row.iter().zip(g).map(|(x, g)| g * (x - mean) / (var + 1e-5).sqrt()).collect()
-        };
-        rows.iter().map(one).collect()
+    let norm = |x: &DMatrix<f64>, name: &str| {
+        let (g, mean, variance) = (&p[&format!("{name}.weight")], x.column_mean(), x.column_variance());
+        DMatrix::from_fn(x.nrows(), x.ncols(), |i, j| g[j] * (x[(i, j)] - mean[i]) / (variance[i] + 1e-5).sqrt())
     };
-    let add =
-        |a: &mut Vec<Vec<f64>>, b: Vec<Vec<f64>>| a.iter_mut().zip(b).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
-    let rows: Vec<Vec<f64>> = x.chunks(c.inputs).map(|r| r.iter().map(|&v| f64::from(v)).collect()).collect();
-    let mut h = linear(&rows, "embed");
-    if let Some((_, table)) = p.get("position.weight") {
-        add(&mut h, table.chunks(c.embedding).map(<[f64]>::to_vec).collect());
+    let mut h = linear(&matrix(tokens, x), "embed");
+    if let Some(table) = p.get("position.weight") {
+        h += table.rows(0, tokens);
     }
-    let d = c.embedding / c.heads;
     let rotary = c.positions == Positions::Rotary;
     let first = |i: usize| if rotary { (i + 1).saturating_sub(c.history) } else { 0 };
     // Su et al. 2021 as complex numbers: columns m and m + d/2 times e^(i place angle).
@@ -115,25 +104,24 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
         }
     };
     for b in 0..c.layers {
-        let qkv = linear(&norm(&h, &format!("blocks.{b}.norm_attn")), &format!("blocks.{b}.attn.qkv"));
-        let mut mixed = vec![vec![0.0; c.embedding]; tokens];
+        let of = |name: &str| format!("blocks.{b}.{name}");
+        let qkv = linear(&norm(&h, &of("norm_attn")), &of("attn.qkv"));
+        let mut mixed = DMatrix::zeros(tokens, e);
         for (head, i) in (0..c.heads).flat_map(|head| (0..tokens).map(move |i| (head, i))) {
-            let at = |t: usize, part: usize, k: usize| qkv[t][part * c.embedding + head * d + k];
+            let at = |t: usize, part: usize, k: usize| qkv[(t, part * e + head * d + k)];
             let product = |j: usize, k: usize| turned(&|k| at(i, 0, k), i, k) * turned(&|k| at(j, 1, k), j, k);
             let score: Vec<f64> = (0..=i).map(|j| ((0..d).map(|k| product(j, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
             let total: f64 = score[first(i)..].iter().sum();
             for k in 0..d {
-                mixed[i][head * d + k] = (first(i)..=i).map(|j| score[j] / total * at(j, 2, k)).sum();
+                mixed[(i, head * d + k)] = (first(i)..=i).map(|j| score[j] / total * at(j, 2, k)).sum();
             }
         }
-        add(&mut h, linear(&mixed, &format!("blocks.{b}.attn.proj")));
-        let mut up = linear(&norm(&h, &format!("blocks.{b}.norm_mlp")), &format!("blocks.{b}.mlp.up"));
-        up.iter_mut().flatten().for_each(|x| *x *= 0.5 * (1.0 + erf(*x / 2f64.sqrt())));
-        add(&mut h, linear(&up, &format!("blocks.{b}.mlp.down")));
+        h += linear(&mixed, &of("attn.proj"));
+        let up = linear(&norm(&h, &of("norm_mlp")), &of("mlp.up"));
+        h += linear(&up.map(|x| x * 0.5 * (1.0 + erf(x / 2f64.sqrt()))), &of("mlp.down"));
     }
-    let mut hidden = linear(&linear(&norm(&h, "norm"), "out"), "head.hidden");
-    hidden.iter_mut().flatten().for_each(|x| *x = x.max(0.0));
-    linear(&hidden, "head.out").concat()
+    let hidden = linear(&linear(&norm(&h, "norm"), "out"), "head.hidden").map(|x| x.max(0.0));
+    linear(&hidden, "head.out").transpose().as_slice().to_vec()
 }
 
 #[test]

@@ -16,6 +16,7 @@ use crate::base::Base;
 use crate::chain::{self, Chain};
 use crate::features::Features;
 use crate::form::{Form, View};
+use crate::program::config::usual;
 use crate::transformer::{Architecture, TransformerConfig};
 
 /// What was learned, from what, how; `config.json`.
@@ -32,7 +33,7 @@ pub struct ModelConfig {
     #[serde(default)]
     pub base: Base,
     /// Where its tokens are seen from.
-    #[serde(default, skip_serializing_if = "own")]
+    #[serde(default, skip_serializing_if = "usual")]
     pub view: View,
     /// Shape of the network.
     pub network: TransformerConfig,
@@ -100,11 +101,6 @@ impl ModelConfig {
         }
         Ok(())
     }
-}
-
-/// The usual view is left out of files.
-fn own(view: &View) -> bool {
-    *view == View::Own
 }
 
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ModelError> {

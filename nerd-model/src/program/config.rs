@@ -20,10 +20,9 @@ pub enum Architecture {
     Chain,
 }
 
-impl Architecture {
-    fn usual(&self) -> bool {
-        *self == Self::Transformer
-    }
+/// What is left out of files.
+pub(crate) fn usual<T: Default + PartialEq>(x: &T) -> bool {
+    *x == T::default()
 }
 
 /// Hyper-parameters of the Transformer. Everything is a count.
@@ -51,7 +50,7 @@ pub struct TransformerConfig {
     #[serde(default)]
     pub positions: Positions,
     /// What is between tokens and head; of another one, `embedding` is the width, and `heads` and `block` mean nothing.
-    #[serde(default, skip_serializing_if = "Architecture::usual")]
+    #[serde(default, skip_serializing_if = "usual")]
     pub architecture: Architecture,
 }
 
