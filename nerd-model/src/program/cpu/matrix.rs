@@ -28,8 +28,9 @@ impl Matrix {
     pub fn cut(&mut self, inner: usize, values: &[f32]) {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
-        // As few columns of zeros as may be; among equals the shape that loads least for a sum.
-        let wide = [3, 4, 2].into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
+        // As few columns of zeros as may be; among equals the shape that loads least for a sum and leaves registers to spare.
+        let shapes = if lanes >= 16 { [3, 4, 2] } else { [2, 3, 4] };
+        let wide = shapes.into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
         let vectors = if outer > lanes { wide } else { 1 };
         let width = vectors * lanes;
         let mut panels = std::mem::take(&mut self.panels);
@@ -107,8 +108,8 @@ impl WithSimd for Product<'_> {
             (16.., 4) => self.panels::<S, 6, 4>(simd),
             (16.., _) => self.panels::<S, 8, 3>(simd),
             (_, 2) => self.panels::<S, 6, 2>(simd),
-            (_, 4) => self.panels::<S, 3, 4>(simd),
-            _ => self.panels::<S, 4, 3>(simd),
+            (_, 4) => self.panels::<S, 2, 4>(simd),
+            _ => self.panels::<S, 3, 3>(simd),
         }
     }
 }
