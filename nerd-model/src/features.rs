@@ -114,11 +114,17 @@ impl Features {
         }
         // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
         let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
-        let masked = |k: usize, v: Vector3<f64>| if seen(k) { v } else { Vector3::zeros() };
-        contacts.iter().enumerate().for_each(|(k, event)| put(masked(k, frame.direction(&event.normal)).as_slice()));
-        contacts.iter().enumerate().for_each(|(k, event)| put(masked(k, frame.point(&event.p1)).as_slice()));
+        let none = Vector3::zeros();
+        for (k, event) in contacts.iter().enumerate() {
+            put(if seen(k) { frame.direction(&event.normal) } else { none }.as_slice());
+        }
+        for (k, event) in contacts.iter().enumerate() {
+            put(if seen(k) { frame.point(&event.p1) } else { none }.as_slice());
+        }
         contacts.iter().enumerate().for_each(|(k, event)| put(&[if seen(k) { event.distance } else { 0.0 }]));
-        self.ways.iter().enumerate().for_each(|(k, way)| put(masked(k, frame.direction(way)).as_slice()));
+        for (k, way) in self.ways.iter().enumerate() {
+            put(if seen(k) { frame.direction(way) } else { none }.as_slice());
+        }
         put(torques);
         let norm = gravity.norm();
         put((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice());
