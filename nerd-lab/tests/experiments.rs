@@ -7,7 +7,7 @@ use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
 use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{Motions, Moved, Row as MovedRow};
-use nerd_lab::experiments::passive::{Case, Passive, Row, Rows};
+use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows};
 use nerd_lab::experiments::{Entry, Experiment, conduct};
 use nerd_lab::report::Artifact;
 use nerd_model::pick::Setting;
@@ -26,16 +26,19 @@ fn refusal<T>(done: anyhow::Result<T>) -> String {
 }
 
 /// The truth beside itself, over a few frames.
-fn truth() -> Case {
+fn truth(change: impl Fn(&mut Protocol)) -> Case {
     let solver = Choice::Articulated(ArticulatedConfig::accurate(&System::named("pendulum").expect("built in")));
-    Case { scenes: vec!["ground1".into()], solver, starts: 2, steps: Some(4), ..Case::default() }
+    let mut asked = Protocol::default();
+    (asked.scene, asked.starts, asked.frames) = (vec!["ground1".into()], 2, Some(4));
+    change(&mut asked);
+    Case { robot: "pendulum".into(), solver, truth: None, asked }
 }
 
 #[test]
 fn the_truth_against_itself_is_zero_and_has_to_be_asked_for() {
-    let refused = refusal(Passive::new("itself", 1, &[truth()]));
+    let refused = refusal(Passive::new("itself", &[truth(|_| ())]));
     assert!(refused.contains("--control"), "{refused}");
-    let control = Passive::new("itself", 1, &[Case { control: true, ..truth() }]).expect("asked for");
+    let control = Passive::new("itself", &[truth(|asked| asked.control = true)]).expect("asked for");
     let rows = control.rows().expect("rolled out").rows;
     assert!(rows[0].report.error.iter().all(|e| *e == 0.0), "{:?}", rows[0].report.error);
 }
@@ -43,7 +46,7 @@ fn the_truth_against_itself_is_zero_and_has_to_be_asked_for() {
 #[test]
 fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let shaken = |starts| Passive::new("shaken", 1, &[Case { shake: 0.01, starts, ..truth() }]).expect("asked");
+    let shaken = |starts| Passive::new("shaken", &[truth(|asked| (asked.shake, asked.starts) = (0.01, starts))]).expect("asked");
     let written = conduct(&shaken(3), folder.path()).expect("written");
     let refused = refusal(conduct(&shaken(2), folder.path()));
     assert!(refused.contains("shaken") && refused.contains("--out"), "{refused}");

@@ -13,7 +13,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
 ];
 
 /// Options that are folders wherever they do not say that they are files.
-const FOLDERS: [&str; 7] = ["out", "model", "models", "policy", "data", "from", "parents"];
+const FOLDERS: [&str; 8] = ["out", "model", "models", "policy", "data", "from", "parents", "faults"];
 
 /// The program with what all its verbs have.
 pub fn prepare(program: Command) -> Command {

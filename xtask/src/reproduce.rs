@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use nerd_lab::choice::Choice;
 use nerd_lab::experiments::chart::Chart;
-use nerd_lab::experiments::passive::{Case, Passive, Rows};
+use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
 use nerd_lab::report::Artifact;
 use nerd_train::device::Device;
 use nerd_train::run::{Run, RunConfig};
@@ -53,12 +53,14 @@ pub struct ReproduceArgs {
 /// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
+    let mut asked = Protocol::default();
+    (asked.starts, asked.seed) = (args.starts, args.seed);
     let cases: Vec<Case> = match args.train {
-        true => QUICK.into_iter().map(|robot| small(robot, &args)).collect::<Result<_>>()?,
-        false => Case::shipped(args.starts, args.device)?,
+        true => QUICK.into_iter().map(|robot| small(robot, args.device, &asked)).collect::<Result<_>>()?,
+        false => Case::shipped(&asked, args.device)?,
     };
     let before = Artifact::read(&shipped::results(), "passive").and_then(|found| found.parse::<Rows>());
-    let rows: Rows = conduct(&Passive::new("passive", args.seed, &cases)?, &out)?.parse()?;
+    let rows: Rows = conduct(&Passive::new("passive", &cases)?, &out)?.parse()?;
     if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before)) {
         tell!("beside the committed results: {agreement}");
     }
@@ -75,12 +77,12 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
 }
 
 /// A small model trained here and now, unless an earlier call has.
-fn small(robot: &str, args: &ReproduceArgs) -> Result<Case> {
+fn small(robot: &str, device: Device, asked: &Protocol) -> Result<Case> {
     let out = shipped::root().join(OWN).join(robot);
     tell!("training a small model of {robot} in {}", out.display());
     let mut run = RunConfig::recipe("quick", robot, out)?;
-    run.device = args.device;
+    run.device = device;
     Run::new(&run)?.train()?;
-    let solver = Choice::Neural { folder: run.out.join("model"), truth: None, device: args.device };
-    Ok(Case { robot: robot.into(), solver, starts: args.starts, ..Case::default() })
+    let solver = Choice::Neural { folder: run.out.join("model"), truth: None, device };
+    Ok(Case { robot: robot.into(), solver, truth: None, asked: asked.clone() })
 }

@@ -28,14 +28,18 @@ use kills::KILLS;
 /// Faults whose files are kept, at most.
 const KEPT: usize = 200;
 
-#[derive(Clone, Debug)]
-pub struct Campaign {
-    /// The executable that is tried.
-    pub program: PathBuf,
-    pub seed: u64,
-    pub cases: u64,
-    pub kills: u64,
-    pub kept: PathBuf,
+settings! {
+    /// Changed inputs, and runs that are killed.
+    pub struct Campaign {
+        /// Cases in all, over the five kinds
+        cases: u64 = 10_000, Whole(0..=1_000_000_000);
+        /// Seed of what is changed
+        seed: u64 = 0, Whole(SEEDS);
+        /// Runs to kill at a random moment
+        kills: u64 = 0, Whole(0..=1_000_000);
+        /// Folder for the files of faults
+        faults: PathBuf = "out/campaign".into(), Text;
+    }
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -54,11 +58,11 @@ impl Experiment for Campaign {
     }
 
     fn measure(&self) -> Result<Measured> {
-        let mut found = Found::default();
+        let (program, mut found) = (std::env::current_exe()?, Found::default());
         if self.cases > 0 {
-            self.change(&mut found)?;
+            self.change(&program, &mut found)?;
         }
-        found.kills = kills::kill(&self.program, self.kills, self.seed, &mut found.faults)?;
+        found.kills = kills::kill(&program, self.kills, self.seed, &mut found.faults)?;
         Measured::new(&found, found.tables())
     }
 }
@@ -74,11 +78,11 @@ impl Found {
 }
 
 impl Campaign {
-    fn change(&self, found: &mut Found) -> Result<()> {
+    fn change(&self, program: &Path, found: &mut Found) -> Result<()> {
         let good = files::scratch()?;
-        bench::build(&self.program, good.path())?;
+        bench::build(program, good.path())?;
         let (bar, mut faults, mut done) = (bar("cases", self.cases), Vec::new(), 0);
-        try_all(&self.program, (self.seed, self.cases), good.path(), &mut |number, verdict| {
+        try_all(program, (self.seed, self.cases), good.path(), &mut |number, verdict| {
             let kind = Kind::of(number);
             let Verdict(outcome, words) = verdict;
             found.cases.entry(kind.name().into()).or_default()[outcome as usize] += 1;
@@ -95,16 +99,16 @@ impl Campaign {
             let mut case = kind.make(self.seed, number, &files);
             case.files.retain(|name, bytes| files.get(name) != Some(bytes));
             case.files.insert("line.txt".into(), case.line.into());
-            files::write(&self.kept.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
+            files::write(&self.faults.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
         }
         Ok(())
     }
 }
 
 /// Tries the corpus in this process: how many cases it has, and those that did not end as they should.
-pub fn replay(program: &Path, call: Call) -> Result<(usize, Vec<String>)> {
+pub fn replay(call: Call) -> Result<(usize, Vec<String>)> {
     let (good, here) = (files::scratch()?, files::scratch()?);
-    bench::build(program, good.path())?;
+    bench::build(&std::env::current_exe()?, good.path())?;
     let (files, entries) = (files::read(good.path())?, corpus::entries()?);
     std::env::set_current_dir(here.path())?;
     nerd_train::progress::quiet();

@@ -15,45 +15,42 @@ use crate::prelude::*;
 
 pub use rows::{Row, Rows};
 
+settings! {
+    /// How passive motion is measured.
+    pub struct Protocol {
+        /// Scenes, comma-separated [default: all of the robot's]
+        scene: Vec<String> = Vec::new(), Texts;
+        /// Trajectories (the paper: 2048)
+        starts: usize = 256, Whole(STARTS);
+        /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
+        frames: Option<usize> = None, Whole(FRAMES);
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+        /// Factor on the random torques of the training data, instead of passive motion
+        drive: f64 = 0.0, Number(0.0..=1e3);
+        /// No torques at all, not even those that hold a default pose
+        limp: bool = false, Flag;
+        /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
+        /// sensitivity drives apart what differs a little
+        shake: f64 = 0.0, Number(0.0..=1e3);
+        /// Compare the truth with itself: every error must be 0
+        control: bool = false, Flag;
+    }
+}
+
 /// One solver of one robot in some of its scenes.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub robot: String,
-    /// Scenes [default: all of the robot's].
-    pub scenes: Vec<String>,
     pub solver: Choice,
-    /// What it is compared with; none stands for what a model learned, else `articulated`.
+    /// What it is compared with; none stands for what a model learned, else the robot's own.
     pub truth: Option<Truth>,
-    /// Trajectories by scene (the paper: 2048).
-    pub starts: usize,
-    /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum].
-    pub steps: Option<usize>,
-    pub action: Action,
-    /// Noise (rad/s or m/s) on all velocities after every frame of the solver.
-    pub shake: f64,
-    /// The truth against itself: every error must be 0.
-    pub control: bool,
-}
-
-impl Default for Case {
-    fn default() -> Self {
-        Self {
-            robot: "pendulum".into(),
-            scenes: Vec::new(),
-            solver: Choice::model(shipped::model(Truth::Articulated, "pendulum")),
-            truth: None,
-            starts: 256,
-            steps: None,
-            action: Action::Zero,
-            shake: 0.0,
-            control: false,
-        }
-    }
+    pub asked: Protocol,
 }
 
 impl Case {
-    /// The models that come with the project, by robot, over so many starts.
-    pub fn shipped(starts: usize, device: Device) -> Result<Vec<Self>> {
+    /// The models that come with the project, by robot.
+    pub fn shipped(asked: &Protocol, device: Device) -> Result<Vec<Self>> {
         let mut models = Vec::new();
         for folder in shipped::folders(&shipped::models(), "")? {
             let robot = ModelConfig::read(&folder)?.robot;
@@ -65,11 +62,12 @@ impl Case {
         }
         models.sort();
         let case = |(_, robot, folder): (usize, String, PathBuf)| {
+            let mut asked = asked.clone();
             // rapier as a truth costs a hundred times what ours does.
-            let starts = if ModelConfig::truth_of(&folder)? == Truth::Rapier { starts.div_ceil(4) } else { starts };
+            asked.starts = if ModelConfig::truth_of(&folder)? == Truth::Rapier { asked.starts.div_ceil(4) } else { asked.starts };
             // A held arm does not move: Franka's model is for driven ones.
-            let action = if robot.starts_with("franka") { Action::Random(1.0) } else { Action::Zero };
-            Ok(Self { robot, solver: Choice::Neural { folder, truth: None, device }, starts, action, ..Self::default() })
+            asked.drive = if robot.starts_with("franka") { 1.0 } else { asked.drive };
+            Ok(Self { robot, solver: Choice::Neural { folder, truth: None, device }, truth: None, asked })
         };
         models.into_iter().map(case).collect()
     }
@@ -92,20 +90,25 @@ struct Asked {
 }
 
 impl Passive {
-    /// Finds all that the cases name; a result called `name`, of starts with this seed.
-    pub fn new(name: &str, seed: u64, cases: &[Case]) -> Result<Self> {
+    /// Finds all that the cases, of one seed, name; a result called `name`.
+    pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
-            let system = System::named(&case.robot)?;
-            let mut scenes: Vec<&str> = case.scenes.iter().map(String::as_str).collect();
+            let (system, Protocol { starts, frames, seed, drive, .. }) = (System::named(&case.robot)?, case.asked.clone());
+            let mut scenes: Vec<&str> = case.asked.scene.iter().map(String::as_str).collect();
             if scenes.is_empty() {
                 scenes = system.usual_scenes();
             }
             let truth = case.truth.or(case.solver.learned()?).unwrap_or(system.spec.truth);
-            let steps = case.steps.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
-            let protocol = PassiveConfig { starts: case.starts, steps, seed, action: case.action };
-            let method = match case.shake {
-                _ if case.control => format!("{}, control", case.solver.title(&system)?),
+            let steps = frames.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
+            let action = match drive {
+                _ if case.asked.limp => Action::Limp,
+                0.0 => Action::Zero,
+                factor => Action::Random(factor),
+            };
+            let protocol = PassiveConfig { starts, steps, seed, action };
+            let method = match case.asked.shake {
+                _ if case.asked.control => format!("{}, control", case.solver.title(&system)?),
                 0.0 => case.solver.title(&system)?,
                 by => format!("{}, shaken by {by}", case.solver.title(&system)?),
             };
@@ -116,7 +119,7 @@ impl Passive {
                 asked.push(Asked { case, system: system.clone(), scene, truth, method: method.clone(), protocol });
             }
         }
-        Ok(Self { name: name.into(), seed, asked })
+        Ok(Self { name: name.into(), seed: cases.first().map_or(0, |case| case.asked.seed), asked })
     }
 
     pub fn rows(&self) -> Result<Rows> {
@@ -134,30 +137,33 @@ impl Passive {
 
 /// Refuses what says nothing, and what is more than can be borne.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
-    let itself = case.solver.is(truth, system, scene);
-    if itself && case.shake == 0.0 && !case.control {
+    let (itself, Protocol { starts, shake, control, drive, limp, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
+    if limp && drive != 0.0 {
+        bail!("--limp means nothing beside --drive");
+    }
+    if itself && shake == 0.0 && !control {
         bail!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
              --tolerance, --shake; or --control for the zeros",
             truth.name()
         );
     }
-    if case.control && (!itself || case.shake > 0.0) {
+    if control && (!itself || shake > 0.0) {
         bail!("--control holds the truth `{}` against itself: leave out what names or shakes another solver", truth.name());
     }
     // Two batches with what their solvers keep, sums over steps, working memory of the truth.
     let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());
-    bounds::memory(&[("--starts", case.starts)], bytes)?;
+    bounds::memory(&[("--starts", starts)], bytes)?;
     let substeps = case.solver.substeps().max(system.spec.substeps);
-    Ok(bounds::time(&[("--starts", case.starts), ("--frames", steps), ("substeps", substeps)])?)
+    Ok(bounds::time(&[("--starts", starts), ("--frames", steps), ("substeps", substeps)])?)
 }
 
 impl Asked {
     fn measure(&self, progress: &mut dyn FnMut(usize)) -> Result<Row> {
         let Self { case, system, scene, truth, method, protocol } = self;
-        let mut solver = case.solver.build(system, &scene.name, case.starts)?;
-        if case.shake > 0.0 {
-            solver = Box::new(Shaken::new(solver, case.shake, protocol.seed));
+        let mut solver = case.solver.build(system, &scene.name, protocol.starts)?;
+        if case.asked.shake > 0.0 {
+            solver = Box::new(Shaken::new(solver, case.asked.shake, protocol.seed));
         }
         let report = passive(system, scene, &mut *truth.solver(system), &mut *solver, *protocol, progress)?;
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
@@ -165,7 +171,7 @@ impl Asked {
         bounds::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
         let (robot, scene) = (system.name.clone(), scene.name.clone());
         // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
-        let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper && !case.control);
+        let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper && !case.asked.control);
         let model = if let Choice::Neural { folder, .. } = &case.solver { Some(shipped::from_root(folder)) } else { None };
         Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper })
     }
