@@ -96,16 +96,15 @@ fn mujoco_moves_as_ours_does() {
         }
         let system = Arc::new(system);
         let scene = system.scene("free").expect("scene");
-        let starts: Vec<_> = (0..8).map(|k| start(&system, Start::Sample, &mut stream(7, k))).collect();
-        let mut mujoco = Referee::new(&python, &system, &scene, &starts, 60).expect("MuJoCo");
+        let mut batch = Batch::new(&system, &scene, 8);
+        (0..8).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(7, env as u64))));
+        let mut mujoco = Referee::new(&python, &batch, 60).expect("MuJoCo");
         let theirs = mujoco.play(Scheme::Rk4, 256, false).expect("played");
-        let mut batch = Batch::new(&system, &scene, starts.len());
-        starts.iter().enumerate().for_each(|(env, s)| batch.reset(env, s));
         let fine = ArticulatedConfig { substeps: 256, contact_substeps: 1024, ..ArticulatedConfig::converged(Friction::Coulomb) };
         let mut ours = Articulated::new(fine);
         let (mut worst, coords, nq) = (0.0f64, system.robot.root_coords(), system.robot.nq());
         for frame in &theirs.frames {
-            ours.step(&mut batch, &vec![0.0; starts.len() * system.robot.joint_count()]).expect("stepped");
+            ours.step(&mut batch, &vec![0.0; 8 * system.robot.joint_count()]).expect("stepped");
             for (a, b) in batch.states.chunks(system.robot.state_dim()).zip(frame.chunks(system.robot.state_dim())) {
                 // A quaternion and its negative are one pose.
                 let sign = if coords > 0 && a[6] * b[6] < 0.0 { -1.0 } else { 1.0 };

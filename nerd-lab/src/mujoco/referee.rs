@@ -81,16 +81,10 @@ pub struct Referee {
 }
 
 impl Referee {
-    /// Starts `python` on `system` in `scene`, to roll out `frames` frames from each of `starts`, states of ours.
-    pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>, starts: &[Vec<f64>], frames: usize) -> Result<Self> {
-        let mut batch = Batch::new(system, scene, starts.len());
-        batch.states = starts.concat();
-        Self::of(python, &batch, frames)
-    }
-
-    /// The same from a batch, with its drives, which must be those of its first environment everywhere, and the masses and frictions of
-    /// its robots. All else of them and of their scenes is taken from the first; largest velocities of joints are not kept.
-    pub fn of(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
+    /// Starts `python` on the robots and scenes of a batch, to roll out `frames` frames from its states, with its drives, which must be those
+    /// of its first environment everywhere, and the masses and frictions of its robots. All else of them and of their scenes is taken from
+    /// the first; largest velocities of joints are not kept.
+    pub fn new(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::by(REFEREE, python, batch, frames)
     }
 

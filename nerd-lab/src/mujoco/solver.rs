@@ -32,7 +32,7 @@ struct Stepped {
 
 impl Mujoco {
     pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<Self> {
-        Ok(Self { referee: Referee::new(python, system, scene, &[], 0)?, next: Vec::new(), faults: Vec::new() })
+        Ok(Self { referee: Referee::new(python, &Batch::new(system, scene, 0), 0)?, next: Vec::new(), faults: Vec::new() })
     }
 }
 

@@ -75,7 +75,7 @@ fn crowd(found: &Found, python: &Path, n: usize, seed: u64) -> Result<Table> {
     all.drives = ready.drives.repeat(n);
     let judged = first(&all, JUDGED.min(n));
     let ours = |batch: &Batch, substeps| on_one_core(|| roll(batch, substeps));
-    let (mut few, mut many) = (Referee::of(python, &judged, CROWD)?, Referee::of(python, &all, CROWD)?);
+    let (mut few, mut many) = (Referee::new(python, &judged, CROWD)?, Referee::new(python, &all, CROWD)?);
     let truth = ours(&judged, FINE)?.0;
     let mut fine = |plain: bool| -> Result<Frames> {
         few.plain = plain;

@@ -85,7 +85,7 @@ pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing> {
     };
     let (ours, limp) = (course(&state, &roll(&drives)?), limp(&system, &state, &roll(&[])?));
     let mujoco = python.map(|python| -> Result<_> {
-        let mut referee = Referee::of(python, &batch(&drives), STANDING)?;
+        let mut referee = Referee::new(python, &batch(&drives), STANDING)?;
         Ok(course(&state, &referee.play(Scheme::ImplicitFast, 2 * system.spec.substeps, false)?.frames))
     });
     let (points, kp) = (system.robot.contact_points.len(), drives.first().map_or(0.0, |d| d.kp));

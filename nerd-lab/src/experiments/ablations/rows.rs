@@ -106,7 +106,7 @@ pub(super) fn table(rows: &[Row], robot: &str, asked: &Ablations) -> Table {
         if running {
             cells.extend([r.mean(GAP).map_or_else(|| "-".into(), |gap| format!("{:.1}", 100.0 * gap[0])), ratio(r, GAP)]);
         }
-        cells.push(r.paper.map_or_else(|| "-".into(), |p| p.to_string()));
+        cells.push(or_dash(r.paper));
         cells
     });
     let hold = rows.iter().find(|r| r.robot == robot).map_or_else(String::new, |r| shown(r, HOLD));

@@ -21,7 +21,7 @@ pub(super) struct Against {
 }
 
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
-    Referee::of(python, &begun(system, scene, config.starts, Start::Reset, config.seed), config.steps)
+    Referee::new(python, &begun(system, scene, config.starts, Start::Reset, config.seed), config.steps)
 }
 
 /// Its settings: integrator, name, substeps.

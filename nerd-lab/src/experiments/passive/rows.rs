@@ -38,7 +38,7 @@ impl Rows {
                 format!("{} x {}{}", r.protocol.starts, r.protocol.steps, r.driven()),
                 r.shown(&p.error),
                 r.shown(&p.standard_error),
-                r.paper.as_deref().map_or_else(|| "-".into(), pair),
+                or_dash(r.paper.as_deref().map(pair)),
                 r.shown(&p.hold),
                 r.shown(&p.glide),
                 p.diverged.to_string(),
@@ -71,7 +71,7 @@ impl Rows {
                 scene + &r.driven(),
                 System::named(&r.robot).map_or_else(|_| String::new(), |system| summary_names(&system).join(" / ")),
                 r.bounded(),
-                r.paper.as_deref().map_or_else(|| "-".into(), pair),
+                or_dash(r.paper.as_deref().map(pair)),
                 r.shown(&r.report.hold),
             ])
         });

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiments::games::{Compared, Reward, gap};
 use crate::paper::policy_reward;
-use crate::report::Table;
+use crate::report::{Table, or_dash};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -43,7 +43,7 @@ pub fn each(rows: &[Row]) -> Table {
             r.trained_in.clone(),
             r.games.to_string(),
             reward(&r.rewards.real),
-            r.rewards.learned.as_ref().map_or_else(|| "-".into(), reward),
+            or_dash(r.rewards.learned.as_ref().map(reward)),
             r.rewards.gap.map_or_else(|| "-".into(), |g| percent(g, r.rewards.gap_error)),
             paper.map_or_else(|| "-".into(), |p| format!("{} / {} ({:+.2} %)", p[0], p[1], gap(p[0], p[1]))),
         ]

@@ -36,7 +36,7 @@ impl StabilityMap {
             Verdict::Degraded => " !",
             Verdict::Fail => " !!",
         };
-        let cell = |c: &Cell| c.figure.map_or_else(|| "-".into(), digits) + mark(c);
+        let cell = |c: &Cell| or_dash(c.figure.map(digits)) + mark(c);
         let rows = self.rows.iter().map(|l| {
             let start = [l.row.clone(), l.asked(), digits(l.limit)];
             start.into_iter().chain(l.cells.iter().map(cell)).collect()
