@@ -1,9 +1,5 @@
-//! Records of a run, one JSON object a line, appended as it runs: `metrics.jsonl` with its progress, and `sessions.jsonl` with the time
-//! of its updates or iterations by machine.
-//!
-//! Every line of metrics has a `step`, the number of updates done when it was written. A run that continues from `step` updates first drops
-//! the lines it is going to write again (those with a larger `step`), so a file never has two versions of one step, however often the run
-//! was stopped.
+//! Records of a run, one JSON object a line, appended as it runs: `metrics.jsonl` with its progress, and `sessions.jsonl` with the time of its
+//! updates or iterations by machine. Lines of metrics have a `step`, the updates done; a run that continues drops those it will write again.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};

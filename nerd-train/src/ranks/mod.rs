@@ -1,16 +1,9 @@
-//! Ranks: several processes of one run, on one machine or on many.
+//! Ranks: several processes of one run, on one machine or on many. `torchrun`, `srun`, `mpirun` or a shell loop starts them with the variables of
+//! [`Place`], and ends those that wait for a lost one. A single process is rank 0 of 1, at no cost.
 //!
 //! Each rank computes its share of every update, gradients are summed in rank order, and every rank makes the same step: weights are
-//! equal everywhere and never sent. Rank 0 leads: it evaluates, decides and writes while the others wait. A single process is rank 0 of
-//! 1, at no cost.
-//!
-//! ```text
-//! place.rs   which rank this is: RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR, MASTER_PORT
-//! star.rs    how ranks meet: all connect to rank 0 by TCP, which carries sums and bytes
-//! ```
-//!
-//! On GPUs gradients go by NCCL (`nerd_cuda::Sums`). Processes are started by `torchrun`, `srun`, `mpirun` or a shell loop that sets their
-//! variables; the launcher also ends those that wait for a lost one.
+//! equal everywhere and never sent. Rank 0 leads: it evaluates, decides and writes while the others wait. Sums and bytes go by TCP to and from
+//! rank 0 (`star.rs`), gradients on GPUs by NCCL (`nerd_cuda::Sums`).
 
 mod place;
 mod star;

@@ -31,7 +31,6 @@ pub struct Place {
 }
 
 impl Default for Place {
-    /// Alone.
     fn default() -> Self {
         Self { rank: 0, world: 1, local: 0, address: "127.0.0.1".into(), port: 0 }
     }

@@ -16,10 +16,9 @@
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
-//! As one of several ranks ([`Run::among`]) a run is led by rank 0; `agree.rs` has what all agree on before it begins.
-//!
-//! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors`, `best.safetensors`; the same
-//! settings again continue it. A [`Recipe`] is a file of settings, of one run or of several that follow each other.
+//! Of several ranks ([`Run::among`]) rank 0 leads; `agree.rs` has what all agree on before it begins. The run's folder holds `run.json`,
+//! `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and `best.safetensors`; the same settings again continue it. A [`Recipe`] is a file of
+//! settings, of one run or of several that follow each other.
 
 mod agree;
 mod card;

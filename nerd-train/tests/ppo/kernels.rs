@@ -61,16 +61,15 @@ int main() {
 }
 ";
 
-/// What the CPU's engine was told and asked.
+/// What the CPU's engine was told and asked: rewards and ends, values where time ran out and of the last answer, and actions of one step, as
+/// environments get them.
 struct Rolled {
     policy: Policy,
     engine: OnCpu,
     rewards: Vec<f64>,
     ends: Vec<u8>,
-    /// Values where time ran out, by step; and of the last answer.
     cut: Vec<f64>,
     last: Vec<f64>,
-    /// Actions of one step, as environments get them.
     kept: Vec<f64>,
 }
 

@@ -105,7 +105,6 @@ impl CudaEngine {
         Ok(self.over("goals", n, &[&read[..], &laws, &[advantages.ptr, goals.ptr, values.ptr].map(Ptr)].concat())?)
     }
 
-    /// Takes the observations into their moments.
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<()> {
         policy.seen.absorb(&self.moments_of(self.kept.observations.ptr, self.shape.inputs())?);
         Ok(())

@@ -70,10 +70,8 @@ pub struct CudaEngine {
     squares: Buffer<f64>,
     weights: Buffer<f32>,
     gradient: Buffer<f32>,
-    /// Adam's.
     moments: [Buffer<f32>; 2],
     state: Buffer<PassState>,
-    /// A pass, by its settings.
     replay: Replay<PpoConfig>,
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
     orders: Option<(PpoConfig, StreamKey, Orders)>,
