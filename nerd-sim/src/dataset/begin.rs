@@ -44,31 +44,27 @@ impl Begun {
         for (env, rng) in streams.iter_mut().enumerate() {
             // Laws that are off draw nothing, so that older data is made again to the byte.
             let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);
-            let (state, mut act) = pilot.map_or_else(Default::default, |(pilot, _)| {
-                let (state, act) = pilot.launch(system, rng);
-                (state, Some(act))
-            });
+            let launched = pilot.map(|(pilot, _)| pilot.launch(system, rng));
             let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
             let which = if reset { Start::Reset } else { Start::Sample };
-            let state = if act.is_some() { state } else { start(system, which, rng) };
+            let (state, act) = match launched {
+                Some((state, act)) => (state, Some(act)),
+                None => (start(system, which, rng), None),
+            };
             // Last of all, so that a start is what it is without.
+            let (own, numbers) = vary::draw(system, rng);
+            drawn.extend(numbers);
+            batch.scenes[env] = scene(&own, &state, rng);
             if system.spec.vary.is_some() {
-                let (own, numbers) = vary::draw(system, rng);
-                batch.scenes[env] = scene(&own, &state, rng);
                 drives.push(Drive::new(&own));
                 batch.systems.push(own);
-                drawn.extend(numbers);
-            } else {
-                batch.scenes[env] = scene(system, &state, rng);
             }
             batch.reset(env, &state);
             let scale = config.torque_scale.draw(rng);
             scales.push(scale);
             holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
-            if act.is_none() {
-                act = Smooth::new(system, &state, scale, rng).map(|curves| Box::new(curves) as Box<dyn Act>);
-            }
-            pilots.push(act);
+            let smooth = |rng| Smooth::new(system, &state, scale, rng).map(|curves| Box::new(curves) as Box<dyn Act>);
+            pilots.push(act.or_else(|| smooth(rng)));
         }
         Self { batch, streams, drives, drawn, scales, holds, pilots }
     }

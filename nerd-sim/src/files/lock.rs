@@ -34,7 +34,7 @@ fn locked(folder: &Path, lock: fn(&File) -> std::result::Result<(), TryLockError
     for _ in 0..100 {
         let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder).map_err(named)?;
-        let Ok(file) = handle(folder) else { continue };
+        let Ok((file, path)) = opened(folder) else { continue };
         match lock(&file) {
             Err(TryLockError::WouldBlock) => {
                 let text = format!("{} is in use: another process writes there; wait for it, or choose another folder", folder.display());
@@ -43,7 +43,7 @@ fn locked(folder: &Path, lock: fn(&File) -> std::result::Result<(), TryLockError
             // A file system without locks cannot tell.
             Ok(()) | Err(TryLockError::Error(_)) => {}
         }
-        if is_at(&file, &place(folder)) {
+        if is_at(&file, &path) {
             return Ok(Claim { made, _lock: file });
         }
     }
@@ -57,26 +57,13 @@ impl Drop for Claim {
     }
 }
 
-/// What is locked: the folder itself.
-#[cfg(unix)]
-fn place(folder: &Path) -> PathBuf {
-    folder.into()
-}
-
-#[cfg(unix)]
-fn handle(folder: &Path) -> Result<File> {
-    File::open(folder)
-}
-
-/// What is locked: a file in it, where folders cannot be opened.
-#[cfg(not(unix))]
-fn place(folder: &Path) -> PathBuf {
-    folder.join(".nerd-claim")
-}
-
-#[cfg(not(unix))]
-fn handle(folder: &Path) -> Result<File> {
-    File::create(place(folder))
+/// What is locked, opened, and its path: the folder itself, or a file in it where folders cannot be opened.
+fn opened(folder: &Path) -> Result<(File, PathBuf)> {
+    if cfg!(unix) {
+        return Ok((File::open(folder)?, folder.into()));
+    }
+    let path = folder.join(".nerd-claim");
+    Ok((File::create(&path)?, path))
 }
 
 const PREFIX: &str = ".nerd-";

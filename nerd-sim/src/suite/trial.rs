@@ -120,12 +120,7 @@ impl<'a> Trial<'a> {
     /// Without torques, by a solver that has stepped ten frames from `other`, and was then reset.
     pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
         let mut solver = (self.method.make)(system);
-        let mut batch = Batch::new(system, &system.scene(scene)?, 1);
-        batch.reset(0, other);
-        let torques = vec![0.0; system.robot.joint_count()];
-        for _ in 0..10 {
-            solver.step(&mut batch, &torques)?;
-        }
+        self.under(&mut *solver, system, scene, other, 10, &mut |_, _| ())?;
         solver.reset(0);
         self.under(&mut *solver, system, scene, start, frames, &mut |_, _| ())
     }
