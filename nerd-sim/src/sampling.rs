@@ -12,7 +12,7 @@ pub use crate::random::{normal, stream};
 use crate::range::Range;
 use crate::scene::{Collider, PegSpec, Plane, Scene, contacts, peg};
 pub use crate::system::Start;
-use crate::system::start::{DRAWS, clear_start, draw, write_twist};
+use crate::system::start::{clear_start, draw, write_twist};
 use crate::system::{RandomPegs, RandomPlane, RootStart, System};
 
 /// Rounds of draws after which a start that is not clear is taken: a specification that was changed since its system was made may have
@@ -21,7 +21,7 @@ const ROUNDS: usize = 100;
 
 /// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose, until it is clear of the scene if it must be.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
-    (0..ROUNDS).find_map(|_| clear_start(system, which, rng, DRAWS)).unwrap_or_else(|| draw(system, which, rng))
+    (0..ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
 }
 
 /// How far the velocities of [`hurry`] reach beyond the largest that resets draw: for the Ant to 6 m/s and 16 rad/s, near what

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::drive::Pilot;
 use super::shard::DatasetError;
-use crate::range::{Range, within};
+use crate::range::{Range, law, within};
 use crate::system::System;
 
 /// Most that one shard may take in memory.
@@ -59,8 +59,7 @@ impl GenerateConfig {
             return Err(DatasetError::Config(text.into()));
         }
         within("resets", self.resets, 0.0..=1.0)?;
-        within("torque_scale's low end", self.torque_scale.low, -1e6..=self.torque_scale.high)?;
-        within("torque_scale's high end", self.torque_scale.high, -1e6..=1e6)?;
+        law("data: torque_scale", &self.torque_scale, -1e6..=1e6, "").map_err(DatasetError::Config)?;
         within("the pilot's share", self.pilot.as_ref().map_or(0.0, |(_, share)| *share), 0.0..=1.0)?;
         let robot = &system.robot;
         let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();

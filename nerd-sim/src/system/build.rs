@@ -42,7 +42,7 @@ impl System {
             system.scene(scene)?;
         }
         for which in [Start::Sample, Start::Reset] {
-            if clear_start(&system, which, &mut stream(0, 0), DRAWS).is_none() {
+            if clear_start(&system, which, &mut stream(0, 0)).is_none() {
                 let [law, remedy] = source.starts(system.spec.root.is_some(), which.name());
                 return Err(wrong(format!("none of {DRAWS} starts of {law} is clear of the data's scene: {remedy}")));
             }

@@ -33,13 +33,13 @@ impl Start {
 /// Draws after which a specification is refused as too strict.
 pub(crate) const DRAWS: usize = 10_000;
 
-/// The first of so many starts that stands as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
+/// The first of [`DRAWS`] starts that is as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
 /// inside of it.
-pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, draws: usize) -> Option<Vec<f64>> {
+pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
     let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-    (0..draws).map(|_| draw(system, which, rng)).find(|state| {
+    (0..DRAWS).map(|_| draw(system, which, rng)).find(|state| {
         contacts(&system.robot, &scene, state, &mut data, &mut events);
         events.iter().all(|e| e.distance >= least)
     })
@@ -49,12 +49,12 @@ pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng, dra
 pub(crate) fn least_clearance(system: &System, which: Start) -> Option<f64> {
     let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
     match &system.spec.root {
-        Some(root) => of(root, which).clearance,
+        Some(root) => laws(root, which).clearance,
         None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
     }
 }
 
-fn of(root: &RootSpec, which: Start) -> &RootStart {
+fn laws(root: &RootSpec, which: Start) -> &RootStart {
     match which {
         Start::Reset => root.reset.as_ref().unwrap_or(&root.sample),
         Start::Sample => &root.sample,
@@ -66,7 +66,7 @@ pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64
     let mut state = robot.zero_state();
     let (coords, nq, rates) = (robot.root_coords(), robot.nq(), robot.nq() + robot.root_dofs());
     if let Some(root) = &system.spec.root {
-        let laws = of(root, which);
+        let laws = laws(root, which);
         let mut vector = |laws: &[Range; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
         let (p, w, v) = (vector(&laws.position), vector(&laws.angular), vector(&laws.linear));
         let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(direction(rng)), laws.tilt.draw(rng));

@@ -3,7 +3,7 @@
 use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
 
-use crate::range::{Range, within};
+use crate::range::{Range, law};
 
 /// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. What is not there stays as it is.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
@@ -63,11 +63,8 @@ impl VarySpec {
         if self.gravity.is_some() && !gravity {
             return Err("vary.gravity: the robot has no gravity whose size could vary".into());
         }
-        self.ranges().into_iter().try_for_each(|(key, range, may, unit)| {
-            let Some(range) = range else { return Ok(()) };
-            within(format!("vary.{key}'s low end"), range.low, may.clone(), unit)?;
-            within(format!("vary.{key}'s high end"), range.high, may, unit)
-        })
+        let mut ranges = self.ranges().into_iter().filter_map(|(key, range, may, unit)| Some((key, range?, may, unit)));
+        ranges.try_for_each(|(key, range, may, unit)| law(&format!("vary.{key}"), &range, may, unit))
     }
 
     /// Says which range the robot has nothing for.

@@ -121,9 +121,9 @@ fn what_does_not_fit_is_refused() {
     let (toml, urdf) = System::texts("cube").expect("built in");
     for (text, key) in [
         ("gain = \"U(1, 2)\"", "vary.gain: the robot has no joint"),
-        ("mass = \"U(0, 1)\"", "vary.mass's low end"),
-        ("friction = \"U(-1, 1)\"", "vary.friction's low end"),
-        ("gravity = \"U(-9.81, -9)\"", "vary.gravity's low end"),
+        ("mass = \"U(0, 1)\"", "vary.mass is U(0, 1); an end is 0"),
+        ("friction = \"U(-1, 1)\"", "vary.friction is U(-1, 1); an end is -1"),
+        ("gravity = \"U(-9.81, -9)\"", "vary.gravity is U(-9.81, -9); an end"),
         ("masses = \"U(1, 2)\"", "unknown field `masses`"),
     ] {
         let said = line(System::from_text("cube", urdf, Some(&format!("{toml}\n[vary]\n{text}\n"))));

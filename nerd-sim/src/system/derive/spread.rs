@@ -65,14 +65,11 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> Vec<usize> {
             own.retain(|k| place(k).z <= low + FOOT * (high - low));
         }
         let places: Vec<Vector3<f64>> = own.iter().map(place).collect();
-        let most = if trunk {
-            TRUNK
-        } else if wheel {
-            WHEEL
-        } else if end {
-            END
-        } else {
-            OTHER
+        let most = match (trunk, wheel, end) {
+            (true, ..) => TRUNK,
+            (_, true, _) => WHEEL,
+            (.., true) => END,
+            _ => OTHER,
         };
         spread(&places, most).into_iter().map(move |k| own[k]).collect::<Vec<_>>()
     };
