@@ -41,7 +41,7 @@ fn main() -> Result<(), Error> {
     let methods = euler.into_iter().chain([Method::new("articulated", ours)]).collect::<Vec<_>>();
     let words: Vec<String> = std::env::args().skip(1).collect();
     let lines = Suite::new().only(&words)?.run(&methods, |_done| ());
-    println!("{:<26} {:>9}   {}", "row", "limit", methods.iter().map(|m| format!("{:<20}", m.name())).collect::<String>());
+    println!("{:<26} {:>9}   {}", "row", "limit", methods.iter().map(|m| format!("{:<20}", m.name)).collect::<String>());
     for line in &lines {
         let cells = line.cells.iter().map(|cell| format!("{cell:<20}"));
         println!("{:<26} {:>9.1e}   {}", line.row, line.limit, cells.collect::<String>());
