@@ -3,7 +3,7 @@
 use nerd_sim::solver::StepError;
 use nerd_tasks::{Episodes, Snapshot};
 
-use super::{Adam, Ended, Policy, PpoConfig, Running, Stepped, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
+use super::{Adam, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
 use crate::error::Result;
 
 /// One rollout after the other: [`Engine::begin`], then [`Engine::act`] and [`Engine::arrive`] by turns, [`Engine::finish`], and
@@ -43,7 +43,7 @@ pub trait Engine: Send {
         for t in 0..config.horizon {
             let noise = StreamKey { number: noise.number + t as u64, ..noise };
             self.act(&running.stack.rows, noise, &mut actions)?;
-            let Stepped { result, ended } = running.step(episodes, &actions, &mut reached)?;
+            let (result, ended) = running.step(episodes, &actions, &mut reached)?;
             taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
             taken.failed += result.failed;
             let both = result.terminated.iter().zip(&result.truncated);

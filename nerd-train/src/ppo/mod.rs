@@ -51,7 +51,7 @@ pub use normalizer::RunningMoments;
 pub use pilot::Policies;
 pub use play::{Game, play};
 pub use policy::{Actor, Answer, Policy, Shape};
-pub use rollout::{Ended, Rollout, Running, Stepped, Taken};
+pub use rollout::{Ended, Rollout, Running, Taken};
 pub use run::{Learned, PolicyRun};
 pub use stack::Stack;
 pub use trainer::{Iteration, State, Trainer};

@@ -22,9 +22,9 @@ pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(u
     let (mut games, mut reached) = (vec![None; episodes.len()], Vec::new());
     let mut misses = vec![Vec::new(); games.len()];
     while games.iter().any(Option::is_none) {
-        let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
-        misses.iter_mut().zip(stepped.result.misses).for_each(|(all, miss)| all.push(miss));
-        for Ended { env, total: reward, length, .. } in stepped.ended {
+        let (result, ended) = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
+        misses.iter_mut().zip(result.misses).for_each(|(all, miss)| all.push(miss));
+        for Ended { env, total: reward, length, .. } in ended {
             let miss = last_half(&std::mem::take(&mut misses[env]));
             games[env].get_or_insert(Game { reward, length, miss });
         }

@@ -1,7 +1,7 @@
 //! One horizon of steps under a policy, and what the update learns from it.
 
 use nerd_sim::solver::StepError;
-use nerd_tasks::Episodes;
+use nerd_tasks::{Episodes, StepResult};
 
 use super::Stack;
 
@@ -74,14 +74,15 @@ impl Running {
         Self { stack, rewards: vec![0.0; n], lengths: vec![0.0; n] }
     }
 
-    /// One step. `out` gets the stacked observations that were reached where time ran out.
-    pub fn step(&mut self, episodes: &mut Episodes, actions: &[f64], out: &mut Vec<f64>) -> Result<Stepped, StepError> {
+    /// One step: what the task says of it, and episodes that ended, as in step 0. `out` gets the stacked observations that were reached where
+    /// time ran out.
+    pub fn step(&mut self, episodes: &mut Episodes, actions: &[f64], out: &mut Vec<f64>) -> Result<(StepResult, Vec<Ended>), StepError> {
         let result = episodes.step(actions)?;
         let over = |env: usize| result.terminated[env] || result.truncated[env];
         let ended = (0..self.rewards.len()).filter_map(|env| self.count(0, env, result.rewards[env], over(env))).collect();
         let cut: Vec<usize> = (0..self.rewards.len()).filter(|env| result.truncated[*env]).collect();
         self.stack.push(&result.reached, &cut, over, episodes.observations(), out);
-        Ok(Stepped { result, ended })
+        Ok((result, ended))
     }
 
     /// Takes the reward of a step in; the episode, if it is over.
@@ -93,12 +94,4 @@ impl Running {
             Ended { step, env, total, length }
         })
     }
-}
-
-/// What a step gave.
-pub struct Stepped {
-    /// What the task says of it.
-    pub result: nerd_tasks::StepResult,
-    /// Episodes that ended, as in step 0.
-    pub ended: Vec<Ended>,
 }

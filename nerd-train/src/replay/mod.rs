@@ -33,9 +33,9 @@ pub fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episo
             page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
             page.rewards.push(total as f32);
         }
-        let stepped = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
-        total += stepped.result.rewards[0];
-        if !stepped.ended.is_empty() {
+        let (result, ended) = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;
+        total += result.rewards[0];
+        if !ended.is_empty() {
             break;
         }
     }
