@@ -43,7 +43,7 @@ impl Features {
     }
 
     /// Whether the robot has surroundings: it has contact points or a free base.
-    fn situated(system: &System) -> bool {
+    pub(crate) fn situated(system: &System) -> bool {
         system.robot.floating() || !system.robot.contact_points.is_empty()
     }
 

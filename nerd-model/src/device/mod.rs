@@ -47,7 +47,7 @@ pub fn program(model: &Model, system: &Arc<System>, real: Real, colliders: usize
     let mut text = functions(system, &config, real, Reach { colliders, ..reach });
     let inputs = Features::inputs(system, model.config.form());
     let flag = |on: bool| usize::from(on);
-    let situated = flag(robot.floating() || !robot.contact_points.is_empty());
+    let situated = flag(Features::situated(system));
     let drafted = flag(matches!(model.config.base, Base::Draft(_)));
     for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("DRAFTED", drafted)] {
         let _ = writeln!(text, "#define {name} {n}");

@@ -19,6 +19,7 @@ use attend::Attention;
 use elementwise::normalize;
 
 /// A program with weights.
+#[derive(Default)]
 pub struct Loaded {
     /// What is done.
     pub program: Program,
@@ -71,9 +72,8 @@ impl Loaded {
             .steps
             .iter()
             .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }));
-        let (starts, steps) = (program.starts(), program.steps.len());
-        let mut loaded =
-            Self { program, flat: Vec::new(), starts, folded: vec![Vec::new(); steps], panels: Vec::new(), back: Vec::new(), ends, mixing };
+        let (starts, folded) = (program.starts(), vec![Vec::new(); program.steps.len()]);
+        let mut loaded = Self { program, starts, folded, ends, mixing, ..Self::default() };
         loaded.load(flat);
         loaded
     }
