@@ -7,19 +7,16 @@ use cudarc::driver::CudaGraph;
 use crate::device::Device;
 use crate::error::{DeviceError, failed};
 
-/// A captured graph of kernels.
-struct Graph(CudaGraph);
-
-// SAFETY: the driver wants graphs never used by two threads at once, and says nothing against another thread at another time.
-// This type is not `Sync`, so one thread has it at a time; launching binds the context to the thread that calls.
-unsafe impl Send for Graph {}
-
 /// Work that runs kernel by kernel at its first call, is captured there, and is one graph from the second call on. What it reads and writes
 /// must stay where it is as long as its key is the same.
 pub struct Replay<K = ()> {
-    graphs: RefCell<Vec<(K, Graph)>>,
+    graphs: RefCell<Vec<(K, CudaGraph)>>,
     most: usize,
 }
+
+// SAFETY: the driver wants graphs never used by two threads at once, and says nothing against another thread at another time.
+// This type is not `Sync`, so one thread has it at a time; launching binds the context to the thread that calls.
+unsafe impl<K: Send> Send for Replay<K> {}
 
 impl<K> Default for Replay<K> {
     fn default() -> Self {
@@ -44,14 +41,14 @@ impl<K: PartialEq> Replay<K> {
         work: impl Fn() -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some((_, graph)) = self.graphs.borrow().iter().find(|(made_for, _)| *made_for == key) {
-            return Ok(graph.0.launch().map_err(failed(what))?);
+            return Ok(graph.launch().map_err(failed(what))?);
         }
         // Once outside of a capture, so that libraries have loaded what they load at their first call.
         work()?;
         device.wait()?;
         let graph = device.capture(work)?;
         let mut graphs = self.graphs.borrow_mut();
-        graphs.push((key, Graph(graph)));
+        graphs.push((key, graph));
         let old = graphs.len().saturating_sub(self.most);
         graphs.drain(..old);
         Ok(())

@@ -7,7 +7,7 @@ use nerd_model::BurnDevice;
 use nerd_model::program::BurnNetwork;
 use nerd_model::transformer::Weights;
 
-use super::sharded::{Loss, Pass, Shard, Sharded};
+use super::sharded::{Pass, Shard, Sharded};
 use super::{LearnError, LearnerConfig, LearnerState};
 use crate::windows::Windows;
 
@@ -41,12 +41,12 @@ impl Pass for Burn {
         Ok(read((error.clone() * error).sum())?.into_iter().map(f64::from).sum())
     }
 
-    fn gradient(&self, network: &mut BurnNetwork, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError> {
+    fn gradient(&self, network: &mut BurnNetwork, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError> {
         let error = errors(network, shard);
-        let squares = (error.clone() * error.clone()).sum() * loss.scale;
-        let loss = match loss.huber.map(f64::from) {
+        let squares = (error.clone() * error.clone()).sum() * scale;
+        let loss = match huber.map(f64::from) {
             None => squares.clone(),
-            Some(d) => ((error.clone() * error / (d * d) + 1.0).sqrt() - 1.0).sum() * (2.0 * d * d * loss.scale),
+            Some(d) => ((error.clone() * error / (d * d) + 1.0).sqrt() - 1.0).sum() * (2.0 * d * d * scale),
         };
         let gradient = read(network.gradients(&loss.backward()))?;
         Ok((read(squares)?.into_iter().map(f64::from).sum(), gradient))

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nerd_model::program::cpu::{Loaded, Memory, Pass as Tokens};
 use nerd_model::transformer::Weights;
 
-use super::sharded::{Loss, Pass, Shard, Sharded};
+use super::sharded::{Pass, Shard, Sharded};
 use super::{LearnError, LearnerConfig, LearnerState};
 use crate::windows::Windows;
 
@@ -50,10 +50,13 @@ impl Pass for Fused {
         Ok(squares(&errors(worker, &shard)))
     }
 
-    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError> {
+    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError> {
         let mut error = errors(worker, &shard);
-        let squares = squares(&error) * loss.scale;
-        slope(&mut error, loss);
+        let (squares, factor) = (squares(&error) * scale, scale as f32);
+        match huber {
+            None => error.iter_mut().for_each(|e| *e *= 2.0 * factor),
+            Some(d) => error.iter_mut().for_each(|e| *e *= 2.0 * factor / (1.0 + (*e / d) * (*e / d)).sqrt()),
+        }
         let (network, memory) = worker;
         Ok((squares, network.backward(shard.tokens, &error, memory, false).0))
     }
@@ -67,13 +70,4 @@ fn errors((network, memory): &mut (Loaded, Memory), shard: &Shard) -> Vec<f32> {
 
 fn squares(error: &[f32]) -> f64 {
     error.iter().map(|e| f64::from(e * e)).sum()
-}
-
-/// Errors become the loss's gradients.
-fn slope(error: &mut [f32], Loss { scale, huber }: Loss) {
-    let scale = scale as f32;
-    match huber {
-        None => error.iter_mut().for_each(|e| *e *= 2.0 * scale),
-        Some(d) => error.iter_mut().for_each(|e| *e *= 2.0 * scale / (1.0 + (*e / d) * (*e / d)).sqrt()),
-    }
 }

@@ -165,16 +165,6 @@ impl From<LearnError> for nerd_model::transformer::ForwardError {
     }
 }
 
-#[cfg(feature = "cuda")]
-impl From<LearnError> for nerd_cuda::DeviceError {
-    fn from(error: LearnError) -> Self {
-        match error {
-            LearnError::Device(message) => Self(message),
-            other => Self(other.to_string()),
-        }
-    }
-}
-
 /// Refuses settings, a state or windows that do not fit the network or each other.
 fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> Result<(), LearnError> {
     let (network, mismatch) = (state.weights.config, LearnError::Mismatch);

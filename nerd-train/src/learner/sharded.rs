@@ -29,8 +29,8 @@ pub trait Pass: Sync {
     /// Its thread needs it no more.
     fn rest(&self, _: Self::Worker) {}
     fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
-    /// Sum of the squared errors, and the gradient of the loss, both times the loss's scale.
-    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, loss: Loss) -> Result<(f64, Vec<f32>), LearnError>;
+    /// Sum of the squared errors, and the gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
+    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError>;
 }
 
 pub struct Shard {
@@ -40,14 +40,6 @@ pub struct Shard {
     pub x: Vec<f32>,
     /// Targets `[windows][tokens][outputs]`.
     pub y: Vec<f32>,
-}
-
-/// What is made small.
-#[derive(Clone, Copy, Debug)]
-pub struct Loss {
-    /// Factor of every error's share.
-    pub scale: f64,
-    pub huber: Option<f32>,
 }
 
 /// Trains by [`Pass`]; the optimiser runs on the CPU over the flat vectors of [`LearnerState`].
@@ -88,8 +80,8 @@ impl<P: Pass> Sharded<P> {
 
     /// What the windows `rows` add to the mean over so many windows.
     fn part(&self, rows: &[u64], windows: usize) -> Result<(f32, Vec<f32>), LearnError> {
-        let loss = Loss { scale: 1.0 / values(&self.train, windows), huber: self.optimiser.config.huber };
-        let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), loss);
+        let (scale, huber) = (1.0 / values(&self.train, windows), self.optimiser.config.huber);
+        let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
         let parts = self.sharded(&self.optimiser.state.weights, true, rows, work)?;
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
