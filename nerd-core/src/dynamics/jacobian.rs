@@ -1,94 +1,146 @@
-//! Jacobians of points and frames.
+//! Jacobians of frames and of the centre of mass.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use super::Data;
-use crate::robot::Robot;
+use super::{Data, velocities};
+use crate::robot::{FixedFrame, Robot};
 use crate::spatial::Motion;
+use crate::velocity::LocalVelocity;
 
-/// Jacobian of a frame that is fixed on link `link` at `local` (m, in the link's frame) into `out`, 6 by `nv`: the frame's angular
-/// velocity (rows 0 to 2, rad/s) and the velocity of its origin (rows 3 to 5, m/s), both in world axes, are `J qd`, with `qd` local (see
-/// [`crate::velocity`]). Needs `kinematics`.
-///
-/// Column of DoF k: the axis of its joint as a motion, at the frame's place `x`: `(w, v + w x x)`; zero for joints that do not carry
-/// the link.
-pub fn jacobian(robot: &Robot, data: &Data, link: usize, local: &Vector3<f64>, out: &mut DMatrix<f64>) {
-    let x = data.position[link] + data.rotation[link] * local;
-    out.fill(0.0);
-    let mut add = |k: usize, m: &Motion| {
-        let v = m.at(&x);
-        for r in 0..3 {
-            out[(r, k)] += m.ang[r];
-            out[(3 + r, k)] += v[r];
-        }
-    };
-    let mut on = Some(link);
-    while let Some(i) = on {
-        match robot.links[i].joint {
-            Some(_) => add(data.dof[i], &data.axis[i]),
-            None => (0..6).for_each(|k| add(k, &Motion::unit(k))),
-        }
-        on = robot.links[i].parent;
-    }
+/// The axes in which a Jacobian gives velocities of a frame's origin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// Those of the world (Pinocchio's `LOCAL_WORLD_ALIGNED`).
+    World,
+    /// The frame's own (Pinocchio's `LOCAL`).
+    Local,
 }
 
-/// Rate of that Jacobian while the robot moves, into `out`: the acceleration of the frame is `J qdd + J_dot qd`. Needs
-/// [`super::velocities`].
-///
-/// An axis moves with the link that carries it, `S_dot = V x S`, and the place with its own velocity: of a column `(w, v + w x x)` the
-/// rate is `(w_dot, v_dot + w_dot x x + w x x_dot)`. Those of a floating root turn about its origin, which moves.
-pub fn jacobian_rate(robot: &Robot, data: &Data, link: usize, local: &Vector3<f64>, out: &mut DMatrix<f64>) {
-    let x = data.position[link] + data.rotation[link] * local;
-    let speed = data.velocity[link].at(&x);
-    out.fill(0.0);
-    let mut on = Some(link);
-    while let Some(i) = on {
-        let above = robot.links[i].parent.map_or(Motion::default(), |p| data.velocity[p]);
-        match robot.links[i].joint {
-            Some(_) => {
-                let turned = above.cross(&data.axis[i]);
-                let rate = turned.at(&x) + data.axis[i].ang.cross(&speed);
-                for r in 0..3 {
-                    out[(r, data.dof[i])] += turned.ang[r];
-                    out[(3 + r, data.dof[i])] += rate[r];
+impl Data {
+    /// Jacobian of a frame ([`Robot::frame`]), 6 by `nv`: its angular velocity (rad/s) and the velocity of its origin (m/s) are `J qd`.
+    /// Zero for a frame on a fixed base.
+    ///
+    /// Column of DoF k: the axis of its joint as a motion, at the frame's place `x`: `(w, v + w x x)`; zero for joints that do not carry
+    /// the link.
+    pub fn jacobian(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame, axes: Axes) -> &DMatrix<f64> {
+        self.place(robot, q);
+        self.jacobian.fill(0.0);
+        if let Some(link) = frame.link {
+            let x = self.position[link] + self.rotation[link] * frame.pose.translation.vector;
+            for i in above(robot, link) {
+                match robot.links[i].joint {
+                    Some(_) => add(&mut self.jacobian, self.dof[i], &self.axis[i], &x),
+                    None => (0..6).for_each(|k| add(&mut self.jacobian, k, &Motion::unit(k), &x)),
                 }
             }
-            None => (0..3).for_each(|k| {
-                let rate = Vector3::ith(k, 1.0).cross(&(speed - data.velocity[i].lin));
-                (0..3).for_each(|r| out[(3 + r, k)] += rate[r]);
-            }),
         }
-        on = robot.links[i].parent;
+        if axes == Axes::Local {
+            let back = self.back(frame);
+            for mut column in self.jacobian.column_iter_mut() {
+                for at in [0, 3] {
+                    let turned = back * column.fixed_rows::<3>(at);
+                    column.fixed_rows_mut::<3>(at).copy_from(&turned);
+                }
+            }
+        }
+        &self.jacobian
+    }
+
+    /// Its rate while the robot moves at `qd`: the rates of those velocities are `J qdd + J_dot qd`.
+    ///
+    /// An axis moves with the link that carries it, `S_dot = V x S`, and the place with its own velocity: of a column `(w, v + w x x)` the
+    /// rate is `(w_dot, v_dot + w_dot x x + w x x_dot)`. Those of a floating root turn about its origin, which moves.
+    pub fn jacobian_rate(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        frame: &FixedFrame,
+        axes: Axes,
+    ) -> &DMatrix<f64> {
+        self.jacobian(robot, q, frame, axes);
+        velocities(robot, qd.0.as_ref(), self);
+        let Some(link) = frame.link else { return &self.jacobian };
+        let x = self.position[link] + self.rotation[link] * frame.pose.translation.vector;
+        let speed = self.velocity[link].at(&x);
+        self.rate.fill(0.0);
+        for i in above(robot, link) {
+            let carrier = robot.links[i].parent.map_or(Motion::default(), |p| self.velocity[p]);
+            match robot.links[i].joint {
+                Some(_) => {
+                    let mut turned = carrier.cross(&self.axis[i]);
+                    turned.lin += self.axis[i].ang.cross(&speed);
+                    add(&mut self.rate, self.dof[i], &turned, &x);
+                }
+                None => (0..3).for_each(|k| {
+                    let turned = Vector3::ith(k, 1.0).cross(&(speed - self.velocity[i].lin));
+                    add(&mut self.rate, k, &Motion::new(Vector3::zeros(), turned), &x);
+                }),
+            }
+        }
+        if axes == Axes::Local {
+            // Of R^T J: R^T J_dot - (R^T w) x R^T J.
+            let back = self.back(frame);
+            let spin = back * self.velocity[link].ang;
+            for (mut column, own) in self.rate.column_iter_mut().zip(self.jacobian.column_iter()) {
+                for at in [0, 3] {
+                    let turned = back * column.fixed_rows::<3>(at) - spin.cross(&own.fixed_rows::<3>(at));
+                    column.fixed_rows_mut::<3>(at).copy_from(&turned);
+                }
+            }
+        }
+        &self.rate
+    }
+
+    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: its velocity (m/s, world axes) is `J qd`. Of a robot without mass
+    /// both are NaN.
+    ///
+    /// Column of DoF k: `m_k / m` times the velocity that its axis gives to the centre of mass of what it carries, of mass `m_k`.
+    pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
+        self.place(robot, q);
+        let n = robot.links.len();
+        let (mut masses, mut moments) = (vec![0.0; n], vec![Vector3::zeros(); n]);
+        let (mut mass, mut moment) = (0.0, Vector3::zeros());
+        for (i, link) in robot.links.iter().enumerate().rev() {
+            masses[i] += link.inertia.mass;
+            moments[i] += (self.position[i] + self.rotation[i] * link.inertia.com) * link.inertia.mass;
+            let (own, at) = (masses[i], moments[i]);
+            match link.parent {
+                Some(p) => (masses[p], moments[p]) = (masses[p] + own, moments[p] + at),
+                None => (mass, moment) = (mass + own, moment + at),
+            }
+        }
+        let mut out = DMatrix::zeros(3, robot.nv());
+        for (i, link) in robot.links.iter().enumerate() {
+            let mut add = |k: usize, m: &Motion| {
+                let v = (m.lin * masses[i] + m.ang.cross(&moments[i])) / mass;
+                (0..3).for_each(|r| out[(r, k)] += v[r]);
+            };
+            match link.joint {
+                Some(_) => add(self.dof[i], &self.axis[i]),
+                None => (0..6).for_each(|k| add(k, &Motion::unit(k))),
+            }
+        }
+        (self.origin + moment / mass, out)
+    }
+
+    /// From the world's axes into those of a frame, after kinematics.
+    fn back(&self, frame: &FixedFrame) -> Matrix3<f64> {
+        let link = frame.link.map_or(Matrix3::identity(), |link| self.rotation[link]);
+        (link * frame.pose.rotation.to_rotation_matrix().matrix()).transpose()
     }
 }
 
-/// Jacobian of the centre of mass into `out`, 3 by `nv`: its velocity (m/s, world axes) is `J qd`, with `qd` local. Needs
-/// `kinematics`. Returns the centre of mass in the world (m); of a robot without mass both are not a number.
-///
-/// Column of DoF k: `m_k / m` times the velocity that its axis gives to the centre of mass of what it carries, of mass `m_k`.
-pub fn com_jacobian(robot: &Robot, data: &Data, out: &mut DMatrix<f64>) -> Vector3<f64> {
-    let n = robot.links.len();
-    let (mut masses, mut moments) = (vec![0.0; n], vec![Vector3::zeros(); n]);
-    let (mut mass, mut moment) = (0.0, Vector3::zeros());
-    for (i, link) in robot.links.iter().enumerate().rev() {
-        masses[i] += link.inertia.mass;
-        moments[i] += (data.position[i] + data.rotation[i] * link.inertia.com) * link.inertia.mass;
-        let (own, at) = (masses[i], moments[i]);
-        match link.parent {
-            Some(p) => (masses[p], moments[p]) = (masses[p] + own, moments[p] + at),
-            None => (mass, moment) = (mass + own, moment + at),
-        }
+/// A link and those that carry it, up to the root.
+fn above(robot: &Robot, link: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(link), |i| robot.links[*i].parent)
+}
+
+/// Adds to column k a motion, its linear part that at `x`.
+fn add(out: &mut DMatrix<f64>, k: usize, motion: &Motion, x: &Vector3<f64>) {
+    let v = motion.at(x);
+    for r in 0..3 {
+        out[(r, k)] += motion.ang[r];
+        out[(3 + r, k)] += v[r];
     }
-    out.fill(0.0);
-    for (i, link) in robot.links.iter().enumerate() {
-        let mut add = |k: usize, m: &Motion| {
-            let v = (m.lin * masses[i] + m.ang.cross(&moments[i])) / mass;
-            (0..3).for_each(|r| out[(r, k)] += v[r]);
-        };
-        match link.joint {
-            Some(_) => add(data.dof[i], &data.axis[i]),
-            None => (0..6).for_each(|k| add(k, &Motion::unit(k))),
-        }
-    }
-    data.origin + moment / mass
 }

@@ -24,15 +24,14 @@ mod tree;
 
 pub use data::Data;
 pub use derivatives::Derivatives;
-pub use queries::{Axes, NoInertia};
+pub use jacobian::Axes;
+pub use queries::NoInertia;
 pub use totals::{Totals, totals};
 
 #[doc(hidden)]
 pub use aba::aba;
 #[doc(hidden)]
 pub use crba::crba;
-#[doc(hidden)]
-pub use jacobian::{com_jacobian, jacobian, jacobian_rate};
 #[doc(hidden)]
 pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, point_position};
 #[doc(hidden)]

@@ -5,19 +5,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::{Data, Derivatives, Factor, aba, com_jacobian, crba, jacobian, jacobian_rate, kinematics, rnea, velocities};
-use crate::robot::{FixedFrame, Robot};
+use super::{Data, Derivatives, Factor, aba, crba, kinematics, rnea};
+use crate::robot::Robot;
 use crate::state::vector;
 use crate::velocity::LocalVelocity;
-
-/// The axes in which a Jacobian gives velocities of a frame's origin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axes {
-    /// Those of the world (Pinocchio's `LOCAL_WORLD_ALIGNED`).
-    World,
-    /// The frame's own (Pinocchio's `LOCAL`).
-    Local,
-}
 
 /// No accelerations: something has no inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -129,66 +120,8 @@ impl Data {
         Ok(out)
     }
 
-    /// Jacobian of a frame ([`Robot::frame`]), 6 by `nv`: its angular velocity (rad/s) and the velocity of its origin (m/s) are `J qd`.
-    /// Zero for a frame on a fixed base.
-    pub fn jacobian(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame, axes: Axes) -> &DMatrix<f64> {
-        self.place(robot, q);
-        let mut out = std::mem::replace(&mut self.jacobian, DMatrix::zeros(0, 0));
-        match frame.link {
-            Some(link) => jacobian(robot, self, link, &frame.pose.translation.vector, &mut out),
-            None => out.fill(0.0),
-        }
-        if axes == Axes::Local {
-            let back = self.back(frame);
-            for mut column in out.column_iter_mut() {
-                for at in [0, 3] {
-                    let turned = back * column.fixed_rows::<3>(at);
-                    column.fixed_rows_mut::<3>(at).copy_from(&turned);
-                }
-            }
-        }
-        self.jacobian = out;
-        &self.jacobian
-    }
-
-    /// Its rate while the robot moves at `qd`: the rates of those velocities are `J qdd + J_dot qd`.
-    pub fn jacobian_rate(
-        &mut self,
-        robot: &Robot,
-        q: &[f64],
-        qd: &LocalVelocity<impl AsRef<[f64]>>,
-        frame: &FixedFrame,
-        axes: Axes,
-    ) -> &DMatrix<f64> {
-        self.jacobian(robot, q, frame, axes);
-        velocities(robot, qd.0.as_ref(), self);
-        let Some(link) = frame.link else { return &self.jacobian };
-        let mut rate = std::mem::replace(&mut self.rate, DMatrix::zeros(0, 0));
-        jacobian_rate(robot, self, link, &frame.pose.translation.vector, &mut rate);
-        if axes == Axes::Local {
-            // Of R^T J: R^T J_dot - (R^T w) x R^T J.
-            let back = self.back(frame);
-            let spin = back * self.velocity[link].ang;
-            for (mut column, own) in rate.column_iter_mut().zip(self.jacobian.column_iter()) {
-                for at in [0, 3] {
-                    let turned = back * column.fixed_rows::<3>(at) - spin.cross(&own.fixed_rows::<3>(at));
-                    column.fixed_rows_mut::<3>(at).copy_from(&turned);
-                }
-            }
-        }
-        self.rate = rate;
-        &self.rate
-    }
-
-    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: its velocity (m/s, world axes) is `J qd`.
-    pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
-        self.place(robot, q);
-        let mut out = DMatrix::zeros(3, robot.nv());
-        (com_jacobian(robot, self, &mut out), out)
-    }
-
     /// Kinematics at `q`. Lengths are a program's own, so others than the robot's are a fault of it.
-    fn place(&mut self, robot: &Robot, q: &[f64]) {
+    pub(super) fn place(&mut self, robot: &Robot, q: &[f64]) {
         assert!(q.len() >= robot.nq(), "q has {} numbers, robot `{}` has {} coordinates", q.len(), robot.name, robot.nq());
         assert!(self.tau.len() == robot.nv(), "this Data was made for another robot than `{}`", robot.name);
         kinematics(robot, q, self);
@@ -211,12 +144,6 @@ impl Data {
         }
         self.qdd = spatial;
         &self.tau
-    }
-
-    /// From the world's axes into those of a frame, after kinematics.
-    fn back(&self, frame: &FixedFrame) -> Matrix3<f64> {
-        let link = frame.link.map_or(Matrix3::identity(), |link| self.rotation[link]);
-        (link * frame.pose.rotation.to_rotation_matrix().matrix()).transpose()
     }
 
     #[cold]

@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use nalgebra::{DMatrix, Vector3};
-use nerd_core::dynamics::{Data, Derivatives, Factor, aba, bias, crba, jacobian, kinematics, rnea};
-use nerd_core::robot::{JointKind, Robot};
+use nalgebra::Vector3;
+use nerd_core::dynamics::{Axes, Data, Derivatives, Factor, aba, bias, crba, kinematics, rnea};
+use nerd_core::robot::{FixedFrame, JointKind, Robot};
 use nerd_core::state::write_quaternion;
 use rand::RngExt;
 
@@ -29,7 +29,7 @@ struct Request<'a> {
     urdf: &'a Path,
     floating: bool,
     joints: Vec<(&'a str, usize, f64, f64)>,
-    frames: Vec<&'a str>,
+    frames: Vec<String>,
     states: usize,
     coordinates: usize,
 }
@@ -80,17 +80,15 @@ fn request<'a>(urdf: &'a Path, robot: &'a Robot, states: usize) -> Request<'a> {
         let joint = link.joint.as_ref()?;
         Some((joint.name.as_str(), dof - robot.root_dofs(), joint.ratio(), joint.mimic().map_or(0.0, |m| m.offset)))
     });
-    let frames = chosen(robot).into_iter().map(|f| f.0).collect();
+    let frames = chosen(robot).into_iter().map(|frame| frame.name).collect();
     Request { urdf, floating: robot.floating(), joints: joints.collect(), frames, states, coordinates: robot.joint_count() }
 }
 
-/// Some of the links and of the frames fixed on them, evenly chosen: name, link, and place on it (m).
-fn chosen(robot: &Robot) -> Vec<(&str, usize, Vector3<f64>)> {
-    let links = robot.links.iter().enumerate().map(|(i, link)| (link.name.as_str(), i, Vector3::zeros()));
-    let fixed = robot.frames.iter().filter_map(|f| Some((f.name.as_str(), f.link?, f.pose.translation.vector)));
-    let all: Vec<_> = links.chain(fixed).collect();
-    let step = all.len().div_ceil(FRAMES).max(1);
-    all.into_iter().step_by(step).collect()
+/// Some of the links and of the frames fixed on them, evenly chosen.
+fn chosen(robot: &Robot) -> Vec<FixedFrame> {
+    let fixed = robot.frames.iter().filter(|frame| frame.link.is_some()).map(|frame| &frame.name);
+    let names: Vec<&String> = robot.links.iter().map(|link| &link.name).chain(fixed).collect();
+    names.iter().step_by(names.len().div_ceil(FRAMES).max(1)).filter_map(|name| robot.frame(name).ok()).collect()
 }
 
 /// How far a robot's dynamics are from Pinocchio's at random states: turns are up to pi, slides up to 0.5 m, rates and accelerations up to
@@ -106,7 +104,6 @@ fn send(python: &mut Python, robot: &Robot, states: usize, seed: u64) -> Result<
     let (mut rng, mut data, mut factor) = (stream(seed, 0), Data::new(robot), Factor::new(robot));
     let nv = robot.nv();
     let (mut inverse, mut forward) = (Derivatives::new(robot), Derivatives::new(robot));
-    let mut j = DMatrix::zeros(6, nv);
     for _ in 0..states {
         let mut draw = |n: usize, most: f64| (0..n).map(|_| rng.random_range(-most..most)).collect::<Vec<f64>>();
         let mut q = draw(robot.nq(), std::f64::consts::PI);
@@ -139,9 +136,8 @@ fn send(python: &mut Python, robot: &Robot, states: usize, seed: u64) -> Result<
         send(mass.transpose().as_slice())?;
         [low.as_slice(), told.as_slice(), &found].into_iter().try_for_each(&mut send)?;
         [&inverse.q, &inverse.qd, &forward.q, &forward.qd].into_iter().try_for_each(|m| send(m.transpose().as_slice()))?;
-        for (_, link, place) in chosen(robot) {
-            jacobian(robot, &data, link, &place, &mut j);
-            send(j.transpose().as_slice())?;
+        for frame in chosen(robot) {
+            send(data.jacobian(robot, &q, &frame, Axes::World).transpose().as_slice())?;
         }
     }
     Ok(())
