@@ -21,8 +21,8 @@
 
 use nalgebra::{Vector2, Vector3};
 use nerd_core::dynamics::{kinematics, point_position, velocities};
-use nerd_core::robot::Base;
 use nerd_core::state::vector;
+use nerd_core::velocity::root_position;
 use nerd_sim::range::Range;
 use nerd_sim::system::System;
 use rand_chacha::ChaCha8Rng;
@@ -102,20 +102,12 @@ impl Seen {
             let place = point_position(data, point.link, &point.local);
             [place, data.velocity[point.link].at(&(place - data.origin))]
         });
-        Self { gripper: [vector(state), vector(&state[robot.nq()..])], home: home(&work.system), points }
+        Self { gripper: [vector(state), vector(&state[robot.nq()..])], home: root_position(&work.system.robot, state), points }
     }
 
     /// Place and velocity of the tip.
     fn tip(&self) -> [Vector3<f64>; 2] {
         self.points[SEEN - 1]
-    }
-}
-
-/// Where a gripper is at zero coordinates (m, world).
-fn home(system: &System) -> Vector3<f64> {
-    match system.robot.base {
-        Base::Fixed(at) => at.translation.vector,
-        Base::Floating => Vector3::zeros(),
     }
 }
 
@@ -151,7 +143,8 @@ impl Task for LeadTip {
         let tip = Vector3::new(TIP.x + x, TIP.y + y, end.radius);
         let gripper = tip - along.iter().sum::<Vector3<f64>>() * end.local.x;
         let mut state = system.robot.zero_state();
-        state[..3].copy_from_slice((gripper - home(system)).as_slice());
+        let from_home = gripper - root_position(&system.robot, &state);
+        state[..3].copy_from_slice(from_home.as_slice());
         state[AXES..AXES + 2 * RODS].copy_from_slice(&hinges(&along));
         state
     }

@@ -11,12 +11,11 @@ use std::collections::{HashMap, HashSet};
 use nalgebra::Isometry3;
 use urdf_rs::JointType;
 
-use super::error::{UrdfError, one_line};
 use super::lump::{isometry, joint, lump, sound};
 use super::mimic::follow;
 use super::several::{TURN, freed, planar, unnamed};
 use super::xml::without_materials;
-use super::{Base, FixedFrame, Link, Robot, UrdfRobot};
+use super::{Base, FixedFrame, Link, Robot, UrdfError, UrdfRobot};
 use crate::spatial::BodyInertia;
 
 impl Robot {
@@ -94,10 +93,10 @@ impl UrdfRobot {
 
 fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
     // An editor's mark of its encoding is no text.
-    let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::Parse(one_line(&e)))?;
+    let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::text(&e))?;
     // urdf-rs may panic on text that is no URDF at all; user input never does here.
     let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
-    let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::Parse(one_line(&e.to_string())))?;
+    let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
     unnamed(&file)?;
     Ok(file)
 }
@@ -159,9 +158,9 @@ impl<'a> Tree<'a> {
                 Some((_, child)) => Ok(Self { file, root: child, world: Some(root), children }),
                 None => Ok(Self { file, root, world: None, children }),
             },
-            [] if file.links.is_empty() => Err(UrdfError::Tree("there is no link at all".into())),
-            [] => Err(UrdfError::Tree("every link hangs on another (a cycle)".into())),
-            [a, b, ..] => Err(UrdfError::Tree(one_line(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b))))),
+            [] if file.links.is_empty() => Err(UrdfError::tree("there is no link at all")),
+            [] => Err(UrdfError::tree("every link hangs on another (a cycle)")),
+            [a, b, ..] => Err(UrdfError::tree(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b)))),
         }
     }
 

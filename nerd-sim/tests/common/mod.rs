@@ -109,3 +109,32 @@ pub fn joint_table(name: &str, more: &str) -> String {
 
 /// `[[scene]]` with level ground.
 pub const GROUND: &str = "[[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
+
+/// A table of the reference simulator: its columns by name, and in each row what is a number.
+pub struct Reference {
+    pub columns: Vec<String>,
+    pub rows: Vec<Vec<Option<f64>>>,
+}
+
+impl Reference {
+    /// Read from `../shared/reference` beside the checkout when it is there.
+    pub fn read(file: &str) -> Option<Self> {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file);
+        if !path.exists() {
+            // Past the test harness, which keeps printed lines of tests that pass to itself.
+            use std::io::Write;
+            let _ = writeln!(std::io::stderr(), "skipped: no reference data ({file})");
+            return None;
+        }
+        let mut reader = csv::Reader::from_path(&path).expect("a table");
+        let columns = reader.headers().expect("a header").iter().map(String::from).collect();
+        let rows = reader.records().map(|row| row.expect("a row").iter().map(|cell| cell.parse().ok()).collect());
+        Some(Self { columns, rows: rows.collect() })
+    }
+
+    /// Where these columns are.
+    pub fn places<S: AsRef<str>>(&self, names: &[S]) -> Vec<usize> {
+        let place = |name: &S| self.columns.iter().position(|c| c == name.as_ref());
+        names.iter().map(|name| place(name).unwrap_or_else(|| panic!("no column {}", name.as_ref()))).collect()
+    }
+}

@@ -1,7 +1,5 @@
 //! The built-in robots: figures of the reference system, controllers and sampling boxes.
 
-use std::path::Path;
-
 use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::state::{quaternion, vector};
@@ -55,30 +53,22 @@ fn anymal_stands_as_the_reference_does() {
 #[test]
 fn controllers_are_the_references() {
     for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal-paper", "anymal_random_action_warp1.8.1.csv")] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file);
-        if !path.exists() {
-            use std::io::Write;
-            let _ = writeln!(std::io::stderr(), "skipped: no reference data ({file})");
-            continue;
-        }
+        let Some(table) = Reference::read(file) else { return };
         let system = built_in(robot);
         let mut controller = Controller::new(&system);
-        let mut reader = csv::Reader::from_path(&path).expect("reference file opens");
-        let header = reader.headers().expect("header").clone();
-        let column = |name: &String| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("{file}: no column {name}"));
-        let states: Vec<usize> = system.spec.state_columns.iter().map(column).collect();
-        let torques: Vec<usize> = system.spec.torque_columns.iter().map(column).collect();
-        let actions: Vec<usize> = system.spec.torque_columns.iter().map(|c| column(&c.replace("tau_", "a_"))).collect();
+        let (states, torques) = (table.places(&system.spec.state_columns), table.places(&system.spec.torque_columns));
+        let actions: Vec<String> = system.spec.torque_columns.iter().map(|c| c.replace("tau_", "a_")).collect();
+        let actions = table.places(&actions);
         let (mut worst, mut rows, mut out) = (0.0f64, 0, vec![0.0; torques.len()]);
-        for record in reader.records() {
-            let record = record.expect("row");
-            let numbers = |columns: &[usize]| columns.iter().map(|&i| record[i].parse::<f64>()).collect::<Result<Vec<_>, _>>();
+        for row in &table.rows {
+            let numbers = |places: &[usize]| places.iter().map(|i| row[*i]).collect::<Option<Vec<_>>>();
             // The last row of a trajectory has no action.
-            let (Ok(state), Ok(action), Ok(expected)) = (numbers(&states), numbers(&actions), numbers(&torques)) else { continue };
+            let (Some(state), Some(action), Some(expected)) = (numbers(&states), numbers(&actions), numbers(&torques)) else { continue };
             controller.torques(&state, &action, &mut out);
             worst = out.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
             rows += 1;
         }
+        println!("{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
         assert!(rows > 100 && worst < 1e-3, "{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
     }
 }

@@ -50,46 +50,53 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     (episodes, actions)
 }
 
-/// The task's kernels on what `episodes` are now: torques, rewards, how each ended, rows of two observations, cut ones, states, goals; frames, begun, failed.
-struct Said {
-    numbers: Vec<Vec<f64>>,
+/// What a step of kernels made: rewards, rows of two observations, those of which time ran out, states and goals; how each episode ended,
+/// its frames, how many have begun, and how many failed.
+struct Made {
+    rewards: Vec<f64>,
+    rows: Vec<f64>,
+    cut: Vec<f64>,
+    states: Vec<f64>,
+    goals: Vec<f64>,
     ends: Vec<u8>,
     frames: Vec<u64>,
     begun: Vec<u64>,
     failed: u32,
 }
 
-fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Said {
-    let (batch, task, kept) = (&episodes.simulation.batch, &episodes.task, episodes.snapshot());
+/// The task's kernels on what `episodes` are now.
+fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Made {
+    let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
     let (config, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach::of(batch));
+    let scene = record(&batch.scenes[0], &batch.system, &config, reach).expect("a scene with kernels");
+    let numbers = |values: &[f64]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
     let mut input: Vec<u8> = [N as i32, 2].iter().flat_map(|x| x.to_le_bytes()).collect();
     input.extend(stream(SEED, 0).get_seed());
     input.extend((FIRST as u64).to_le_bytes());
-    let numbers = |values: &[f64]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
-    input.extend(numbers(&batch.states));
-    input.extend(numbers(&kept.goals));
+    input.extend([numbers(&batch.states), numbers(&kept.goals)].concat());
     input.extend(batch.frames.iter().chain(&kept.begun).flat_map(|x| x.to_le_bytes()));
     input.extend((0..N).flat_map(|env| i32::from(env == FAILS).to_le_bytes()));
     input.extend(actions.iter().flat_map(|x| (*x as f32).to_le_bytes()));
-    input.extend(numbers(rows));
-    input.extend(numbers(&record(&batch.scenes[0], &batch.system, &config, reach).expect("a scene with kernels")));
+    input.extend([numbers(rows), numbers(&scene)].concat());
     let output = compiler.run(text, input);
-    let (d, joints) = (batch.system.robot.state_dim(), batch.system.robot.joint_count());
+    let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
     let mut rest = &output[..];
-    let mut bytes = |n: usize| {
-        let (mine, others) = rest.split_at(n);
-        rest = others;
-        mine.to_vec()
-    };
-    let reals = |bytes: Vec<u8>| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<f64>>();
-    let whole = |bytes: Vec<u8>| bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect::<Vec<u64>>();
-    let mut all = vec![reals(bytes(8 * N * joints)), reals(bytes(8 * N))];
-    let ends = bytes(N);
-    let row = 2 * task.observation_dim();
-    all.extend([row, row, d, task.goal_dim()].map(|width| reals(bytes(8 * N * width))));
-    let (frames, begun) = (whole(bytes(8 * N)), whole(bytes(8 * N)));
-    let failed = u32::from_le_bytes(bytes(4).try_into().expect("four bytes"));
-    Said { numbers: all, ends, frames, begun, failed }
+    let mut take = |n: usize| rest.split_off(..n).expect("as many bytes");
+    let reals = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<f64>>();
+    let whole = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect::<Vec<u64>>();
+    // Torques come first, on which the rewards depend.
+    take(8 * N * joints);
+    Made {
+        rewards: reals(take(8 * N)),
+        ends: take(N).to_vec(),
+        rows: reals(take(8 * N * row)),
+        cut: reals(take(8 * N * row)),
+        states: reals(take(8 * N * d)),
+        goals: reals(take(8 * kept.goals.len())),
+        frames: whole(take(8 * N)),
+        begun: whole(take(8 * N)),
+        failed: u32::from_le_bytes(take(4).try_into().expect("four bytes")),
+    }
 }
 
 fn apart(a: &[f64], b: &[f64]) -> f64 {
@@ -114,14 +121,14 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         };
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
-        let said = run(&compiler, &(text + include_str!("alone.cuh")), &episodes, &actions, &before);
+        let made = run(&compiler, &(text + include_str!("alone.cuh")), &episodes, &actions, &before);
         let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
         let after = episodes.snapshot();
         let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
-        assert_eq!((&said.ends, said.failed as usize), (&ends, failed), "{name}: how episodes ended");
+        assert_eq!((&made.ends, made.failed as usize), (&ends, failed), "{name}: how episodes ended");
         assert!(failed == 2 && LATE.iter().any(|env| ends[*env] == 2) && ends.contains(&0), "{name}: {ends:?}");
-        assert_eq!(said.frames, episodes.simulation.batch.frames, "{name}: frames");
-        assert_eq!(said.begun, after.begun, "{name}: episodes begun");
+        assert_eq!(made.frames, episodes.simulation.batch.frames, "{name}: frames");
+        assert_eq!(made.begun, after.begun, "{name}: episodes begun");
         let width = task.observation_dim();
         let ended = |env: usize| ends[env] > 0;
         let expected = (0..N).flat_map(|env| {
@@ -134,13 +141,13 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
             let rows = rows.chunks(all).zip(&ends).filter(|(_, end)| **end == 2);
             rows.flat_map(|(row, _)| row[..width].to_vec()).collect()
         };
-        let (cut, seen) = (of_late(&said.numbers[3], 2 * width), of_late(&reached, width));
+        let (cut, seen) = (of_late(&made.cut, 2 * width), of_late(&reached, width));
         let off = [
-            ("rewards", apart(&said.numbers[1], &rewards)),
-            ("rows", apart(&said.numbers[2], &expected)),
+            ("rewards", apart(&made.rewards, &rewards)),
+            ("rows", apart(&made.rows, &expected)),
             ("cut rows", apart(&cut, &seen)),
-            ("states", apart(&said.numbers[4], &after.states)),
-            ("goals", apart(&said.numbers[5], &after.goals)),
+            ("states", apart(&made.states, &after.states)),
+            ("goals", apart(&made.goals, &after.goals)),
         ];
         println!("{name}: {off:.1?}");
         assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
