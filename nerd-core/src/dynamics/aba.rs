@@ -2,22 +2,14 @@
 
 use nalgebra::{DVector, Vector3};
 
-use super::{Data, Factor, TreeFactor, bias, crba, inertias};
+use super::tree::Inverse;
+use super::{Data, bias, crba, inertias};
 use crate::robot::Robot;
-
-/// What solves with a robot's mass matrix.
-#[derive(Clone, Debug)]
-pub(super) enum Inverse {
-    /// Along the tree, without the matrix.
-    Tree(TreeFactor),
-    /// Where joints follow others, which couples branches of the tree, no recursion does.
-    Matrix(Factor),
-}
 
 /// Accelerations `M^-1 (tau - c)` into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
 /// `kinematics`; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
 ///
-/// Articulated bodies, in O(n): the bias by [`bias`], the inverse by [`TreeFactor`].
+/// Articulated bodies, in O(n): the bias by [`bias`], the inverse by [`super::TreeFactor`].
 #[must_use = "without inertia there is no acceleration"]
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
     bias(robot, qd, gravity, data);
@@ -44,10 +36,4 @@ pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data:
     };
     (data.inverse, data.qdd) = (Some(inverse), qdd);
     sound
-}
-
-impl Inverse {
-    pub(super) fn new(robot: &Robot) -> Self {
-        TreeFactor::new(robot).map_or_else(|| Self::Matrix(Factor::new(robot)), Self::Tree)
-    }
 }

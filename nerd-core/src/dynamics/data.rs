@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::aba::Inverse;
+use super::tree::Inverse;
 use crate::robot::Robot;
 use crate::spatial::{Motion, SpatialInertia, Wrench};
 

@@ -19,6 +19,7 @@ mod kinematics;
 mod ltl;
 mod queries;
 mod rnea;
+mod sweeps;
 mod totals;
 mod tree;
 

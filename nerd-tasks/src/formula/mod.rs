@@ -4,8 +4,8 @@
 
 mod formulas;
 mod number;
-mod program;
 mod sight;
+mod task;
 mod text;
 
 pub use formulas::Formulas;

@@ -1,0 +1,73 @@
+//! Every type of [`Formulas`] is a [`Task`], and a program for a graphics card.
+
+use std::fmt::Write;
+
+use nerd_sim::articulated::device::episode;
+use nerd_sim::system::System;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::Formulas;
+use super::sight::Direct;
+use super::text::written;
+use crate::{About, Task, View, Work};
+
+impl<F: Formulas> Task for F {
+    fn about(&self) -> About {
+        Formulas::about(self)
+    }
+
+    fn goal_dim(&self) -> usize {
+        self.goal().len()
+    }
+
+    fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
+        out.iter_mut().zip(self.goal()).for_each(|(x, [low, high])| *x = low + (high - low) * rng.random::<f64>());
+    }
+
+    fn observe(&self, view: View, work: &mut Work, out: &mut [f64]) {
+        Formulas::observe(self, &mut Direct::new(view, work), out);
+    }
+
+    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
+        let mut within = std::mem::take(&mut work.numbers);
+        within.clear();
+        within.extend(action.iter().map(|a| a.clamp(-1.0, 1.0)));
+        Formulas::act(self, &mut Direct::new(view, work), &within, torques);
+        work.numbers = within;
+    }
+
+    fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64 {
+        Formulas::reward(self, &mut Direct::new(view, work), torques)
+    }
+
+    fn terminated(&self, view: View, work: &mut Work) -> bool {
+        self.over(&mut Direct::new(view, work)) != 0.0
+    }
+
+    fn kernels(&self, system: &System, colliders: usize) -> Result<String, String> {
+        program(self, system, colliders)
+    }
+}
+
+/// What surrounds a solver in an episode, for scenes of at most so many colliders: the kernels `task_act` and `task_judge`. The text is plain
+/// C++, too, so that a test runs it where there is no card.
+///
+/// # Errors
+/// What of the robot's starts has no kernel; a formula that speaks of what there is not.
+fn program(task: &impl Formulas, system: &System, colliders: usize) -> Result<String, String> {
+    let (about, mut text) = (Formulas::about(task), episode(system, colliders)?);
+    let sizes =
+        [("SEEN", about.observation), ("ACTIONS", about.action), ("GOALS", task.goal().len()), ("STEP_FRAMES", about.frames as usize)];
+    for (name, n) in sizes {
+        let _ = writeln!(text, "#define {name} {n}");
+    }
+    let _ = writeln!(text, "#define LENGTH {}ull", about.steps * about.frames);
+    // None may be empty.
+    let ends: Vec<String> = task.goal().iter().flatten().chain(&[0.0]).map(|x| format!("{x:e}")).collect();
+    let _ = writeln!(text, "TABLE double ASKED[] = {{{}}};", ends.join(", "));
+    text.push_str(include_str!("sight.cuh"));
+    text.push_str(&written(task, system)?);
+    text.push_str(include_str!("task.cuh"));
+    Ok(text)
+}
