@@ -17,12 +17,12 @@ pub mod stability;
 
 use std::path::Path;
 
+use anyhow::{Result, bail};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::report::artifact::{Artifact, may_write};
 use crate::report::{Figure, Inputs, Provenance, Table};
-use anyhow::{Result, bail};
 
 pub use registry::{Entry, REGISTRY};
 

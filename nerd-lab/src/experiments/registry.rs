@@ -1,9 +1,9 @@
 //! The experiments that `cargo xtask measure NAME --set KEY=VALUE` makes.
 
+use anyhow::{Result, bail};
 use nerd_train::settings::{Given, Key, Settings};
 
 use super::Experiment;
-use anyhow::{Result, bail};
 
 #[derive(Debug)]
 pub struct Entry {

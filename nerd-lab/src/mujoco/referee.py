@@ -1,4 +1,4 @@
-"""Steps a model with MuJoCo for `nerd_sim::mjcf::Referee`.
+"""Steps a model with MuJoCo for `nerd_lab::mujoco::Referee`.
 
 JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames`, `starts` as [qpos, qvel] and, where robots differ,
 their `numbers`: `masses` by body and the `friction` of the first plane; the answer is MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`, whether

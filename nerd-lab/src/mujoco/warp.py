@@ -1,4 +1,4 @@
-"""Steps a model with MuJoCo Warp, on a GPU, for `nerd_sim::mjcf::Referee`.
+"""Steps a model with MuJoCo Warp, on a GPU, for `nerd_lab::mujoco::Referee`.
 
 As referee.py, but that starts are worlds side by side, all of one robot. A timed run steps so many `worlds`, which take the starts in turn; with
 room for contacts twice that of the fullest start, and its seconds are those of all of them. One step is one captured graph.

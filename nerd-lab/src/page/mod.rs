@@ -8,10 +8,10 @@ mod sections;
 
 use std::path::Path;
 
+use anyhow::Result;
 use nerd_train::progress::Bar;
 
 use crate::report::{Manifest, write};
-use anyhow::Result;
 use motions::Cause;
 use nerd_train::replay::{self, Replay};
 

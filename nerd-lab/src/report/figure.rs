@@ -3,12 +3,12 @@
 use std::ops::Range;
 use std::path::Path;
 
+use anyhow::{Result, bail};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
 use super::write;
-use anyhow::{Result, bail};
 
 /// Height of a line of the legend, and of the title (px).
 const ROW: u32 = 22;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 
 use super::artifact::{Artifact, file};
-use anyhow::{Result, bail};
 
 use crate::error;
 

@@ -10,12 +10,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use anyhow::{Result, bail};
 use serde_json::Value;
 
 use super::artifact::Artifact;
 use super::below;
 use super::table::{digits, pair};
-use anyhow::{Result, bail};
 
 use crate::error;
 

@@ -1,4 +1,4 @@
-"""Holds a robot's dynamics against Pinocchio's for `nerd_sim::survey::Pinocchio`.
+"""Compares a robot's dynamics with Pinocchio's for `nerd_lab::survey`.
 
 In: a JSON line with `urdf` (a path), `floating`, `joints` as [name, coordinate, ratio, offset], `frames` (names), `states` (how many),
 `coordinates` (joints that move by themselves), or an empty line at the end. Then for each state, as little-endian f64, what
