@@ -12,7 +12,6 @@ pub fn begun(system: &Arc<System>, scene: &Arc<Scene>, n: usize, law: Start, see
     batch
 }
 
-/// No torques.
 pub fn idle(batch: &Batch) -> Vec<f64> {
     vec![0.0; batch.len() * batch.system.robot.joint_count()]
 }

@@ -13,14 +13,12 @@ use super::text::{Dictionary, dice};
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     Urdf,
-    /// A specification.
     Toml,
     Csv,
     Model,
     Line,
 }
 
-/// Good command lines, each behind its kind.
 const LINES: &str = include_str!("../../assets/campaign/lines.txt");
 
 /// Robots, the small ones more often: a case of theirs takes less time.
@@ -38,7 +36,6 @@ impl Kind {
         ["urdf", "toml", "csv", "model", "line"][self as usize]
     }
 
-    /// What it stumbles over.
     fn words(self) -> Dictionary {
         match self {
             Self::Urdf => Dictionary::new(include_str!("../../assets/campaign/urdf.txt"), false),

@@ -20,7 +20,6 @@ pub fn scratch() -> Result<TempDir> {
     Ok(if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }?)
 }
 
-/// Writes files below a folder.
 pub fn write(folder: &Path, files: &Files) -> Result<()> {
     for (name, bytes) in files {
         let path = folder.join(name);

@@ -24,7 +24,6 @@ impl Case {
         self.files.iter().filter(|(name, _)| named(name)).map(|(name, bytes)| (name.clone(), bytes.clone())).collect()
     }
 
-    /// What stands behind an option.
     pub fn value(&self, option: &str) -> Option<&str> {
         self.line.split(' ').skip_while(|word| *word != option).nth(1)
     }

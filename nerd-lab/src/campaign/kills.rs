@@ -29,10 +29,8 @@ const JOBS: [(&str, &[&str]); 4] = [
 /// Kills of one run before it may end.
 const STABS: u64 = 3;
 
-/// What is counted of a command.
 pub const KILLS: [&str; 4] = ["kills", "inside a write", "half-written", "other after"];
 
-/// By command, what became of its killed runs.
 pub type Counts = BTreeMap<String, [u64; KILLS.len()]>;
 
 /// Kills so many runs in all; what was wrong goes to `faults`.

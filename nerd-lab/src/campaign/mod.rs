@@ -46,7 +46,6 @@ settings! {
 pub struct Found {
     /// By kind of input, what became of them.
     pub cases: BTreeMap<String, [u64; Outcome::NAMES.len()]>,
-    /// By command, what became of killed runs.
     pub kills: kills::Counts,
     /// Every fault in words; those of cases by number.
     pub faults: Vec<String>,

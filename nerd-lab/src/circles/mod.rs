@@ -95,7 +95,6 @@ fn circles(graph: &Graph) -> BTreeSet<Vec<String>> {
     all
 }
 
-/// The shortest way from a name back to it.
 fn shortest(graph: &Graph, start: &String) -> Option<Vec<String>> {
     let (mut before, mut open) = (BTreeMap::<&String, &String>::new(), VecDeque::from([start]));
     while let Some(name) = open.pop_front() {

@@ -5,7 +5,6 @@ use syn::visit::{self, Visit};
 
 use super::modules::{Module, Used};
 
-/// Collects paths into a module.
 pub struct Paths<'a> {
     module: &'a mut Module,
 }

@@ -68,7 +68,6 @@ impl Round {
     }
 }
 
-/// What a file holds, if it is there.
 fn get<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     path.exists().then(|| read_json(path)).transpose()
 }

@@ -56,7 +56,6 @@ pub(super) struct Plan {
     pub config: CoTrainConfig,
     pub out: PathBuf,
     pub truth: Truth,
-    /// Folder of the first model.
     pub model: PathBuf,
     /// A training on, but for what it starts from and who acts in its data.
     pub onward: RunConfig,

@@ -93,7 +93,6 @@ impl Experiment for Judges {
     }
 }
 
-/// MuJoCo, run by this Python.
 pub fn mujoco(python: PathBuf) -> Arena {
     let make = move |system: &Arc<System>, scene: &Arc<Scene>| -> Result<Box<dyn Solver>, Error> {
         let solver = crate::mujoco::Mujoco::new(&python, system, scene).map_err(|e| Error::Refused(format!("--mujoco: {e}")))?;

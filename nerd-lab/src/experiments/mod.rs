@@ -34,11 +34,9 @@ pub struct About {
     pub seed: u64,
     /// What a better measurement has more of: rollouts times frames, games, updates.
     pub effort: f64,
-    /// What it depends on, as that is now.
     pub inputs: Inputs,
 }
 
-/// Something to measure.
 pub trait Experiment {
     fn about(&self) -> Result<About>;
 
@@ -51,7 +49,6 @@ pub struct Measured {
     /// By name, as the result's file has it.
     pub data: Map<String, Value>,
     pub tables: Vec<Table>,
-    /// Pictures, each with the name of its file.
     pub figures: Vec<(String, Figure)>,
 }
 
@@ -63,7 +60,6 @@ impl Measured {
         }
     }
 
-    /// With a picture in a file `NAME.svg`.
     #[must_use]
     pub fn with(mut self, name: impl Into<String>, figure: Figure) -> Self {
         self.figures.push((name.into(), figure));

@@ -137,7 +137,6 @@ impl Counts {
         (0..n).map(look).collect()
     }
 
-    /// Counts that are not a column's.
     fn take(&mut self, system: &System, recording: &Recording, kept: &[bool]) {
         let (f, robot) = (recording.frames, &system.robot);
         let (d, points) = (robot.state_dim(), robot.contact_points.len());

@@ -33,7 +33,6 @@ pub struct Played {
     pub lost: usize,
 }
 
-/// The script's first input.
 #[derive(Serialize)]
 struct Request {
     mjcf: String,

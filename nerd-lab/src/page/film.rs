@@ -24,7 +24,6 @@ const RATE: u32 = 15;
 const SHEET: u32 = 4;
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 
-/// Writes replays as a GIF of so many seconds.
 pub fn gif(replays: &[Replay], seconds: u32, path: &Path) -> Result<()> {
     let (pictures, rows) = (seconds * RATE, (replays.len() as u32).div_ceil(CELLS));
     let (wide, high) = (2 * TILE.0 * CELLS, (TILE.1 + LINE) * rows);

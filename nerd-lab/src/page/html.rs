@@ -28,7 +28,6 @@ pub fn table(table: &Table) -> String {
     format!("<div class=wide><table class=sorts><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>{note}")
 }
 
-/// Where a figure comes from.
 pub fn from(name: &str, provenance: &Provenance) -> String {
     format!("<p class=from>results/{}: {}</p>", escape(name), escape(&provenance.to_string().replace('`', "")))
 }

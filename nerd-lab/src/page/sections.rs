@@ -11,7 +11,6 @@ use crate::experiments::stability::StabilityMap;
 use crate::report::manifest::{Entry, Manifest};
 use crate::report::{Artifact, digits, or_dash};
 
-/// What the paper reports, beside ours.
 pub fn scorecard(results: &Path) -> Section {
     Section::new(
         "Scorecard",
@@ -21,7 +20,6 @@ pub fn scorecard(results: &Path) -> Section {
     )
 }
 
-/// Each robot, and how its error grows.
 pub fn robots(results: &Path, names: &[&str], replays: &[Replay]) -> Section {
     let passive = Artifact::read(results, "passive").and_then(|found| found.parse::<Rows>());
     let one = |(name, replay): (&&str, &Replay)| {

@@ -13,7 +13,6 @@ use super::{Inputs, Provenance, Table, read_json, write, write_json};
 /// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Artifact {
-    /// Commit, command, seed, machine, date.
     pub provenance: Provenance,
     #[serde(default)]
     pub inputs: Inputs,

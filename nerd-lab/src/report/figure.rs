@@ -134,12 +134,10 @@ impl Series {
 
 /// One solver at one setting in a picture of speed against accuracy.
 pub struct Mark<'a> {
-    /// Name in the legend.
     pub series: &'a str,
     /// Cost and error.
     pub at: (f64, f64),
     pub word: String,
-    /// Whether none beats it in both.
     pub front: bool,
 }
 

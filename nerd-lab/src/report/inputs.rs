@@ -97,7 +97,6 @@ impl Input {
     }
 }
 
-/// All that a result was measured on, each once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Inputs(pub Vec<Input>);

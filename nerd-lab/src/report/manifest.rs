@@ -19,7 +19,6 @@ pub struct Manifest {
 #[serde(deny_unknown_fields)]
 pub struct Entry {
     pub name: String,
-    /// What it shows, in one line.
     pub about: String,
     /// What makes it, behind `cargo xtask`.
     pub command: String,
@@ -31,7 +30,6 @@ pub struct Entry {
     pub record: bool,
 }
 
-/// Whether a result holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Status {
     /// It was measured by its command on what is here now.

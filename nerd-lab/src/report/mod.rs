@@ -29,7 +29,6 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     nerd_sim::files::write(path, bytes).map_err(error::file(path))
 }
 
-/// Writes what serialises as a JSON file.
 pub fn write_json(path: &Path, what: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(what).map_err(error::format(path))?;
     write(path, (text + "\n").as_bytes())

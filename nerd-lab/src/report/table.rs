@@ -37,7 +37,6 @@ impl Table {
         markdown(&header, &self.rows) + &note
     }
 
-    /// As a list of objects, a row each.
     pub fn json(&self) -> serde_json::Value {
         let object = |row: &Vec<String>| self.header.iter().cloned().zip(row.iter().map(|c| c.clone().into())).collect();
         serde_json::Value::Array(self.rows.iter().map(|row| serde_json::Value::Object(object(row))).collect())

@@ -27,7 +27,6 @@ const THEIRS: [(bool, &str); 2] = [(false, "MuJoCo"), (true, "MuJoCo, default fr
 const SHAKEN: f64 = 0.3;
 const HIGH: f64 = 0.02;
 
-/// States of all robots by frame.
 type Frames = Vec<Vec<f64>>;
 
 struct Pace {
@@ -117,7 +116,6 @@ fn crowd(found: &Found, python: &Path, n: usize, seed: u64) -> Result<Table> {
     Ok(Table::new(&format!("crowd of {}", found.name), &header).with(paces.iter().map(row)).noted(&note))
 }
 
-/// The first environments of a batch.
 fn first(all: &Batch, n: usize) -> Batch {
     let (d, joints) = (all.system.robot.state_dim(), all.system.robot.joint_count());
     let mut few = all.clone();

@@ -140,7 +140,6 @@ fn row(robot: &Surveyed) -> Vec<String> {
     [robot.name.clone()].into_iter().chain(sizes).chain([found(&robot.fixed), floating]).collect()
 }
 
-/// What came of each file, under a bar.
 fn each<T>(files: &[Found], mut of: impl FnMut(&Found) -> T) -> Vec<T> {
     let bar = bar("robots", files.len() as u64);
     let one = |(k, file)| {

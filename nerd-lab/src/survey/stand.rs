@@ -45,7 +45,6 @@ pub struct Limp {
     pub deepest: f64,
 }
 
-/// A robot at the start of the standing test.
 pub(super) struct Ready {
     pub system: Arc<System>,
     /// At rest, its lowest contact point on the plane.
@@ -54,7 +53,6 @@ pub(super) struct Ready {
     pub drives: Vec<Drive>,
 }
 
-/// Reads a robot and puts it on its feet.
 pub(super) fn ready(found: &Found) -> Result<Ready> {
     let system = System::bare_at(&found.name, &text(&found.path).map_err(Error::msg)?, true, Some(&found.path));
     let system = Arc::new(system.map_err(|e| Error::msg(reason(&e, &found.name)))?);

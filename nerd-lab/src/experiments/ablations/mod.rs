@@ -59,7 +59,6 @@ fn frames(robot: &str) -> usize {
     if robot == "ant" { 20 } else { 100 }
 }
 
-/// The scene of a robot's rollouts.
 fn first_scene(system: &System) -> &str {
     system.usual_scenes().first().copied().unwrap_or("free")
 }

@@ -30,7 +30,6 @@ pub(super) struct Row {
     /// SHA-256 of the data by seed.
     pub data: Vec<String>,
     pub measured: Vec<Measurement>,
-    /// The paper's error divided by NeRD's.
     pub paper: Option<f64>,
 }
 
@@ -56,7 +55,6 @@ impl Row {
         })
     }
 
-    /// Means over seeds, by quantity.
     fn mean(&self, of: Errors) -> Option<Vec<f64>> {
         let all: Vec<&[f64]> = self.measured.iter().map(of).collect::<Option<_>>()?;
         Some((0..all.first()?.len()).map(|k| all.iter().map(|e| e[k]).sum::<f64>() / all.len() as f64).collect())

@@ -46,7 +46,6 @@ pub(super) struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// Starts, each after a fall.
     pub fn new(robot: &str, scene: &str, asked: &'a Benchmark) -> Result<Self> {
         let system = System::named(robot)?;
         let batch = begun(&system, &system.scene(scene)?, asked.rollouts, Start::Sample, asked.seed);
@@ -116,7 +115,6 @@ impl<'a> Course<'a> {
         Ok((warp.version.clone(), paces))
     }
 
-    /// So many environments, from the starts in turn.
     fn crowd(&self, n: usize) -> Batch {
         let mut crowd = Batch::new(&self.system, &self.batch.scenes[0], n);
         let d = self.system.robot.state_dim();

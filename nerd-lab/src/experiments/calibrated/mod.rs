@@ -81,7 +81,6 @@ impl Calibration {
         }
     }
 
-    /// A solver's parameters, and what they are of.
     fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
         let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
         let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());

@@ -52,7 +52,6 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     Ok((data, truth))
 }
 
-/// The frames of a truth of another engine.
 fn recorded(plan: &Plan, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {
     let mut truth = Recorder::new(truth);
     passive(&plan.system, &plan.scene, &mut truth, &mut Replay::new(idle), plan.protocol, &mut |_| ())?;

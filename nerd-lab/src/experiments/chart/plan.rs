@@ -26,7 +26,6 @@ settings! {
     }
 }
 
-/// All that a chart's settings name, found.
 pub(super) struct Plan {
     pub system: Arc<System>,
     pub scene: Arc<Scene>,
@@ -92,7 +91,6 @@ fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<Setting> {
 }
 
 impl Method {
-    /// One of a robot of this truth.
     fn new(setting: Setting, truth: Truth) -> Result<Self> {
         let Setting::Neural(folder) = &setting else {
             let whose = if setting == truth.into() { " (NeRD's truth)" } else { "" };

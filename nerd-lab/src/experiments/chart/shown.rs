@@ -38,7 +38,6 @@ pub(super) struct Point {
     by_coordinate: Vec<f64>,
     /// Rollouts that left.
     diverged: usize,
-    /// Whether no other point beats it in both.
     front: bool,
     /// Whether its error is against a reference of its own, so that it competes with no other series.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -93,7 +93,6 @@ impl Motions {
         self.environments.unwrap_or(CROWD).max(self.starts)
     }
 
-    /// Refuses what does not fit together.
     fn fits(&self) -> Result<()> {
         match self.device {
             Device::Cpu if self.environments.is_some() => bail!("--environments means nothing without --device cuda"),

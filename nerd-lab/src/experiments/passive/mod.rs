@@ -38,7 +38,6 @@ settings! {
     }
 }
 
-/// One solver of one robot in some of its scenes.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub robot: String,

@@ -14,7 +14,6 @@ pub struct Row {
     pub robot: String,
     /// Solver, of a learned one form and size.
     pub method: String,
-    /// Folder of a learned one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
     pub scene: String,
@@ -124,7 +123,6 @@ impl Row {
         System::named(&self.robot).map_or_else(|_| figures.to_vec(), |system| summary(&system, figures))
     }
 
-    /// Errors, each with its standard error.
     fn bounded(&self) -> String {
         let (error, spread) = (self.summary(&self.report.error), self.summary(&self.report.standard_error));
         let two = |s: f64| format!("{s:.*}", (1 - s.log10().floor().max(-9.0) as i32).max(0) as usize);

@@ -119,7 +119,6 @@ impl Fault {
         Self::NAMES[self as usize]
     }
 
-    /// A method whose solver is broken.
     pub fn of(self, method: Method) -> Method {
         method.around(move |solver| {
             Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
@@ -146,11 +145,9 @@ struct Broken {
     solver: Box<dyn Solver>,
     fault: Fault,
     frame: u64,
-    /// States before the frame.
     before: Vec<f64>,
     /// Scenes met, and what the fault makes of them.
     scenes: Vec<[Arc<Scene>; 2]>,
-    /// What the motors give.
     torques: Vec<f64>,
 }
 
