@@ -150,7 +150,7 @@ impl CudaChainLearner {
         net.fold(w)?;
         for k in 0..frames {
             self.along("unroll_look", &[chains, Int(k), tokens])?;
-            net.predict(w, n, None)?;
+            net.predict(w, n)?;
             self.along("unroll_advance", &[chains, Int(k), outputs])?;
         }
         self.along("unroll_end", &[chains, Int(frames), Ptr(self.nears.ptr)])?;
@@ -158,7 +158,7 @@ impl CudaChainLearner {
             let later = frames - 1 - k;
             let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, touches];
             self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &rest].concat())?;
-            net.windows(w, n)?;
+            net.forward(w, n)?;
             self.each("unroll_said", &[chains, Int(k), outputs, upstream, Ptr(net.slope())])?;
             net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
             self.along("unroll_back", &[chains, Int(k), outputs, touches, Ptr(self.by_tokens.ptr), upstream])?;

@@ -55,10 +55,10 @@ impl Attention {
     }
 
     /// Cosine and sine of each pair at each place, `[places][d / 2][2]`; nothing where nothing is turned.
-    pub fn turns(&self, frequencies: &[f64]) -> Vec<[f32; 2]> {
+    pub fn rotations(&self, frequencies: &[f64]) -> Vec<[f32; 2]> {
         let places = if self.rotary { self.tokens.max(self.seen) } else { 0 };
-        let turn = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
-        (0..places).flat_map(turn).map(|(sin, cos)| [cos as f32, sin as f32]).collect()
+        let rotation = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
+        (0..places).flat_map(rotation).map(|(sin, cos)| [cos as f32, sin as f32]).collect()
     }
 
     /// Floats of an environment's keys and values.
@@ -66,20 +66,20 @@ impl Attention {
         self.seen * 2 * self.width
     }
 
-    pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, turns: u64) -> Result<(), DeviceError> {
+    pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
-        d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(turns)])
+        d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(rotations)])
     }
 
     /// The gradient of `qkv` from that of mixed values.
-    pub fn backward(&self, d: &Device, windows: usize, qkv: u64, slope: u64, out: u64, turns: u64) -> Result<(), DeviceError> {
+    pub fn backward(&self, d: &Device, windows: usize, qkv: u64, slope: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
-        d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(slope), Ptr(out), Ptr(turns)])
+        d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(slope), Ptr(out), Ptr(rotations)])
     }
 
     /// Mixed values of a token of each of `rows` environments, by their rings of keys and values.
-    pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, turns]: [u64; 5]) -> Result<(), DeviceError> {
-        let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(turns), Int(rows)];
+    pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, rotations]: [u64; 5]) -> Result<(), DeviceError> {
+        let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(rotations), Int(rows)];
         d.launch("attention_stream", ((rows * self.heads).div_ceil(8), 1), (256, 1), 0, &args)
     }
 

@@ -12,7 +12,8 @@ use nerd_cuda::{DeviceError, Lane, Op as Operand};
 use nerd_model::program::{Op, Slot, Step};
 
 use super::attention::Attention;
-use super::network::{Back, Network, Size, kernels};
+use super::network::{BackwardMemory, Network};
+use super::passes::{Size, activation_kernels};
 use super::plan::Part;
 
 /// Buffers of one length that are enough for both streams to go on.
@@ -35,7 +36,7 @@ struct Gradient {
 
 struct Walk<'a> {
     net: &'a Network,
-    back: &'a Back,
+    back: &'a BackwardMemory,
     rows: usize,
     slopes: Vec<Option<Slope>>,
     free: VecDeque<usize>,
@@ -51,7 +52,7 @@ impl Network {
         if let Some(Part::Head { from, .. }) = self.plan.parts.last() { self.at(*from) } else { self.targets.ptr }
     }
 
-    /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::windows`] of so many rows; that by tokens
+    /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::forward`] of so many rows; that by tokens
     /// `[rows][T][inputs]` too, if it is to go somewhere. What no step reads keeps the gradient that it has.
     pub fn backward(&self, w: u64, g: u64, rows: usize, by_tokens: Option<u64>) -> Result<(), DeviceError> {
         let Some(back) = &self.back else { return Err(DeviceError("the network was built without a way back".into())) };
@@ -81,7 +82,7 @@ impl Walk<'_> {
         let n = self.rows * plan.tokens;
         match plan.parts[i] {
             Part::Linear { from, to, weight, folded, add } => {
-                let (dy, size) = (self.slope(to)?, (n, plan.program.width(from), plan.width(to)));
+                let (dy, size) = (self.slope(to)?, Size { rows: n, inner: plan.program.width(from), columns: plan.width(to) });
                 self.gradient(Gradient { x: (net.at(from), plan.width(from)), dy, to: net.tensor(g, weight), size });
                 if !add {
                     self.give()?;
@@ -103,9 +104,9 @@ impl Walk<'_> {
                 }
                 Ok(())
             }
-            Part::Shift { at, bias, table, .. } => {
-                let place = |weight| net.tensor(g, weight);
-                net.sum_rows(self.slope(at)?.at, (self.rows, plan.width(at)), bias.map(place), table.map(place))
+            Part::Shift { slot, bias, positions, .. } => {
+                let gradient = |weight| net.tensor(g, weight);
+                net.sum_rows(self.slope(slot)?.at, self.rows, plan.width(slot), bias.map(gradient), positions.map(gradient))
             }
             Part::Step(step) => self.step(i, step, w, g),
             // Its gradients come with the loss.
@@ -120,40 +121,42 @@ impl Walk<'_> {
         if let Op::Activate(f) = op {
             let quads = (n * width).div_ceil(4);
             let bias = match i.checked_sub(1).map(|before| plan.parts[before]) {
-                Some(Part::Shift { bias: Some(bias), joined: true, .. }) => net.tensor(w, bias),
+                Some(Part::Shift { bias: Some(bias), fused: true, .. }) => net.tensor(w, bias),
                 _ => 0,
             };
             // Its upstream gradient is not read.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
-            return net.each(kernels(f)[1], quads, &[Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)]);
+            let args = [Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)];
+            return net.launch_each(activation_kernels(f)[1], quads, &args);
         }
         let before = self.slopes[from.0];
         let dx = self.take(from)?;
         match op {
             Op::Norm => {
                 let earlier = before.map_or(0, |slope| slope.at);
-                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.asides[i][0].ptr), Ptr(earlier), Ptr(dx.at), Int(n)];
+                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.saved[i][0].ptr), Ptr(earlier), Ptr(dx.at), Int(n)];
                 d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
             Op::Attend { .. } => {
-                let back = |a: Attention| a.backward(d, self.rows, net.at(from), dy.at, dx.at, net.turns.ptr);
+                let back = |a: Attention| a.backward(d, self.rows, net.at(from), dy.at, dx.at, net.rotations.ptr);
                 plan.attention.map_or(Ok(()), back)?;
             }
             Op::Neighbours(apart) => {
                 let args = [Ptr(dy.at), Ptr(dx.at), Int(width), Int(apart), Long((n * width) as u64)];
-                net.each("neighbours_backward", n * width, &args)?;
+                net.launch_each("neighbours_backward", n * width, &args)?;
             }
             Op::Cell { weight, bias, lstm } => {
                 let e = plan.width(to);
                 let dv = if lstm { dx } else { self.fresh(n * width)? };
                 let [dh, dc] = [self.fresh(self.rows * e)?, self.fresh(self.rows * e)?];
                 let slopes = [dy, dx, dv, dh, dc].map(|slope| slope.at);
-                net.cell_back(&net.asides[i], (self.rows, e, lstm), net.tensor(w, weight), slopes)?;
-                self.gradient(Gradient { x: (net.asides[i][0].ptr, e), dy: dv, to: net.tensor(g, weight), size: (n, e, width) });
+                net.cell_back(&net.saved[i], (self.rows, e, lstm), net.tensor(w, weight), slopes)?;
+                let size = Size { rows: n, inner: e, columns: width };
+                self.gradient(Gradient { x: (net.saved[i][0].ptr, e), dy: dv, to: net.tensor(g, weight), size });
                 self.give()?;
-                net.sum_rows(dv.at, (self.rows, width), Some(net.tensor(g, bias)), None)?;
+                net.sum_rows(dv.at, self.rows, width, Some(net.tensor(g, bias)), None)?;
                 self.free.extend([dh, dc].iter().chain((!lstm).then_some(&dv)).filter_map(|slope| slope.buffer));
             }
             Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
@@ -173,8 +176,9 @@ impl Walk<'_> {
         let d = &self.net.device;
         d.mark(Lane::Main, &self.back.fork)?;
         d.after(Lane::Side, &self.back.fork)?;
-        for Gradient { x: (x, ld), dy, to, size: (n, i, o) } in self.waiting.drain(..) {
-            d.product(Lane::Side, (Operand::Plain, Operand::Transposed), (o, i, n), (dy.at, o), (x, ld), 0.0, (to, o))?;
+        for Gradient { x: (x, ld), dy, to, size } in self.waiting.drain(..) {
+            let (Size { rows, inner, columns }, ops) = (size, (Operand::Plain, Operand::Transposed));
+            d.product(Lane::Side, ops, (columns, inner, rows), (dy.at, columns), (x, ld), 0.0, (to, columns))?;
             if let Some(buffer) = dy.buffer {
                 d.mark(Lane::Side, &self.back.buffers.borrow()[buffer].1)?;
             }
@@ -183,8 +187,9 @@ impl Walk<'_> {
     }
 
     /// `dx = dy W^T + beta dx`.
-    fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, (n, i, o): Size, beta: f32) -> Result<(), DeviceError> {
-        self.net.device.product(Lane::Main, (Operand::Transposed, Operand::Plain), (i, n, o), (w, o), (dy.at, o), beta, (dx.at, i))
+    fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, size: Size, beta: f32) -> Result<(), DeviceError> {
+        let (Size { rows, inner, columns }, ops) = (size, (Operand::Transposed, Operand::Plain));
+        self.net.device.product(Lane::Main, ops, (inner, rows, columns), (w, columns), (dy.at, columns), beta, (dx.at, inner))
     }
 
     /// The gradient of a slot whose readers are all done.

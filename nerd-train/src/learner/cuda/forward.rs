@@ -32,7 +32,7 @@ impl CudaForward {
         if plan.program.steps.iter().any(|step| matches!(step.op, Op::Attend { band: Some(_), .. })) {
             return Err(LearnError::Mismatch("rotary positions are evaluated token by token, by CudaStream".into()));
         }
-        let (network, weights) = Network::with(plan, &weights.flat, max_windows, precision, false)?;
+        let (network, weights) = Network::with_weights(plan, &weights.flat, max_windows, precision, false)?;
         Ok(Self { passes: Replay::keeping(SIZES), last: network.device.zeros(max_windows)?, network, weights })
     }
 
@@ -56,7 +56,7 @@ impl CudaForward {
         rows.resize(most, 0);
         net.device.write(&self.last, &rows)?;
         let size = windows.next_multiple_of(most.div_ceil(SIZES)).min(most);
-        self.passes.run(&net.device, "forward pass", size, || net.predict(w, size, Some(at)))?;
+        self.passes.run(&net.device, "forward pass", size, || net.predict_one(w, size, at))?;
         Ok(net.device.read(net.predictions(), out)?)
     }
 }

@@ -25,7 +25,7 @@ impl CudaProgram {
     pub fn new(program: Program, flat: &[f32], precision: Precision, windows: usize, tokens: usize) -> Result<Self, LearnError> {
         let plan = Plan::new(program, tokens, false)?;
         let by_tokens = windows * tokens * plan.inputs();
-        let (network, weights) = Network::with(plan, flat, windows, precision, true)?;
+        let (network, weights) = Network::with_weights(plan, flat, windows, precision, true)?;
         let d = &network.device;
         Ok(Self { gradients: d.zeros(flat.len())?, by_tokens: d.zeros(by_tokens)?, weights, network })
     }
@@ -35,12 +35,12 @@ impl CudaProgram {
     /// # Errors
     /// [`LearnError::Mismatch`] if there are more or fewer tokens, [`LearnError::Device`] if the device fails.
     pub fn forward(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
-        self.pass(tokens, |net, w| net.windows(w, net.rows))
+        self.pass(tokens, |net, w| net.forward(w, net.rows))
     }
 
     /// The same without a way back: small programs whose tokens meet their neighbours have one kernel for it.
     pub fn predict(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
-        self.pass(tokens, |net, w| net.predict(w, net.rows, None))
+        self.pass(tokens, |net, w| net.predict(w, net.rows))
     }
 
     fn pass(&mut self, tokens: &[f32], pass: impl Fn(&Network, u64) -> Result<(), DeviceError>) -> Result<Vec<f32>, LearnError> {

@@ -93,7 +93,7 @@ impl Motion for Frames {
         let (engine, wide) = match &self.chain {
             Some((chain, scale)) => {
                 let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
-                let (mut network, weights) = Network::with(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
+                let (mut network, weights) = Network::with_weights(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
                 let text = chain_program(chain, scale, &batch.system, reach.colliders);
                 network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
                 (Engine::Chain(network, weights), envs * numbers(chain))
@@ -195,7 +195,7 @@ impl Made {
             }
             Engine::Chain(_, weights) => {
                 grid("chain_tell", &seen(tokens))?;
-                network.predict(weights.ptr, *n, None)?;
+                network.predict(weights.ptr, *n)?;
                 let after = [states.ptr, self.before.ptr, predictions].map(Ptr);
                 grid("chain_apply", &[&after[..], &end].concat())
             }

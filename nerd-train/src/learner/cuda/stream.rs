@@ -29,7 +29,7 @@ impl CudaStream {
     /// [`LearnError::Mismatch`] if the network sees windows (positions are a table, cells restart) or the kernels do not cover it,
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
-        let (network, weights) = Network::with(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
+        let (network, weights) = Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
         let (d, plan) = (&network.device, &network.plan);
         let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
         Ok(Self {
@@ -48,7 +48,7 @@ impl CudaStream {
         let attend = |i: usize, qkv: u64, out: u64| {
             let Some(attention) = net.plan.attention else { return Ok(()) };
             let ring = self.rings.at(i * net.rows * attention.ring());
-            attention.stream(&net.device, net.rows, [qkv, ring, self.taken.0.ptr, out, net.turns.ptr])
+            attention.stream(&net.device, net.rows, [qkv, ring, self.taken.0.ptr, out, net.rotations.ptr])
         };
         net.run(self.weights.ptr, 0..net.plan.parts.len(), &net.addresses(), net.rows, &attend)
     }

@@ -112,7 +112,7 @@ impl CudaLearner {
         let LearnerConfig { batch, seed, huber, .. } = self.config;
         self.gather(&self.train, rows, Choice::Drawn { scalars: own.scalars(), seed, first: self.rows.start })?;
         net.fold(w)?;
-        net.windows(w, rows)?;
+        net.forward(w, rows)?;
         net.loss(w, rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
         Ok(net.backward(w, g, rows, None)?)
     }
@@ -162,7 +162,7 @@ impl Learner for CudaLearner {
         for first in (0..count).step_by(net.rows) {
             let rows = net.rows.min(count - first);
             self.gather(&self.validation, rows, Choice::These(numbers.at(first)))?;
-            net.windows(w, rows)?;
+            net.forward(w, rows)?;
             // Every update overwrites the gradients.
             net.loss(w, rows * tokens, rows * tokens, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());

@@ -31,7 +31,7 @@ impl CudaEngine {
         let args = [rows, mean.ptr, inverse.ptr, inputs].map(Ptr);
         let sizes = [Long((count * width) as u64), Int(width), Int(self.net.plan.padded)];
         self.over("normalize", count * width, &[&args[..], &sizes].concat())?;
-        self.net.windows_at(inputs, self.weights.ptr, count)
+        self.net.forward_from(inputs, self.weights.ptr, count)
     }
 
     /// Values of the rows last asked about, to where `which` says.

@@ -17,7 +17,7 @@ impl CudaEngine {
         let entries = rows * net.plan.padded;
         let inputs = [self.steps.inputs.ptr, order, net.at(Slot(0))].map(Ptr);
         self.over("ppo_gather", entries, &[&inputs[..], &[Long(entries as u64), Int(net.plan.padded)]].concat())?;
-        net.windows(w, rows)?;
+        net.forward(w, rows)?;
         let Steps { advantages, goals, values, surprise, actions, means, spreads, .. } = &self.steps;
         let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
         let written = [means.ptr, spreads.ptr, net.slope(), self.spread.ptr, self.terms.ptr];
@@ -26,7 +26,7 @@ impl CudaEngine {
         self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;
         net.backward(w, self.gradient.ptr, rows, None)?;
         if !self.shape.spread_by_state {
-            net.sum_rows(self.spread.ptr, (rows, a), Some(self.gradient.at(self.weights.len - a)), None)?;
+            net.sum_rows(self.spread.ptr, rows, a, Some(self.gradient.at(self.weights.len - a)), None)?;
         }
         let blocks = self.sum(rows.div_ceil(THREADS))?;
         let n = Long(self.weights.len as u64);

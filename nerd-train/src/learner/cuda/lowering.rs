@@ -1,0 +1,182 @@
+//! From the steps of a program to the parts of a [`Plan`]: scales folded into matrices, biases and positions fused into the kernel that reads
+//! them, a last hidden layer fused with its loss. What the kernels do not cover is refused.
+
+use nerd_model::program::{Activation, Op, Program, Slot, Step, Weight};
+
+use super::attention::Attention;
+use super::plan::{Part, Plan};
+use crate::learner::LearnError;
+
+/// Floats of a head that fit into a block's fixed shared memory.
+const HEAD_FLOATS: usize = 12 << 10;
+
+impl Plan {
+    /// Refuses what the kernels do not cover; `head`: whether a last hidden layer may be fused with its loss.
+    pub fn new(program: Program, tokens: usize, head: bool) -> Result<Self, LearnError> {
+        let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
+        let mut plan = Self { tokens, parts: Vec::new(), starts, folds: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
+        // Kernels count entries of the flat vector in 31 bits.
+        if plan.parameters() > i32::MAX as usize / 4 {
+            return Err(LearnError::Mismatch(format!("{} parameters are too many for the CUDA engine", plan.parameters())));
+        }
+        for i in 0..plan.program.steps.len() {
+            plan.check_slots(i)?;
+            plan.add(plan.program.steps[i])?;
+        }
+        plan.fuse_shifts();
+        if head {
+            plan.fuse_head();
+        }
+        if plan.independent_from() == plan.parts.len() {
+            return Err(LearnError::Mismatch("the CUDA engine needs a last operation in which tokens are independent".into()));
+        }
+        Ok(plan)
+    }
+
+    /// Refuses step `i` if it shares a slot with others in a way that the backward pass cannot follow.
+    fn check_slots(&self, i: usize) -> Result<(), LearnError> {
+        let (steps, Step { from, to, op }) = (&self.program.steps, self.program.steps[i]);
+        let linear = matches!(op, Op::Linear { .. });
+        if from == Slot(0) && !linear || to == Slot(0) {
+            return refuse("tokens go through a product first");
+        }
+        // Backward, only norms and products add to a gradient; all other kernels overwrite it.
+        let shares = |other: &&Step| match other.op {
+            Op::Place(_) => false,
+            Op::Linear { add: true, .. } => [other.from, other.to].contains(&from),
+            _ => other.from == from,
+        };
+        if !linear && !matches!(op, Op::Norm | Op::Place(_)) && steps.iter().filter(shares).count() > 1 {
+            return refuse("what several steps read, or add to, is read by norms and products alone");
+        }
+        // The gradient of a matrix needs what the product read.
+        let changes = |later: &Step| later.to == from && matches!(later.op, Op::Linear { add: true, .. } | Op::Place(_));
+        if linear && steps[i + 1..].iter().any(changes) {
+            return refuse("what a later step changes is read by norms alone");
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, step: Step) -> Result<(), LearnError> {
+        let Step { from, to, op } = step;
+        match op {
+            Op::Linear { weight, scale, bias, add } => {
+                let folded = scale.map(|scale| self.fold_scale(weight, scale));
+                self.parts.push(Part::Linear { from, to, weight, folded, add });
+                self.parts.extend(bias.map(|bias| Part::Shift { slot: to, bias: Some(bias), positions: None, fused: false }));
+                return Ok(());
+            }
+            Op::Place(place) => {
+                match self.parts.last_mut() {
+                    Some(Part::Shift { slot, positions: positions @ None, .. }) if *slot == to => *positions = Some(place),
+                    _ => self.parts.push(Part::Shift { slot: to, bias: None, positions: Some(place), fused: false }),
+                }
+                return Ok(());
+            }
+            Op::Norm => {
+                let width = self.program.width(to);
+                if !width.is_multiple_of(2) || ![0, width].contains(&self.norm) {
+                    return refuse("norms have one width, an even one,");
+                }
+                self.norm = width;
+            }
+            Op::Attend { heads, band } => {
+                let attention = Attention::new(self.program.width(to), heads, band, self.tokens)?;
+                if self.attention.is_some_and(|one| one != attention) {
+                    return refuse("attentions have one shape");
+                }
+                self.attention = Some(attention);
+            }
+            Op::Neighbours(_) | Op::Activate(_) | Op::Cell { .. } => {}
+        }
+        self.parts.push(Part::Step(step));
+        Ok(())
+    }
+
+    /// Makes room for a matrix with its scale folded in; the offset of that.
+    fn fold_scale(&mut self, weight: Weight, scale: Weight) -> usize {
+        let shape = &self.program.tensors[weight.0].shape;
+        let (at, rows, columns) = (self.folded, shape[0], shape[1]);
+        let row = |r: usize| [self.starts[weight.0] + r * columns, self.starts[scale.0] + r, at + r * columns, columns];
+        self.folds.extend((0..rows).map(row).map(|entries| entries.map(|x| x as i32)));
+        self.folded += rows * columns;
+        at
+    }
+
+    /// Fuses shifts with the next part: a norm adds a bias and positions, an activation or a cell a bias, if no other step reads the slot.
+    fn fuse_shifts(&mut self) {
+        for i in 1..self.parts.len() {
+            let (next, steps) = (self.parts[i], &self.program.steps);
+            let Part::Shift { slot, positions, fused, .. } = &mut self.parts[i - 1] else { continue };
+            let bias_alone = positions.is_none() && steps.iter().filter(|step| step.from == *slot).count() == 1;
+            *fused = match next {
+                Part::Step(Step { from, op: Op::Norm, .. }) => from == *slot,
+                Part::Step(Step { from, op: Op::Activate(_) | Op::Cell { .. }, .. }) => from == *slot && bias_alone,
+                _ => false,
+            };
+        }
+    }
+
+    /// Makes a last hidden layer with relu and the product after it one part, if it has room.
+    fn fuse_head(&mut self) {
+        let [
+            ..,
+            Part::Linear { .. },
+            Part::Shift { slot: hidden, bias: Some(bias), .. },
+            Part::Step(Step { from, op: Op::Activate(Activation::Relu), .. }),
+            Part::Linear { weight, folded: None, add: false, .. },
+            Part::Shift { slot: to, bias: Some(last), positions: None, .. },
+        ] = self.parts[..]
+        else {
+            return;
+        };
+        // The kernel writes the gradients of these three side by side, and the squared error after them.
+        let in_order = [bias, weight, last].map(|tensor| self.program.tensors.len() - tensor.0) == [3, 2, 1];
+        let (width, outputs) = (self.program.width(hidden), self.program.width(to));
+        if from == hidden && in_order && width * (outputs + 1) + outputs < HEAD_FLOATS {
+            self.parts.truncate(self.parts.len() - 4);
+            self.parts.push(Part::Head { from: hidden, to, bias });
+        }
+    }
+}
+
+fn refuse<T>(what: &str) -> Result<T, LearnError> {
+    Err(LearnError::Mismatch(format!("{what} for the CUDA engine")))
+}
+
+#[cfg(test)]
+mod tests {
+    use nerd_model::program::specimens::TOKENS;
+    use nerd_model::transformer::Init;
+
+    use super::*;
+
+    #[test]
+    fn what_has_no_kernel_is_refused() {
+        let refused = |build: fn(&mut Program, Slot)| {
+            let mut p = Program::new(3);
+            let x = p.linear("first", p.tokens(), 42, [Init::Constant(0.0); 2]);
+            build(&mut p, x);
+            let y = p.predictions();
+            p.linear("last", y, 2, [Init::Constant(0.0); 2]);
+            Plan::new(p, TOKENS, true).err().map(|e| e.to_string())
+        };
+        let all: [fn(&mut Program, Slot); 4] = [
+            // Heads of seven columns; a slot that two steps read which add to no gradient; norms of two widths; a product that
+            // reads what a later step adds to.
+            |p, x| _ = p.then(x, 14, Op::Attend { heads: 2, band: None }),
+            |p, x| _ = [Activation::Gelu, Activation::Relu].map(|f| p.then(x, 42, Op::Activate(f))),
+            |p, x| _ = (p.normed("a", "b", x, 10, Init::Constant(0.0)), p.normed("c", "d", Slot(3), 8, Init::Constant(0.0))),
+            |p, x| {
+                let y = p.linear("other", x, 42, [Init::Constant(0.0); 2]);
+                let z = p.then(y, 42, Op::Activate(Activation::Gelu));
+                p.residual("back", z, x, Init::Constant(0.0));
+            },
+        ];
+        for (i, build) in all.into_iter().enumerate() {
+            let error = refused(build);
+            assert!(error.as_ref().is_some_and(|error| !error.contains('\n')), "{i}: {error:?}");
+        }
+        assert_eq!(refused(|_, _| {}), None);
+    }
+}
