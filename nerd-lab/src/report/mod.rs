@@ -1,6 +1,7 @@
 //! Where figures come from and where they go: provenance, what was measured, tables, pictures, documents.
 
 pub mod artifact;
+mod draw;
 mod figure;
 mod inputs;
 pub mod manifest;

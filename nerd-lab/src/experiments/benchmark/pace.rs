@@ -205,8 +205,8 @@ pub(super) fn table(paces: &[Pace], asked: &Benchmark, warp: Option<&str>) -> Ta
 pub(super) fn figure(paces: &[Pace], of: &str, environments: usize) -> Figure {
     let marks = paces.iter().filter(|p| p.of == of).filter_map(|p| {
         // What has no error to draw, or one of a rollout that left, is in the table.
-        let at = (p.microseconds()?, p.errors[1].filter(|e| *e > 0.0 && *e < 10.0)?);
-        Some(Mark { series: &p.series, at, word: p.label.clone(), front: p.front })
+        let (cost, error) = (p.microseconds()?, p.errors[1].filter(|e| *e > 0.0 && *e < 10.0)?);
+        Some(Mark { series: &p.series, cost, error, label: p.label.clone(), front: p.front })
     });
     let axes = [format!("microseconds a frame and environment, of {environments}"), format!("mean |dq| over {FRAMES} frames (rad or m)")];
     Figure::speed(format!("{of} on a GPU: speed against accuracy (x4: four substeps a frame)"), axes, marks, Vec::new())

@@ -90,7 +90,7 @@ impl ChartData {
     pub fn figure(&self) -> Figure {
         // What knows less than one who repeats the start is in the table; in the picture it would flatten all the others.
         let shown = self.points.iter().filter(|p| p.error < 2.0 * self.hold);
-        let marks = shown.map(|p| Mark { series: &p.series, at: (p.microseconds, p.error), word: p.word(), front: p.front });
+        let marks = shown.map(|p| Mark { series: &p.series, cost: p.microseconds, error: p.error, label: p.word(), front: p.front });
         // A reference far below every solver would only stretch the picture.
         let least = self.points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
         let mut levels = vec![(self.hold, "hold last".to_string())];

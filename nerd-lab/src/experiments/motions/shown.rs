@@ -42,8 +42,8 @@ impl Motions {
 
     pub(super) fn figure(&self, data: &Moved) -> Figure {
         let marks = data.rows.iter().filter(|row| !row.motions.is_empty()).filter_map(|row| {
-            let word = row.substeps.map_or_else(String::new, |n| format!("x{n}"));
-            Some(Mark { series: &row.series, at: (row.microseconds?, mean(&row.motions)), word, front: false })
+            let label = row.substeps.map_or_else(String::new, |n| format!("x{n}"));
+            Some(Mark { series: &row.series, cost: row.microseconds?, error: mean(&row.motions), label, front: false })
         });
         let mut levels: Vec<(f64, String)> = Vec::new();
         for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {

@@ -1,0 +1,159 @@
+//! Draws a [`Figure`] as SVG: a title, the panels in a grid, and one legend for all of them below.
+
+use std::ops::Range;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use plotters::prelude::*;
+
+use super::figure::{Figure, Panel, Style};
+use super::write;
+
+/// Heights of the title and of a line of the legend (px).
+const TITLE: u32 = 34;
+const LEGEND_LINE: u32 = 22;
+const FONT: (&str, i32) = ("sans-serif", 13);
+/// Okabe and Ito's colours, which the colour-blind can tell apart, and two more for an eighth and ninth series.
+const COLOURS: [RGBColor; 9] = [
+    RGBColor(0, 114, 178),
+    RGBColor(230, 159, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(213, 94, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(120, 120, 120),
+    RGBColor(0, 0, 0),
+    RGBColor(120, 60, 20),
+];
+
+const UNNAMED: RGBColor = RGBColor(190, 190, 190);
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
+type Drawn = std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>>;
+
+impl Figure {
+    pub fn save(&self, path: &Path) -> Result<()> {
+        write(path, self.svg()?.as_bytes())
+    }
+
+    pub fn svg(&self) -> Result<String> {
+        let columns = self.columns.clamp(1, self.panels.len().max(1));
+        let rows = self.panels.len().div_ceil(columns);
+        // Of a panel.
+        let (width, height) = if self.panels.len() == 1 { (1000, 560) } else { (1200 / columns as u32, 280) };
+        let (width, height) = (width * columns as u32, height * rows as u32);
+        let names = self.names();
+        let legend = names.len().div_ceil(2) as u32 * LEGEND_LINE + 10;
+        let mut svg = String::new();
+        let area = SVGBackend::with_string(&mut svg, (width, TITLE + height + legend)).into_drawing_area();
+        let draw = || -> Drawn {
+            area.fill(&WHITE)?;
+            let (title, below) = area.split_vertically(TITLE);
+            let (panels, legend) = below.split_vertically(height);
+            title.draw(&Text::new(self.title.clone(), (16, 10), ("sans-serif", 18)))?;
+            for (panel, area) in self.panels.iter().zip(panels.split_evenly((rows, columns))) {
+                panel.draw(&area, &names)?;
+            }
+            draw_legend(&legend, &names, width)?;
+            area.present()
+        };
+        if let Err(error) = draw() {
+            bail!("cannot draw `{}`: {error}", self.title);
+        }
+        drop(area);
+        Ok(svg)
+    }
+}
+
+/// Two columns of names.
+fn draw_legend(area: &Area, names: &[&str], width: u32) -> Drawn {
+    let lines = names.len().div_ceil(2);
+    for (k, name) in names.iter().enumerate() {
+        let (x, y) = (60 + (k / lines) as i32 * (width as i32 / 2 - 30), (k % lines) as i32 * LEGEND_LINE as i32 + 8);
+        area.draw(&Circle::new((x, y), 5, colour(names, name).filled()))?;
+        area.draw(&Text::new(name.to_string(), (x + 14, y - 5), FONT))?;
+    }
+    Ok(())
+}
+
+fn colour(names: &[&str], name: &str) -> RGBColor {
+    names.iter().position(|n| *n == name).map_or(UNNAMED, |k| COLOURS[k % COLOURS.len()])
+}
+
+impl Panel {
+    fn draw(&self, area: &Area, names: &[&str]) -> Drawn {
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let x = self.x.range(points().map(|p| p.x));
+        let y = self.y.range(points().map(|p| p.y).chain(self.levels.iter().map(|l| l.0)));
+        // Each combination has a type of its own.
+        match (self.x.log, self.y.log) {
+            (false, false) => self.draw_on(area, names, x.clone(), y.clone(), [x, y]),
+            (false, true) => self.draw_on(area, names, x.clone(), y.clone().log_scale(), [x, y]),
+            (true, false) => self.draw_on(area, names, x.clone().log_scale(), y.clone(), [x, y]),
+            (true, true) => self.draw_on(area, names, x.clone().log_scale(), y.clone().log_scale(), [x, y]),
+        }
+    }
+
+    /// Axes, levels and series, in the coordinates `across` and `up` with ranges `x` and `y`.
+    fn draw_on<X, Y>(&self, area: &Area, names: &[&str], across: X, up: Y, [x, y]: [Range<f64>; 2]) -> Drawn
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64>,
+        Y::CoordDescType: ValueFormatter<f64>,
+    {
+        let mut builder = ChartBuilder::on(area);
+        builder.margin(10).x_label_area_size(38).y_label_area_size(64);
+        if !self.title.is_empty() {
+            builder.caption(&self.title, ("sans-serif", 14));
+        }
+        let mut chart = builder.build_cartesian_2d(across, up)?;
+        let (tick_x, tick_y) = (|v: &f64| self.x.tick(*v), |v: &f64| self.y.tick(*v));
+        let mut mesh = chart.configure_mesh();
+        mesh.x_desc(&self.x.label).y_desc(&self.y.label).label_style(FONT).x_label_formatter(&tick_x).y_label_formatter(&tick_y);
+        mesh.x_labels(if self.x.names.is_empty() { 8 } else { 2 * self.x.names.len() });
+        mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
+        for (height, name) in &self.levels {
+            let ends = [(x.start, *height), (x.end, *height)];
+            chart.draw_series(DashedLineSeries::new(ends, 6, 5, BLACK.mix(0.5).into()))?;
+            chart.draw_series([EmptyElement::at(ends[0]) + Text::new(name.clone(), (10, -16), FONT.into_font().color(&BLACK.mix(0.7)))])?;
+        }
+        self.draw_series(&mut chart, names, y.start)
+    }
+
+    fn draw_series<X, Y>(&self, chart: &mut Chart<X, Y>, names: &[&str], bottom: f64) -> Drawn
+    where
+        X: Ranged<ValueType = f64>,
+        Y: Ranged<ValueType = f64>,
+    {
+        let bars = self.series.iter().filter(|s| s.style == Style::Bars).count() as f64;
+        let mut bar = 0.0;
+        for series in &self.series {
+            let colour = colour(names, &series.name);
+            let shown = || series.points.iter().filter(|p| self.x.shows(p.x) && self.y.shows(p.y));
+            let points = shown().map(|p| (p.x, p.y));
+            let width = if series.name.is_empty() { 5 } else { 2 };
+            match series.style {
+                Style::Line | Style::Marked => drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?),
+                Style::Dashed => drop(chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?),
+                Style::Bars => {
+                    let left = |x: f64| x - 0.4 + 0.8 * bar / bars;
+                    let rectangle = |(x, y)| Rectangle::new([(left(x), bottom), (left(x) + 0.75 / bars, y)], colour.filled());
+                    chart.draw_series(points.map(rectangle))?;
+                    bar += 1.0;
+                }
+            }
+            if series.style == Style::Marked {
+                for point in shown() {
+                    let label = Text::new(point.label.clone(), (6, -14), ("sans-serif", 12).into_font().color(&colour));
+                    let mark = EmptyElement::at((point.x, point.y)) + Circle::new((0, 0), 4, colour.filled()) + label;
+                    chart.draw_series([mark])?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
