@@ -1,4 +1,4 @@
-//! Where a figure comes from: stamped on every result.
+//! Where a figure comes from: every result has it.
 
 use std::process::Command;
 use std::sync::LazyLock;
@@ -6,23 +6,26 @@ use std::sync::LazyLock;
 use chrono::Utc;
 use serde::{Deserialize, Serialize};
 
+/// Read once, so that what is edited while a long command runs is not taken for what it ran.
+static COMMIT: LazyLock<String> = LazyLock::new(commit);
+
 /// Commit, command, seed, machine, date.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// Commit of the checkout, `-dirty` behind it if files differ from it, `unknown` outside git.
+    /// Commit of the checkout, with `-dirty` at its end if tracked files differ from it; `unknown` outside git.
     pub commit: String,
     /// The command line.
     pub command: String,
     /// Seed.
     pub seed: u64,
-    /// Processor, cores, GPU if one is seen.
+    /// GPU if there is one, processor, cores.
     pub machine: String,
     /// Day, UTC.
     pub date: String,
 }
 
 impl Provenance {
-    /// This very run.
+    /// Of this process.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
         Self {
@@ -34,17 +37,17 @@ impl Provenance {
         }
     }
 
-    /// Looks at the checkout now, so that what is edited while a long command runs is not taken for what it ran.
+    /// Reads the commit; to be called when a program starts.
     pub fn begin() {
         LazyLock::force(&COMMIT);
     }
 
-    /// Whether files of the checkout had been changed.
+    /// Whether tracked files differed from the commit.
     pub fn dirty(&self) -> bool {
         self.commit.ends_with("-dirty")
     }
 
-    /// Whether the run can be repeated: its commit is known.
+    /// Whether commit and command are known, without which nobody can repeat the run.
     pub fn traceable(&self) -> bool {
         !self.commit.is_empty() && self.commit != "unknown" && !self.command.is_empty()
     }
@@ -57,40 +60,38 @@ impl std::fmt::Display for Provenance {
     }
 }
 
-/// A word of the command line; of a path from a machine's root its last part alone, which may mean something elsewhere.
+/// An argument; of an absolute path only its last part, since other machines have other folders.
 fn without_folders(word: String) -> String {
     let last = |path: &str| std::path::Path::new(path).file_name().map(|name| name.to_string_lossy().into_owned());
     if word.starts_with('/') { last(&word).unwrap_or(word) } else { word }
 }
 
-/// The machine, in words.
+/// GPU if there is one, processor and cores, in words.
 pub fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = text.lines().find_map(|l| l.strip_prefix("model name")).map(|l| l.trim_start_matches([' ', '\t', ':']));
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let cpu = format!("{} ({cores} cores)", model.unwrap_or(std::env::consts::ARCH));
-    match read("nvidia-smi", &["--query-gpu=name", "--format=csv,noheader"]) {
+    match output("nvidia-smi", &["--query-gpu=name", "--format=csv,noheader"]) {
         Some(gpu) => format!("{}, {cpu}", gpu.lines().next().unwrap_or_default()),
         None => cpu,
     }
 }
 
-static COMMIT: LazyLock<String> = LazyLock::new(commit);
-
-/// `NERD_COMMIT` stands in for git where a program runs away from its checkout.
+/// `NERD_COMMIT` replaces git where a program runs outside its checkout.
 fn commit() -> String {
     if let Ok(commit) = std::env::var("NERD_COMMIT") {
         return commit;
     }
-    let Some(hash) = read("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
-    let changed = read(
-        "git",
-        &["status", "--porcelain", "--untracked-files=no", "--", ".", ":!results", ":!models", ":!README.md", ":!docs", ":!*.md"],
-    );
+    let Some(hash) = output("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
+    // Results and documents change no figure.
+    let code = [".", ":!results", ":!models", ":!README.md", ":!docs", ":!*.md"];
+    let changed = output("git", &[&["status", "--porcelain", "--untracked-files=no", "--"], &code[..]].concat());
     if changed.is_some_and(|c| !c.is_empty()) { format!("{hash}-dirty") } else { hash }
 }
 
-fn read(program: &str, args: &[&str]) -> Option<String> {
+/// What a program prints; None if it cannot be run or fails.
+fn output(program: &str, args: &[&str]) -> Option<String> {
     let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;
     Some(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }

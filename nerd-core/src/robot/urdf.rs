@@ -4,7 +4,8 @@
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
 //! pose. A fixed base drops the root link's own inertia and shapes (it is bolted to the world)
 //! and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
-//! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`]. Planar and floating joints: `several.rs`.
+//! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`]. Planar joints: `planar.rs`. A floating
+//! joint makes the base free if it is the one joint of a root link that is nothing but a name (`world`).
 
 use std::collections::{HashMap, HashSet};
 
@@ -13,7 +14,7 @@ use urdf_rs::JointType;
 
 use super::lump::{isometry, joint, lump, sound};
 use super::mimic::follow;
-use super::several::{TURN, freed, planar, unnamed};
+use super::planar::{TURN, check_names, planar};
 use super::xml::without_materials;
 use super::{Base, FixedFrame, Link, Robot, UrdfError, UrdfRobot};
 use crate::spatial::BodyInertia;
@@ -97,7 +98,7 @@ fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
     // urdf-rs may panic on text that is no URDF at all; user input never does here.
     let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
     let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
-    unnamed(&file)?;
+    check_names(&file)?;
     Ok(file)
 }
 
@@ -151,7 +152,7 @@ impl<'a> Tree<'a> {
         let roots: Vec<usize> = (0..file.links.len()).filter(|i| parents[*i] == 0).collect();
         let name = |i: usize| &file.links[i].name;
         match roots[..] {
-            [root] => match freed(file, root, &children[root]) {
+            [root] => match floating_root(file, root, &children[root]) {
                 Some((joint, _)) if !floating => {
                     Err(UrdfError::joint(&file.joints[joint].name, "it is floating, and makes the base free: write `floating = true`"))
                 }
@@ -177,7 +178,7 @@ impl<'a> Tree<'a> {
             if let Some(j) = moving {
                 let of: &urdf_rs::Joint = &self.file.joints[j];
                 let joint = if of.joint_type == JointType::Planar {
-                    let (slides, turn) = planar(of, &source.name, pose, (host, read.robot.links.len()), &mut read.notes)?;
+                    let (slides, turn) = planar(of, &source.name, host, pose, read.robot.links.len(), &mut read.notes)?;
                     read.robot.links.extend(slides);
                     host = Some(read.robot.links.len() - 1);
                     turn
@@ -205,6 +206,16 @@ impl<'a> Tree<'a> {
             Some(lost) => Err(UrdfError::link(&self.file.links[lost].name, "hangs in a cycle of joints, apart from the root")),
             None => follow(read, self.file, followers),
         }
+    }
+}
+
+/// The joint from a root that is nothing but a name to a robot that floats, and the robot's own root.
+fn floating_root(file: &urdf_rs::Robot, root: usize, children: &[(usize, usize)]) -> Option<(usize, usize)> {
+    let link = &file.links[root];
+    let bare = link.inertial.mass.value == 0.0 && link.collision.is_empty();
+    match children {
+        [(joint, child)] if bare && file.joints[*joint].joint_type == JointType::Floating => Some((*joint, *child)),
+        _ => None,
     }
 }
 

@@ -14,13 +14,13 @@
 //! a share of the environments (`team.rs`).
 
 mod arena;
-mod card;
 mod checkpoint;
 mod config;
 mod cpu;
 #[cfg(feature = "cuda")]
 mod cuda;
 mod engine;
+mod export;
 pub mod folder;
 mod gae;
 mod loss;

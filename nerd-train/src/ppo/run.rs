@@ -11,7 +11,7 @@ use nerd_sim::prelude::*;
 use nerd_tasks::{Task, named};
 use serde_json::json;
 
-use super::card;
+use super::export::export;
 use super::{Arena, Iteration, PpoConfig, Trainer};
 use crate::bounds;
 use crate::error::{Error, Result, refuse};
@@ -117,7 +117,7 @@ impl PolicyRun {
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
         }
-        card::export(out, &self.task, (&solver, &identity), &trainer)?;
+        export(out, &self.task, &solver, &identity, &trainer)?;
         Ok(done)
     }
 

@@ -51,7 +51,7 @@ impl Row {
             windows: [config.batch, config.network.history],
             data: trained.iter().map(|(config, _)| config.data_sha256.clone()).collect(),
             measured: trained.iter().map(|(_, measured)| measured.clone()).collect(),
-            paper: bar.paper.map(|p| p[usize::from(robot == "ant")]),
+            paper: bar.paper(robot),
         })
     }
 
@@ -155,7 +155,7 @@ mod tests {
     /// A pendulum's rows whose errors are to each other as the paper's.
     fn papers() -> Vec<Row> {
         let row = |bar: &Bar| {
-            let error = 0.005 * bar.paper.map_or(1.0, |p| p[0]);
+            let error = 0.005 * bar.paper("pendulum").unwrap_or(1.0);
             let (error, hold) = (vec![0.8 * error, 1.2 * error], vec![1.0, 1.0]);
             let measured = Measurement { seed: 0, one_frame: error[0], error, diverged: 0, gap: None, hold };
             Row {
@@ -165,7 +165,7 @@ mod tests {
                 windows: [1, 1],
                 data: vec!["same".into()],
                 measured: vec![measured],
-                paper: bar.paper.map(|p| p[0]),
+                paper: bar.paper("pendulum"),
             }
         };
         BARS.iter().map(row).collect()

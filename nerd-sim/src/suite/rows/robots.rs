@@ -1,4 +1,4 @@
-//! Rows of built-in robots: against themselves with finer steps and restarted, and at the edge of what their drives allow.
+//! Rows of built-in robots: convergence, independence of history, and drives at their limits.
 
 use std::sync::Arc;
 
@@ -7,14 +7,26 @@ use rand::RngExt;
 use crate::control::Controller;
 use crate::sampling::{Start, start, stream};
 use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial};
+use crate::suite::trial::{Error, Trial};
 
-/// What ANYmal's URDF allows its joints (rad/s).
+/// Speed limit of ANYmal's joints (rad/s).
 const SPEED: f64 = 20.0;
 const URDF: &str = "speed limit of its URDF";
-/// Figures under a torque that is held for a frame, and under a law that looks a frame ahead.
+/// The figure where a drive's torque is held for a frame, and where the drive looks a frame ahead.
 const HELD: &str = "largest joint speed, no armature, PD at 60 Hz, 2 s";
 const AHEAD: &str = "largest joint speed, no armature, PD that looks a frame ahead, 2nd second";
+
+/// ANYmal's drives `tau = kp (target - q) - kd qd`.
+struct Drives {
+    armature: f64,
+    kp: f64,
+    kd: f64,
+    /// Whether the torque is that of the state predicted a frame ahead.
+    ahead: bool,
+}
+
+/// Without armature and with little damping.
+const BARE: Drives = Drives { armature: 0.0, kp: 200.0, kd: 0.5, ahead: false };
 
 pub(super) static SAMENESS: [Row; 3] = [
     Row::new("pendulum self-convergence", "against four times the substeps, ground, 1 s, 4 starts", "rad", 1.2e-3, |trial| {
@@ -37,26 +49,26 @@ pub(super) static ROWS: [Row; 9] = [
         .source("2 tau / k, a spring under a sudden load")
         .why("Training data is made by full random torques; limits must hold against them."),
     Row::new("ANYmal kp 85", "largest joint speed, armature 0.06, PD at 60 Hz, 2 s", "rad/s", SPEED, |trial| {
-        anymal(trial, 0.06, [85.0, 2.0], false)
+        anymal(trial, Drives { armature: 0.06, kp: 85.0, kd: 2.0, ahead: false })
     })
     .source(URDF)
     .why("The robot with its rotors' inertia and moderate gains: it must stand."),
-    Row::new("ANYmal kp 200", HELD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [200.0, 0.5], false))
+    Row::new("ANYmal kp 200", HELD, "rad/s", SPEED, |trial| anymal(trial, BARE))
         .source(URDF)
         .why("Legs without rotors under a torque held for a frame: unstable by itself, no solver need pass."),
-    Row::new("ANYmal kp 2000", HELD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [2000.0, 0.5], false))
+    Row::new("ANYmal kp 2000", HELD, "rad/s", SPEED, |trial| anymal(trial, Drives { kp: 2000.0, ..BARE }))
         .source(URDF)
         .why("The same, ten times stiffer: what each solver makes of an impossible demand."),
-    Row::new("ANYmal kp 5000", HELD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [5000.0, 0.5], false))
+    Row::new("ANYmal kp 5000", HELD, "rad/s", SPEED, |trial| anymal(trial, Drives { kp: 5000.0, ..BARE }))
         .source(URDF)
         .why("The same, stiffer still: here some give up, which is better than a wrong answer."),
-    Row::new("kp 200 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [200.0, 0.5], true))
+    Row::new("kp 200 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, Drives { ahead: true, ..BARE }))
         .source(URDF)
         .why("A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that."),
-    Row::new("kp 2000 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [2000.0, 0.5], true))
+    Row::new("kp 2000 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, Drives { kp: 2000.0, ahead: true, ..BARE }))
         .source(URDF)
         .why("The same, ten times stiffer."),
-    Row::new("kp 5000 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, 0.0, [5000.0, 0.5], true))
+    Row::new("kp 5000 ahead", AHEAD, "rad/s", SPEED, |trial| anymal(trial, Drives { kp: 5000.0, ahead: true, ..BARE }))
         .source(URDF)
         .why("The same, at gains of a position-controlled arm."),
     Row::new("no number", "0 if a state that is not a number is refused, 1 if not", "", 0.0, no_number)
@@ -64,61 +76,20 @@ pub(super) static ROWS: [Row; 9] = [
         .why("A state that is not a number must be refused where it stands, before it spreads."),
 ];
 
-fn ant(trial: &Trial) -> Result<f64, Error> {
-    let system = trial.robot("ant")?;
-    let mut worst = 0.0f64;
-    for seed in 0..4 {
-        let state = start(&system, Start::Reset, &mut stream(11, seed));
-        let mut rng = stream(12, seed);
-        let mut push = |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
-        let motion = trial.driven(&system, "ground", &state, 300, &mut push)?;
-        for (i, limit) in system.robot.joints().enumerate().filter_map(|(i, j)| j.limit.map(|l| (i, l))) {
-            let q = motion.states.iter().map(|s| s[7 + i]);
-            worst = q.map(|q| (limit.lower - q).max(q - limit.upper)).fold(worst, f64::max);
-        }
-    }
-    Ok(worst)
-}
-
-fn anymal(trial: &Trial, armature: f64, [kp, kd]: [f64; 2], ahead: bool) -> Result<f64, Error> {
-    let mut system = (*trial.robot("anymal")?).clone();
-    system.robot.joints_mut().for_each(|j| j.armature = armature);
-    system.spec.control.iter_mut().for_each(|control| control.ahead = ahead);
-    let system = Arc::new(system);
-    let mut controller = Controller::new(&system);
-    controller.gains.fill([kp, kd]);
-    let state = start(&system, Start::Reset, &mut stream(13, 0));
-    let hold = vec![0.0; 12];
-    let motion = trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
-    // A law that looks ahead closes the first gap in a frame, however large the speed; then it must stand.
-    let judged = &motion.states[if ahead { 60 } else { 0 }..];
-    let speed = judged.iter().flat_map(|s| &s[25..]).fold(0.0f64, |a, b| a.max(b.abs()));
-    // Slow joints that never came half way to their targets are not held at all.
-    let gap = |s: &[f64]| s[7..19].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default).abs()).sum::<f64>();
-    let held = motion.states.iter().any(|s| gap(s) < 0.5 * gap(&state));
-    Ok(if held || speed > SPEED { speed } else { f64::INFINITY })
-}
-
-fn no_number(trial: &Trial) -> Result<f64, Error> {
-    let system = trial.robot("pendulum")?;
-    trial.passive(&system, "ground1", &[f64::NAN, 0.0, 0.0, 0.0], 1)?;
-    Ok(if trial.lost.take().is_some() { 0.0 } else { 1.0 })
-}
-
-/// Mean |dq| at the end of a second between a method and itself with four times the substeps; 1 if from some start no
-/// coordinate moved by 0.3 rad or m, a fall's least being 0.5.
+/// Mean |dq| at the end of a second between a method and itself with four times the substeps; 1, which fails, if from some start no
+/// coordinate moved by 0.3 rad or m: a fall moves one by 0.5 at least.
 fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64, Error> {
     let system = trial.robot(robot)?;
     let (nq, starts) = (system.robot.nq(), 4);
     let mut sum = 0.0;
     for seed in 0..starts {
         let state = start(&system, Start::Reset, &mut stream(17, seed));
-        let (a, b) = (trial.passive(&system, scene, &state, 60)?, trial.finer(&system, scene, &state, 60)?);
-        let moved = a.last()[..nq].iter().zip(&state).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        if moved < 0.3 {
+        let (coarse, finer) = (trial.passive(&system, scene, &state, 60)?, trial.finer(&system, scene, &state, 60)?);
+        let (coarse, finer) = (&coarse.last()[..nq], &finer.last()[..nq]);
+        if largest_gap(coarse, &state) < 0.3 {
             return Ok(1.0);
         }
-        sum += a.last()[..nq].iter().zip(&b.last()[..nq]).map(|(a, b)| (a - b).abs()).sum::<f64>();
+        sum += coarse.iter().zip(finer).map(|(a, b)| (a - b).abs()).sum::<f64>();
     }
     Ok(sum / (starts as usize * nq) as f64)
 }
@@ -128,6 +99,53 @@ fn markov(trial: &Trial) -> Result<f64, Error> {
     let whole = trial.passive(&system, "ground1", &[1.0, 0.5, 0.0, 0.0], 80)?;
     let fresh = trial.passive(&system, "ground1", &whole.states[40], 40)?;
     let reset = trial.after_reset(&system, "ground1", &[-1.0, 1.0, 3.0, -2.0], &whole.states[40], 40)?;
-    let gap = |half: &Motion| whole.last().iter().zip(half.last()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    Ok(gap(&fresh).max(gap(&reset)))
+    Ok(largest_gap(whole.last(), fresh.last()).max(largest_gap(whole.last(), reset.last())))
+}
+
+fn largest_gap(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+fn ant(trial: &Trial) -> Result<f64, Error> {
+    let system = trial.robot("ant")?;
+    let joints = system.robot.root_coords();
+    let mut worst = 0.0f64;
+    for seed in 0..4 {
+        let state = start(&system, Start::Reset, &mut stream(11, seed));
+        let mut rng = stream(12, seed);
+        let mut push = |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
+        let motion = trial.driven(&system, "ground", &state, 300, &mut push)?;
+        for (i, limit) in system.robot.joints().enumerate().filter_map(|(i, j)| j.limit.map(|l| (i, l))) {
+            let q = motion.states.iter().map(|s| s[joints + i]);
+            worst = q.map(|q| (limit.lower - q).max(q - limit.upper)).fold(worst, f64::max);
+        }
+    }
+    Ok(worst)
+}
+
+/// The largest joint speed of two seconds under drives towards the default pose; infinite if the joints never came half way to it, since
+/// slow joints alone show no control.
+fn anymal(trial: &Trial, drives: Drives) -> Result<f64, Error> {
+    let mut system = (*trial.robot("anymal")?).clone();
+    system.robot.joints_mut().for_each(|j| j.armature = drives.armature);
+    system.spec.control.iter_mut().for_each(|control| control.ahead = drives.ahead);
+    let system = Arc::new(system);
+    let mut controller = Controller::new(&system);
+    controller.gains.fill([drives.kp, drives.kd]);
+    let state = start(&system, Start::Reset, &mut stream(13, 0));
+    let hold = vec![0.0; system.robot.joint_count()];
+    let motion = trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
+    let (joints, nq) = (system.robot.root_coords(), system.robot.nq());
+    // A drive that looks ahead closes the first gap in one frame, however fast that is; only the second second counts.
+    let counted = &motion.states[if drives.ahead { 60 } else { 0 }..];
+    let speed = counted.iter().flat_map(|s| &s[nq + system.robot.root_dofs()..]).fold(0.0f64, |a, b| a.max(b.abs()));
+    let gap = |s: &[f64]| s[joints..nq].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default).abs()).sum::<f64>();
+    let held = motion.states.iter().any(|s| gap(s) < 0.5 * gap(&state));
+    Ok(if held || speed > SPEED { speed } else { f64::INFINITY })
+}
+
+fn no_number(trial: &Trial) -> Result<f64, Error> {
+    let system = trial.robot("pendulum")?;
+    trial.passive(&system, "ground1", &[f64::NAN, 0.0, 0.0, 0.0], 1)?;
+    Ok(if trial.lost.take().is_some() { 0.0 } else { 1.0 })
 }

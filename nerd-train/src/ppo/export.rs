@@ -1,4 +1,4 @@
-//! What a run makes of its best policy: its folder with a card and the learning curve.
+//! Writes the result of a run: a folder with its best policy, a card and the learning curve.
 
 use std::path::Path;
 
@@ -7,33 +7,37 @@ use super::{Iteration, Trainer};
 use crate::error::{Error, Result};
 use crate::records::{Session, rows};
 
-/// Points that a shipped curve has, about.
+/// Iterations that `curve.csv` has, about.
 const POINTS: usize = 100;
 
-/// Writes `<out>/policy`.
-pub fn export(out: &Path, task: &str, (solver, identity): (&str, &str), trainer: &Trainer) -> Result<()> {
+/// Writes `<out>/policy`; `identity` is the task and the solver, by content.
+pub fn export(out: &Path, task: &str, solver: &str, identity: &str, trainer: &Trainer) -> Result<()> {
     let spent = Session::all(out)?.last().map(|s| s.spent.clone()).unwrap_or_default();
     let (provenance, table) = rows(out, trainer.seed, vec![("spent", spent), ("learned in", identity.into())])?;
     let (policy, reward) = trainer.best();
     let (shape, ppo, iterations) = (policy.shape.clone(), trainer.config.clone(), trainer.state.iteration);
-    let card = format!(
-        "# A policy of `{task}`\n\nTrained by PPO in `{solver}`: {iterations} iterations of {} environments x {} steps. Network {:?} {:?}, {} \
-         parameters; the best of the run by mean training reward{}.\n\n{table}\n\
+    let config = PolicyConfig { task: task.into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
+    let folder = out.join("policy");
+    save(&folder, &config, policy, &card(&config, policy.flat.len(), &table))?;
+    write_curve(out, &folder)
+}
+
+fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {
+    let PolicyConfig { task, solver, shape, ppo, iterations, reward, .. } = config;
+    format!(
+        "# A policy of `{task}`\n\nTrained by PPO in `{solver}`: {iterations} iterations of {} environments x {} steps. Network {:?} {:?}, \
+         {parameters} parameters; the best of the run by mean training reward{}.\n\n{table}\n\
          `cargo xtask policy evaluate` plays it in the truth and in the learned simulator. Written by `cargo xtask policy train`.\n",
         ppo.environments,
         ppo.horizon,
         shape.widths(),
         shape.activation,
-        policy.flat.len(),
         reward.map_or_else(String::new, |r| format!(", {r:.1}")),
-    );
-    let config = PolicyConfig { task: task.into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
-    save(&out.join("policy"), &config, policy, &card)?;
-    curve(out, &out.join("policy"))
+    )
 }
 
-/// Writes `curve.csv` for a run's policy: steps, mean reward and mean length of episodes, thinned out.
-fn curve(out: &Path, folder: &Path) -> Result<()> {
+/// Writes `curve.csv` from the metrics of a run in `out`: steps, mean reward and mean length of episodes, of about [`POINTS`] iterations.
+fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let metrics = out.join("metrics.jsonl");
     let lines = std::fs::read_to_string(&metrics).map_err(Error::file(&metrics))?;
     let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::file(&metrics))?;
