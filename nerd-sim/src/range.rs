@@ -80,7 +80,7 @@ pub fn within(key: impl fmt::Display, x: f64, range: RangeInclusive<f64>, unit: 
 }
 
 fn short(x: f64) -> String {
-    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") }
+    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) || x.abs() < 1e12 && x.fract() == 0.0 { x.to_string() } else { format!("{x:e}") }
 }
 
 /// Both ends of a law, and the lower one below.
