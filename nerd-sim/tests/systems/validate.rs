@@ -134,7 +134,7 @@ fn words_are_looked_at() {
         ("\"1/60\"", "\"1e-300\"", "frame_time"),
         ("\"1/60\"", "\"0/1\"", "frame_time"),
         ("\"1/60\"", "\"1/1/1\"", "frame_time"),
-        ("armature = 0.01", "armature = -1", "name = \"hinge\": armature is -1 kg m^2; a number from 0 to 1e6 is needed"),
+        ("armature = 0.01", "armature = -1", "name = \"hinge\": armature is -1 kg m^2; a number from 0 to 1000000 is needed"),
         ("kp = \"U(1, 2)\"", "kp = \"U(-1, 2)\"", "data.kp"),
         ("kp = \"U(1, 2)\"", "kp = \"U(2, 1)\"", "kp"),
         ("minus = \"hinge\"", "minus = \"hing\"", "minus"),
