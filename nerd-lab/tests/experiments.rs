@@ -6,7 +6,7 @@ use nerd_lab::choice::Choice;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
 use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
-use nerd_lab::experiments::motions::{Motions, Moved, Row as MovedRow};
+use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows};
 use nerd_lab::experiments::{Entry, Experiment, conduct};
 use nerd_lab::report::Artifact;
@@ -137,13 +137,13 @@ fn a_robot_without_joints_moves_like_any_other() {
     let toml = "[cable]\nlength = 0.5\ndiameter = 0.01\nmass = 0.1\nbending = 0.1\nlinks = 1\nheld = \"free\"\nat = [0.0, 0.0, 0.02]";
     std::fs::write(&rod, toml).expect("written");
     for robot in ["cube", rod.to_str().expect("utf-8")] {
-        let moved = motions(robot).moved().unwrap_or_else(|error| panic!("{robot}: {error}"));
+        let moved = motions(robot).errors().unwrap_or_else(|error| panic!("{robot}: {error}"));
         assert_eq!(moved.rows.len(), 4, "{robot}: one and two substeps, and two that know no dynamics");
         assert!(moved.rows.iter().all(|row| row.lost == 0 && row.motions.len() == 2 && row.curve.len() == 12), "{robot}");
     }
     let mut here = motions("cube");
     here.environments = Some(64);
-    let refused = refusal(here.moved());
+    let refused = refusal(here.errors());
     assert!(refused.contains("--environments") && refused.contains("--device cuda"), "{refused}");
 }
 
@@ -151,9 +151,9 @@ fn a_robot_without_joints_moves_like_any_other() {
 fn a_table_counts_lost_motions_and_has_no_figure_of_them() {
     let row = |motions: Vec<f64>, lost| {
         let curve = if motions.is_empty() { Vec::new() } else { vec![0.001; 12] };
-        MovedRow { series: "some".into(), substeps: Some(1), microseconds: Some(2.0), curve, motions, lost }
+        MotionRow { series: "some".into(), substeps: Some(1), microseconds: Some(2.0), curve, motions, lost }
     };
-    let table = |rows| motions("lead").table(&Moved { robot: "lead".into(), reference: "itself".into(), rows }).markdown();
+    let table = |rows| motions("lead").table(&MotionErrors { robot: "lead".into(), reference: "itself".into(), rows }).markdown();
     let (whole, lost) = (table(vec![row(vec![0.001; 2], 0)]), table(vec![row(vec![0.001], 1), row(vec![], 2)]));
     assert!(!whole.contains("were lost"), "{whole}");
     assert!(lost.contains("3 were lost") && !lost.contains("NaN") && lost.contains(" - "), "{lost}");

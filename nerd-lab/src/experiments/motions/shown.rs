@@ -3,15 +3,15 @@
 use nerd_train::device::Device;
 use nerd_train::stats::{mean, percentile};
 
-use super::{LOOK, Motions, Moved};
+use super::{GPU_STRIDE, MotionErrors, Motions};
 use crate::report::{Figure, Mark, Table, digits, or_dash};
 
 impl Motions {
-    pub fn table(&self, data: &Moved) -> Table {
+    pub fn table(&self, data: &MotionErrors) -> Table {
         let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
         let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
         let rows = data.rows.iter().map(|row| {
-            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame / self.look() - 1).copied().unwrap_or(f64::NAN)));
+            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame / self.stride() - 1).copied().unwrap_or(f64::NAN)));
             let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
             let first = [
                 row.series.clone(),
@@ -40,7 +40,7 @@ impl Motions {
         Table::new(&self.name(), &header).with(rows).noted(&(note + &left))
     }
 
-    pub(super) fn figure(&self, data: &Moved) -> Figure {
+    pub(super) fn figure(&self, data: &MotionErrors) -> Figure {
         let marks = data.rows.iter().filter(|row| !row.motions.is_empty()).filter_map(|row| {
             let label = row.substeps.map_or_else(String::new, |n| format!("x{n}"));
             Some(Mark { series: &row.series, cost: row.microseconds?, error: mean(&row.motions), label, front: false })
@@ -67,7 +67,7 @@ impl Motions {
             return String::new();
         }
         format!(
-            " On the device, looked at every {LOOK} frames: {} environments together, the motions in turn, transfers counted. \
+            " On the device, looked at every {GPU_STRIDE} frames: {} environments together, the motions in turn, transfers counted. \
              Solvers have 32 bits there; around a learned cable's network all has 64.",
             self.together()
         )
