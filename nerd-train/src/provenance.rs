@@ -84,7 +84,7 @@ fn commit() -> String {
         return commit;
     }
     let Some(hash) = output("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
-    // Results and documents change no figure.
+    // What commands write does not change the code.
     let code = [".", ":!results", ":!models", ":!README.md", ":!docs", ":!*.md"];
     let changed = output("git", &[&["status", "--porcelain", "--untracked-files=no", "--"], &code[..]].concat());
     if changed.is_some_and(|c| !c.is_empty()) { format!("{hash}-dirty") } else { hash }

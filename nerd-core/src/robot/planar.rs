@@ -45,7 +45,7 @@ pub(super) fn planar(
         notes.push(format!("joint `{}`: <limit> is passed over, since a planar joint has three coordinates", source.name));
     }
     let normal = axis(source)?;
-    // From the joint's frame to one with its z along the normal.
+    // The plane's axes x and y: those of the joint's frame, turned with z to the normal.
     let tilt = UnitQuaternion::rotation_between(&Vector3::z(), &normal)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let (damping, friction) = losses(source)?;

@@ -12,6 +12,6 @@ use super::row::Row;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
-    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&robots::SAMENESS);
+    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
     flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }

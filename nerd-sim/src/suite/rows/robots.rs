@@ -28,7 +28,7 @@ struct Drives {
 /// Without armature and with little damping.
 const BARE: Drives = Drives { armature: 0.0, kp: 200.0, kd: 0.5, ahead: false };
 
-pub(super) static SAMENESS: [Row; 3] = [
+pub(super) static CONSISTENCY: [Row; 3] = [
     Row::new("pendulum self-convergence", "against four times the substeps, ground, 1 s, 4 starts", "rad", 1.2e-3, |trial| {
         against_finer(trial, "pendulum", "ground1")
     })

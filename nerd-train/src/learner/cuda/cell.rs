@@ -29,7 +29,7 @@ impl Network {
         Ok(())
     }
 
-    /// The way back, the newest token first, from the gradient `dy` of states to `du` and `dv`; `dh` and `dc` go from token to token.
+    /// The backward pass, the newest token first, from the gradient `dy` of states to `du` and `dv`; `dh` and `dc` go from token to token.
     pub fn cell_back(&self, saved: &[Buffer<f32>], of: Shape, weight: u64, [dy, du, dv, dh, dc]: [u64; 5]) -> Result<(), DeviceError> {
         let ([before, kept, _], (windows, e, lstm), t) = (saved, of, self.plan.tokens) else { return Ok(()) };
         for k in (0..t).rev() {

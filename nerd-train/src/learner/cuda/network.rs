@@ -23,6 +23,7 @@ pub(super) const SUMS: usize = 1 << 17;
 pub(crate) struct Network {
     pub device: Device,
     pub plan: Plan,
+    /// Most windows of a pass.
     pub rows: usize,
     /// Targets `[rows][T][outputs]`; after a loss without a fused head, the gradient by the predictions.
     pub targets: Buffer<f32>,
@@ -32,6 +33,7 @@ pub(crate) struct Network {
     buffer_of: Vec<usize>,
     /// Slots that are read after the last part which mixes tokens, each with room for one row of every window.
     pub(super) chosen: Vec<(Slot, Buffer<f32>)>,
+    /// Matrices with their scales, and [`Plan::folds`].
     folded: Buffer<f32>,
     folds: Buffer<[i32; 4]>,
     /// Cosine and sine of rotary positions.
@@ -42,13 +44,14 @@ pub(crate) struct Network {
     pub(super) partial_sums: Buffer<f32>,
     /// The kernel that makes a whole pass of a small program.
     pub(super) whole: Option<Whole>,
+    /// Tokens on their way to the device, padded.
     staging: Vec<f32>,
     pub(super) back: Option<BackwardMemory>,
 }
 
 /// Memory of the backward pass.
 pub(super) struct BackwardMemory {
-    /// Allocated in the first pass; an event is when the side stream has read the buffer.
+    /// Gradients by slots, allocated in the first pass; each with an event that is recorded once the side stream has read it.
     pub buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
     pub fork: Event,
     pub join: Event,

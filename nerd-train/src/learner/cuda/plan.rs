@@ -55,7 +55,7 @@ impl Plan {
         Self::new(config.program(), tokens, true)
     }
 
-    /// For one token at a time. Refuses what depends on other tokens of a window otherwise than by keys and values.
+    /// For one token at a time. Refuses a network that needs whole windows; attention within a band works from kept keys and values.
     pub fn stream(config: &TransformerConfig) -> Result<Self, LearnError> {
         let plan = Self::of(config, 1)?;
         let streams = |op: &Op| match op {

@@ -8,7 +8,7 @@ use super::network::Network;
 use super::plan::Plan;
 use crate::learner::LearnError;
 
-/// A program over windows on this process's GPU, with all that the way back needs.
+/// A program over windows on this process's GPU, with all that a backward pass needs.
 pub struct CudaProgram {
     network: Network,
     weights: Buffer<f32>,
@@ -38,7 +38,7 @@ impl CudaProgram {
         self.pass(tokens, |net, w| net.forward(w, net.rows))
     }
 
-    /// The same without a way back: small programs whose tokens meet their neighbours have one kernel for it.
+    /// The same without a backward pass after it; small programs whose tokens meet their neighbours have one kernel for this.
     pub fn predict(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
         self.pass(tokens, |net, w| net.predict(w, net.rows))
     }
