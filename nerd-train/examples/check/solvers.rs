@@ -6,18 +6,16 @@ use std::sync::Arc;
 
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real};
+use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 use nerd_train::device::{Device, resident};
 use nerd_train::learner::cuda::Precision;
 
 use crate::with::{Checks, Outcome, largest};
 
-/// Environments of a robot, from random starts.
-fn batch(system: &Arc<System>, scene: &str, n: usize) -> Outcome<Batch> {
-    let mut batch = Batch::new(system, &system.scene(scene)?, n);
-    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(3, env as u64))));
-    Ok(batch)
+/// Environments of a robot, in scenes and from starts as data sets have them.
+fn batch(system: &Arc<System>, n: usize) -> Outcome<Batch> {
+    Ok(begin(system, &GenerateConfig { seed: 3, ..GenerateConfig::default() }, 0, n)?)
 }
 
 /// Torques of a frame; of a cable its gripper's alone.
@@ -33,15 +31,15 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     let (full, short) = (Precision::F32, Precision::Tf32);
     // The last: how far from the CPU the median environment may be after thirty frames. Where an edge is met a motion may part; most do not.
     // TF32 rounds 2^13 times as coarsely.
-    for (setting, precision, system, scene, most) in [
-        (Setting::Accurate, full, &ant, "ground", 1e-4),
-        (Setting::Neural("models/ant".into()), full, &ant, "ground", 1e-4),
-        (Setting::Neural("models/lead-pegs".into()), full, &lead, "pegs", 0.05),
-        (Setting::Neural("models/lead-pegs".into()), short, &lead, "pegs", 0.1),
-        (Setting::Implicit(4), full, &lead, "pegs", 1e-2),
+    for (setting, precision, system, most) in [
+        (Setting::Accurate, full, &ant, 1e-4),
+        (Setting::Neural("models/ant".into()), full, &ant, 1e-4),
+        (Setting::Neural("models/lead-pegs".into()), full, &lead, 0.05),
+        (Setting::Neural("models/lead-pegs".into()), short, &lead, 0.1),
+        (Setting::Implicit(4), full, &lead, 1e-2),
     ] {
         let new = || resident(&setting, system, Real::F64, precision);
-        let (mut one, mut all, mut cpu) = (batch(system, scene, 64)?, batch(system, scene, 64)?, batch(system, scene, 64)?);
+        let (mut one, mut all, mut cpu) = (batch(system, 64)?, batch(system, 64)?, batch(system, 64)?);
         let (mut stepped, mut own) = (new()?, setting.solver(system)?);
         let frames: Vec<Vec<f64>> = (0..30).map(|frame| torques(&one, frame)).collect();
         for torques in &frames {
@@ -57,7 +55,7 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
         apart.sort_by(f64::total_cmp);
         checks.demand(apart[32] < most, format!("{name}: {:.1e} from the CPU in the median of 64, {:.1e} at most", apart[32], apart[63]));
 
-        let (mut sound, mut harmed) = (batch(system, scene, 64)?, batch(system, scene, 64)?);
+        let (mut sound, mut harmed) = (batch(system, 64)?, batch(system, 64)?);
         harmed.states[41 * d + 9] = f64::NAN;
         new()?.step(&mut sound, &frames[0])?;
         let error = new()?.step(&mut harmed, &frames[0]).err().map_or_else(String::new, |e| e.to_string());
@@ -67,10 +65,10 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
             format!("{name}: one that is not a number: {error}"),
         );
 
-        let begin = batch(system, scene, 64)?.state(3).to_vec();
+        let begin = batch(system, 64)?.state(3).to_vec();
         one.reset(3, &begin);
         stepped.reset(3);
-        let (mut fresh, mut other) = (batch(system, scene, 64)?, new()?);
+        let (mut fresh, mut other) = (batch(system, 64)?, new()?);
         for torques in &frames[..3] {
             stepped.step(&mut one, torques)?;
             other.step(&mut fresh, torques)?;
@@ -80,7 +78,7 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     refused(checks, &ant)?;
     // A cube has no torques to send.
     let cube = System::named("cube")?;
-    let (mut there, mut here, config) = (batch(&cube, "ground", 4)?, batch(&cube, "ground", 4)?, ArticulatedConfig::accurate(&cube));
+    let (mut there, mut here, config) = (batch(&cube, 4)?, batch(&cube, 4)?, ArticulatedConfig::accurate(&cube));
     CudaArticulated::new(config, Real::F64).roll(&mut there, &[], 3)?;
     let mut solver = Articulated::new(config);
     (0..3).try_for_each(|_| solver.step(&mut here, &[]))?;
@@ -107,7 +105,7 @@ fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
             Err(_) => piece /= 2,
         }
     }
-    let mut many = batch(ant, "ground", 2000)?;
+    let mut many = batch(ant, 2000)?;
     let torques = torques(&many, 0);
     let mut step = || CudaArticulated::new(ArticulatedConfig::accurate(ant), Real::F64).step(&mut many, &torques).err();
     let error = step().map_or_else(String::new, |e| e.to_string());
