@@ -85,7 +85,8 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     let off = largest(&there.states, &here.states);
     checks.demand(off < 1e-9, format!("cubes, three frames: {off:.1e} from the CPU"));
     // Hills have no kernels: the network alone is on the device.
-    let (mut there, mut here) = (batch(&ant, "hills", 100)?, batch(&ant, "hills", 100)?);
+    let (mut there, mut here, hills) = (batch(&ant, 100)?, batch(&ant, 100)?, ant.scene("hills")?);
+    [&mut there, &mut here].iter_mut().for_each(|batch| batch.scenes.fill(hills.clone()));
     for (device, batch) in [(Device::Cuda, &mut there), (Device::Cpu, &mut here)] {
         let mut solver = device.neural(Path::new("models/ant"), &ant, None, 100)?;
         (0..3).try_for_each(|frame| solver.step(batch, &torques(batch, frame)))?;
