@@ -11,7 +11,7 @@ use cudarc::nvrtc;
 use crate::compile::compiled;
 use crate::error::{DeviceError, failed};
 use crate::memory::{Buffer, allocate, check_fit};
-use crate::products::Precision;
+use crate::precision::Precision;
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;

@@ -9,6 +9,7 @@ mod device;
 mod error;
 mod graph;
 mod memory;
+mod precision;
 mod products;
 mod sums;
 
@@ -17,5 +18,6 @@ pub use device::{Arg, Device, Lane, ordinal, take};
 pub use error::DeviceError;
 pub use graph::Replay;
 pub use memory::Buffer;
-pub use products::{Batch, Op, Precision};
+pub use precision::Precision;
+pub use products::{Batch, Op};
 pub use sums::Sums;

@@ -4,16 +4,7 @@ use cudarc::cublas::{self, sys as blas};
 
 use crate::device::{Device, Lane};
 use crate::error::DeviceError;
-
-/// Arithmetic of products; everything is stored and summed in f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// f32 throughout.
-    F32,
-    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
-    #[default]
-    Tf32,
-}
+use crate::precision::Precision;
 
 /// Whether an operand of a product is transposed.
 #[derive(Clone, Copy)]

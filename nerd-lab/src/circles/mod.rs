@@ -6,6 +6,7 @@
 
 mod modules;
 mod paths;
+mod read;
 mod resolve;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -37,7 +38,7 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
 
 pub fn of_crate(entry: &Path) -> Result<Vec<String>> {
     let src = entry.parent().unwrap_or(Path::new(""));
-    let mut uses = uses(&modules::read(entry)?, src);
+    let mut uses = uses(&read::read(entry)?, src);
     // A module may be a file beside its folder: `a.rs` is then the folder's own.
     let folders: BTreeSet<PathBuf> = uses.iter().flat_map(|u| [&u.from, &u.to]).filter_map(|p| Some(p.parent()?.to_path_buf())).collect();
     for path in uses.iter_mut().flat_map(|u| [&mut u.from, &mut u.to]) {

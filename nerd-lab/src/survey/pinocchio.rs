@@ -10,7 +10,8 @@ use nerd_core::robot::{FixedFrame, JointKind, Robot};
 use nerd_core::state::write_quaternion;
 use rand::RngExt;
 
-use super::{Found, Surveyed};
+use super::file::Found;
+use super::robot::Surveyed;
 use crate::prelude::*;
 use crate::python::{Python, Version};
 

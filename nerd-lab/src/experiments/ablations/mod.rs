@@ -110,6 +110,22 @@ impl Ablations {
         Ok(Reward::of(&games(TASK, arena, &folder::load(policy)?.1, self.games, STARTED)?).mean)
     }
 
+    /// What stands below a robot's table.
+    fn note(&self, robot: &str, hold: &str) -> String {
+        let (frames, Self { updates, starts, games, seed, .. }) = (frames(robot), self);
+        let case = match robot {
+            "ant" => format!(
+                "The paper's test case: running policies, {games} games of each; the gap is |reward in the variant - in the truth| over the latter, \
+                 mean over policies. Error: passive motion on the ground for {frames} frames, position (m) / orientation / joints (rad)."
+            ),
+            _ => format!("Error: contact-free passive motion for {frames} frames, joints (rad)."),
+        };
+        format!(
+            "{robot}: NeRD with one decision taken back. Same data, {updates} updates of {BATCH} windows, networks of equal parameter counts, Muon for \
+             hidden matrices and Adam for the rest; seeds {seed:?}. {case} {starts} starts; NeRD is `{NERD}`. A predictor that repeats the start: {hold}."
+        )
+    }
+
     /// Trains a run unless its model is there, rolls the model out, and lets policies run in the Ant's; `truth` has their rewards.
     fn measured(&self, run: &RunConfig, truth: &[(PathBuf, f64)]) -> Result<(ModelConfig, Measurement)> {
         let folder = run.out.join("model");
@@ -167,7 +183,7 @@ impl Experiment for Ablations {
             }
         }
         rows::check(&rows)?;
-        let tables = self.robot.iter().map(|robot| rows::table(&rows, robot, self)).collect();
+        let tables = self.robot.iter().map(|robot| rows::table(&rows, robot).noted(&self.note(robot, &rows::hold(&rows, robot)))).collect();
         Ok(Measured::new(&serde_json::json!({ "settings": self, "rows": &rows }), tables)?.with("figure", rows::figure(&rows, &self.robot)))
     }
 }

@@ -1,7 +1,6 @@
 //! Bars: errors divided by NeRD's, beside the paper's.
 
 use super::bars::{Bar, NERD};
-use super::{Ablations, BATCH, frames};
 use crate::prelude::*;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,13 +82,21 @@ pub(super) fn check(rows: &[Row]) -> Result<()> {
     Ok(())
 }
 
-pub(super) fn table(rows: &[Row], robot: &str, asked: &Ablations) -> Table {
+/// What the predictor that repeats the start errs by.
+pub(super) fn hold(rows: &[Row], robot: &str) -> String {
+    rows.iter().find(|r| r.robot == robot).map_or_else(String::new, |r| shown(r, HOLD))
+}
+
+fn shown(row: &Row, of: Errors) -> String {
+    row.mean(of).map_or_else(|| "-".into(), |e| pair(&e))
+}
+
+pub(super) fn table(rows: &[Row], robot: &str) -> Table {
     let running = robot == "ant";
     let mut header =
         vec!["variant", "parameters", "windows x tokens", "error", "one frame", "diverged", "error / NeRD's", "one frame / NeRD's"];
     header.extend(running.then_some(["gap (%)", "gap / NeRD's"]).into_iter().flatten());
     header.push("paper");
-    let shown = |row: &Row, of: Errors| row.mean(of).map_or_else(|| "-".into(), |e| pair(&e));
     let ratio = |row: &Row, of: Errors| match row.ratio(rows, of, of) {
         Some([mean, least, most]) if row.measured.len() > 1 => format!("{} ({} to {})", digits(mean), digits(least), digits(most)),
         Some([mean, ..]) => digits(mean),
@@ -107,22 +114,7 @@ pub(super) fn table(rows: &[Row], robot: &str, asked: &Ablations) -> Table {
         cells.push(or_dash(r.paper));
         cells
     });
-    let hold = rows.iter().find(|r| r.robot == robot).map_or_else(String::new, |r| shown(r, HOLD));
-    let case = match running {
-        true => format!(
-            "The paper's test case: running policies, {} games of each; the gap is |reward in the variant - in the truth| over the latter, mean over \
-             policies. Error: passive motion on the ground for {} frames, position (m) / orientation / joints (rad).",
-            asked.games,
-            frames(robot)
-        ),
-        false => format!("Error: contact-free passive motion for {} frames, joints (rad).", frames(robot)),
-    };
-    let note = format!(
-        "{robot}: NeRD with one decision taken back. Same data, {} updates of {BATCH} windows, networks of equal parameter counts, Muon for hidden \
-         matrices and Adam for the rest; seeds {:?}. {case} {} starts; NeRD is `{NERD}`. A predictor that repeats the start: {hold}.",
-        asked.updates, asked.seed, asked.starts
-    );
-    Table::new(robot, &header).with(lines).noted(&note)
+    Table::new(robot, &header).with(lines)
 }
 
 pub(super) fn figure(rows: &[Row], robots: &[String]) -> Figure {

@@ -5,20 +5,11 @@
 use nerd_sim::instruments::Replay;
 
 use super::plan::Plan;
-use super::shown::Point;
+use super::shown::{Against, Point};
 use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
 use crate::roll::begun;
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Against {
-    pub version: String,
-    pub reference: String,
-    /// That reference's distance from half its substeps, where it is MuJoCo's own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reference_error: Option<f64>,
-}
 
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
     Referee::new(python, &begun(system, scene, config.starts, Start::Reset, config.seed), config.steps)

@@ -2,7 +2,6 @@
 
 use nerd_train::evaluate::summary;
 
-use super::guest::Against;
 use crate::prelude::*;
 use crate::report::{Mark, unbeaten};
 
@@ -42,6 +41,16 @@ pub(super) struct Point {
     /// Whether its error is against a reference of its own, so that it competes with no other series.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     own: bool,
+}
+
+/// What MuJoCo is compared with.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Against {
+    pub version: String,
+    pub reference: String,
+    /// That reference's distance from half its substeps, where it is MuJoCo's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_error: Option<f64>,
 }
 
 impl Point {

@@ -1,0 +1,83 @@
+//! One file: what it holds, and whether that moves.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use nerd_core::robot::{Robot, UrdfError};
+
+use super::file::{Found, reason, text};
+use crate::prelude::*;
+use crate::roll::rolled;
+
+pub(super) const FRAMES: usize = 10;
+/// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it
+/// moves.
+const SUBSTEPS: [usize; 2] = [4, 64];
+
+#[derive(Clone, Debug)]
+pub struct Surveyed {
+    pub name: String,
+    pub sizes: Option<Sizes>,
+    /// Whether it moves on a fixed base: substeps a frame, 0 where it has nothing to move, or why not.
+    pub fixed: Result<usize, String>,
+    /// The same on a free base.
+    pub floating: Result<usize, String>,
+    /// The robots themselves, on a fixed and on a free base, where they can be read.
+    pub(super) robots: [Option<Robot>; 2],
+    /// What was taken for granted, on the first of them.
+    pub(super) notes: Vec<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sizes {
+    /// Links that move.
+    pub links: usize,
+    /// Joints, of one degree of freedom each.
+    pub joints: usize,
+    /// kg.
+    pub mass: f64,
+    /// Meshes that were passed over.
+    pub meshes: usize,
+}
+
+/// Reads a file on both bases and rolls what it holds out.
+pub fn survey(Found { path, name }: &Found) -> Surveyed {
+    let text = text(path);
+    // None where nothing of it moves.
+    let read = |floating| -> Result<Option<System>, String> {
+        let text = text.as_ref().map_err(String::clone)?;
+        caught(|| match System::bare_at(name, text, floating, Some(path)) {
+            Err(SystemError::Urdf(_, UrdfError::Still)) => Ok(None),
+            other => other.map(Some).map_err(|e| reason(&e, name)),
+        })
+    };
+    let tries = [false, true].map(read);
+    let first = tries.iter().flatten().flatten().next();
+    let sizes = first.map(|System { robot, meshes, .. }| Sizes {
+        links: robot.links.len(),
+        joints: robot.joint_count(),
+        mass: robot.mass(),
+        meshes: meshes.len(),
+    });
+    let notes = first.map(|system| system.notes.clone()).unwrap_or_default();
+    let robots = tries.each_ref().map(|tried| tried.as_ref().ok()?.as_ref().map(|system| system.robot.clone()));
+    let [fixed, floating] = tries.map(|tried| tried?.map_or(Ok(0), |system| caught(|| roll(system, name))));
+    Surveyed { name: name.clone(), sizes, fixed, floating, robots, notes }
+}
+
+/// What came of a robot; a panic is our fault, and says so.
+fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
+        Err(format!("panic, please report: {}", said.unwrap_or_default().replace(['\n', '|'], " ")))
+    })
+}
+
+fn roll(system: System, name: &str) -> Result<usize, String> {
+    let system = Arc::new(system);
+    let scene = system.scene("free").map_err(|e| reason(&e, name))?;
+    let frames = |substeps| {
+        let mut solver = Articulated::new(ArticulatedConfig { substeps, ..ArticulatedConfig::converged(Friction::Coulomb) });
+        rolled(Batch::new(&system, &scene, 1), &mut solver, FRAMES).map(|_| substeps).map_err(|e| e.to_string())
+    };
+    frames(SUBSTEPS[0]).or_else(|_| frames(SUBSTEPS[1]))
+}
