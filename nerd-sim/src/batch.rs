@@ -135,7 +135,12 @@ impl Batch {
 
     /// Puts an environment at `state` and restarts its count of frames. Reset the solver, too
     /// ([`crate::solver::Solver::reset`]), or use [`crate::solver::Simulation::reset`].
+    ///
+    /// # Panics
+    /// If there is no such environment, or `state` has not [`nerd_core::robot::Robot::state_dim`] numbers.
     pub fn reset(&mut self, env: usize, state: &[f64]) {
+        let (robot, found) = (&self.system.robot, state.len());
+        assert!(found == robot.state_dim(), "a state of {found} numbers; [q, qd] has {} and {}", robot.nq(), robot.nv());
         self.state_mut(env).copy_from_slice(state);
         self.frames[env] = 0;
     }
@@ -146,7 +151,7 @@ impl Batch {
         Ok([self.state(env)[at.q], self.state(env)[nq + at.qd]])
     }
 
-    /// Sets them. Of a run that goes on, tell the solver ([`crate::solver::Solver::reset`]).
+    /// Sets them, within the joint's limits or beyond: there its limit pushes back. Of a run that goes on, tell the solver ([`crate::solver::Solver::reset`]).
     pub fn set_joint(&mut self, env: usize, name: &str, [position, velocity]: [f64; 2]) -> Result<(), UnknownName> {
         let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
         let state = self.state_mut(env);

@@ -121,12 +121,16 @@ impl Episodes {
     /// One step under `actions` (`[env][action_dim]`).
     ///
     /// # Errors
-    /// If there is another number of actions, or the solver as a whole fails.
+    /// If there is another number of actions, the solver as a whole fails, or the task has a size of 0 or gives an observation or a
+    /// reward that is not finite.
     pub fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
         let (n, width) = (self.len(), self.task.action_dim());
         if actions.len() != n * width {
             return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
         }
+        self.task.about().check().map_err(StepError::Solver)?;
+        // Also those of a beginning, which the actions come from.
+        self.finite("observe", &self.observations)?;
         let mut failed = vec![false; n];
         for _ in 0..self.task.frames() {
             self.act(actions);
@@ -138,7 +142,9 @@ impl Episodes {
         let mut result = StepResult { failed: failed.iter().filter(|f| **f).count(), ..Default::default() };
         (0..n).filter(|env| failed[*env]).for_each(|env| self.restart(env));
         self.judge(&failed, &mut result);
+        self.finite("reward", &result.rewards)?;
         self.observe(|_| true);
+        self.finite("observe", &self.observations)?;
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
         (0..n).filter(|env| ended(*env)).for_each(|env| self.restart(env));
@@ -175,6 +181,14 @@ impl Episodes {
         self.past.replay(&mut self.simulation)?;
         self.observe(|_| true);
         Ok(())
+    }
+
+    /// Refuses numbers of the task (`[env][width]`) that are not finite.
+    fn finite(&self, method: &str, numbers: &[f64]) -> Result<(), StepError> {
+        let Some(at) = numbers.par_iter().with_min_len(MOVED).position_first(|x| !x.is_finite()) else { return Ok(()) };
+        let (width, task) = (numbers.len() / self.len(), self.task.name());
+        let (env, entry) = (self.first + at / width, at % width);
+        Err(StepError::Solver(format!("task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}", numbers[at])))
     }
 
     fn restart(&mut self, env: usize) {
@@ -254,6 +268,7 @@ impl Episodes {
 
 /// Writes a row of `width` numbers for every environment.
 fn rows(all: &mut [f64], width: usize, works: &mut [Work], write: impl Fn(usize, &mut [f64], &mut Work) + Sync) {
+    let width = width.max(1);
     let chunks = all.par_chunks_mut(CHUNK * width).zip(works).enumerate();
     chunks.for_each(|(chunk, (rows, work))| {
         rows.chunks_exact_mut(width).enumerate().for_each(|(i, row)| write(chunk * CHUNK + i, row, work));

@@ -65,6 +65,15 @@ pub struct About {
     pub frames: u64,
 }
 
+impl About {
+    /// Refuses a task that does not see, act or last.
+    pub fn check(&self) -> Result<(), String> {
+        let sizes = [("observation", self.observation as u64), ("action", self.action as u64), ("steps", self.steps), ("frames", self.frames)];
+        let none = sizes.into_iter().find(|(_, size)| *size == 0);
+        none.map_or(Ok(()), |(field, _)| Err(format!("task `{}`: its `about` has {field}: 0; at least 1 is needed", self.name)))
+    }
+}
+
 /// One task, of one environment at a time: [`crate::Episodes`] makes batches of it. All methods are pure, so an episode's
 /// past is its state, its goal and its number of steps.
 pub trait Task: Send + Sync {
@@ -90,7 +99,7 @@ pub trait Task: Send + Sync {
     /// Writes the observation.
     fn observe(&self, view: View, work: &mut Work, out: &mut [f64]);
 
-    /// Writes the joint torques (N m or N) of an action, which is clamped to [-1, 1].
+    /// Writes the joint torques (N m or N) of an action, which is clamped to [-1, 1]. Nothing limits them afterwards.
     fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]);
 
     /// Reward for arriving here; `torques` acted in the last frame.

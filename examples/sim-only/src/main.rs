@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{check, commit};
-use nerd_sim::suite::{Error, Method, Suite};
+use nerd_sim::suite::{Method, Suite};
 
 /// So many equal substeps a frame.
 struct Euler(usize);
@@ -34,17 +34,20 @@ impl Solver for Euler {
     }
 }
 
-fn main() -> Result<(), Error> {
+fn main() {
     let own = |substeps: usize| move |_: &Arc<System>| Box::new(Euler(substeps)) as Box<dyn Solver>;
     let ours = |_: &Arc<System>| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))) as Box<dyn Solver>;
     let euler = [4, 64].map(|substeps| Method::new(format!("Euler x{substeps}"), own(substeps)).finer(own(4 * substeps)));
     let methods = euler.into_iter().chain([Method::new("articulated", ours)]).collect::<Vec<_>>();
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let lines = Suite::new().only(&words)?.run(&methods, |_done| ());
-    println!("{:<26} {:>9}   {}", "row", "limit", methods.iter().map(|m| format!("{:<20}", m.name)).collect::<String>());
+    let suite = Suite::new().only(&words).unwrap_or_else(|error| {
+        eprintln!("{error}");
+        std::process::exit(2)
+    });
+    let lines = suite.run(&methods, |_done| ());
+    println!("{:<26} {:>9}   {}figure", "row", "limit", methods.iter().map(|m| format!("{:<20}", m.name)).collect::<String>());
     for line in &lines {
         let cells = line.cells.iter().map(|cell| format!("{cell:<20}"));
-        println!("{:<26} {:>9.1e}   {}", line.row, line.limit, cells.collect::<String>());
+        println!("{:<26} {:>9.1e}   {}{}", line.row, line.limit, cells.collect::<String>(), line.asked());
     }
-    Ok(())
 }

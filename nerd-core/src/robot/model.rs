@@ -13,7 +13,7 @@ use crate::spatial::BodyInertia;
 /// The root link's base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Base {
-    /// Bolted to the world at this pose.
+    /// Bolted to the world at this pose; [`Base::fixed`] at its origin.
     Fixed(Isometry3<f64>),
     /// Free to move: link 0 is the root and has no joint.
     Floating,

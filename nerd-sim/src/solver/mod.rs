@@ -16,8 +16,8 @@ use crate::batch::Batch;
 
 /// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
 pub trait Solver: Send {
-    /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame. Angles of endless joints come back
-    /// wrapped to [-pi, pi).
+    /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame and not limited by the URDF's effort. Angles of endless
+    /// joints come back wrapped to [-pi, pi).
     ///
     /// # Errors
     /// [`StepError::Environments`] if some environments could not be stepped, all others were; else nothing was.
@@ -77,6 +77,9 @@ impl Simulation {
     }
 
     /// Puts one environment at `state`; the solver forgets its past.
+    ///
+    /// # Panics
+    /// As [`Batch::reset`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.batch.reset(env, state);
         self.solver.reset(env);

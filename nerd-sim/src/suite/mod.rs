@@ -77,7 +77,7 @@ impl Suite {
 /// Of some rows those with one of `words` in their names, or all; refuses a word that none has.
 pub fn only<M>(rows: Vec<&'static Row<M>>, words: &[impl AsRef<str>]) -> Result<Vec<&'static Row<M>>, Error> {
     match words.iter().map(AsRef::as_ref).find(|word| !rows.iter().any(|row| row.name.contains(word))) {
-        Some(word) => Err(Error::Row(word.into(), rows.iter().map(|row| row.name).collect::<Vec<_>>().join(", "))),
+        Some(word) => Err(Error::Row(word.into(), rows.iter().map(|row| format!("`{}`", row.name)).collect::<Vec<_>>().join(", "))),
         None => Ok(rows.into_iter().filter(|row| words.is_empty() || words.iter().any(|w| row.name.contains(w.as_ref()))).collect()),
     }
 }

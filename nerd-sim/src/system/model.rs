@@ -20,7 +20,7 @@ pub enum SystemError {
     #[error("no robot `{0}`: choose from {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
     Unknown(String),
     /// No such scene.
-    #[error("robot `{0}` has no scene `{1}`: choose from {2}")]
+    #[error("system `{0}` has no scene `{1}`: choose from {2}")]
     Scene(String, String, String),
     /// A file that could not be read.
     #[error(transparent)]

@@ -11,45 +11,45 @@ use crate::error::{Error, Result};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoConfig {
-    /// Environments.
+    /// Environments. Default: 256.
     pub environments: usize,
-    /// Steps of every environment in one iteration.
+    /// Steps of every environment in one iteration. Default: 32.
     pub horizon: usize,
-    /// Iterations of the run.
+    /// Iterations of the run. Default: 100.
     pub iterations: u64,
-    /// Steps in a minibatch.
+    /// Steps in a minibatch. Default: 2048.
     pub minibatch: usize,
-    /// Passes over an iteration's steps.
+    /// Passes over an iteration's steps. Default: 5.
     pub epochs: usize,
-    /// Widths of the hidden layers, which policy and value share.
+    /// Widths of the hidden layers, which policy and value share. Default: 64, 64.
     pub hidden: Vec<usize>,
-    /// Between them.
+    /// Between them. Default: tanh.
     pub activation: Activation,
-    /// Observations that the network sees, the newest first; more than one serve as memory.
+    /// Observations that the network sees, the newest first; more than one serve as memory. Default: 1.
     pub stack: usize,
-    /// Whether the spread of actions is an output of the network; else it is a parameter.
+    /// Whether the spread of actions is an output of the network; else it is a parameter. Default: false.
     pub spread_by_state: bool,
-    /// Discount a step.
+    /// Discount a step. Default: 0.99.
     pub gamma: f64,
-    /// Lambda of the advantage estimation.
+    /// Lambda of the advantage estimation. Default: 0.95.
     pub lambda: f64,
-    /// How far the ratio of probabilities may move from that of the rollout.
+    /// How far the ratio of probabilities may move from that of the rollout. Default: 0.2.
     pub clip: f32,
     /// How far the (normalised) value may; 0 leaves it free. The reference's is 0.2, which learns the Ant's running no faster
-    /// (after 60 iterations, one seed: 1321 against 1422; held to values in moments that have moved on, 723).
+    /// (after 60 iterations, one seed: 1321 against 1422; held to values in moments that have moved on, 723). Default: 0.
     pub value_clip: f32,
-    /// Weight of the value's loss.
+    /// Weight of the value's loss. Default: 4.
     pub critic: f32,
-    /// Weight of the entropy.
+    /// Weight of the entropy. Default: 0.
     pub entropy: f32,
-    /// Weight of the loss on mean actions beyond +-1.1.
+    /// Weight of the loss on mean actions beyond +-1.1. Default: 1e-4.
     pub bounds: f32,
-    /// Largest global norm of the gradient.
+    /// Largest global norm of the gradient. Default: 1.
     pub gradient_norm: f32,
-    /// First learning rate.
+    /// First learning rate. Default: 3e-4.
     pub rate: f64,
     /// Divergence of two passes' policies that the learning rate is held at: above twice this it falls, below half of it it
-    /// rises, by 1.5, within 1e-6 and 1e-2. 0 leaves the rate alone.
+    /// rises, by 1.5, within 1e-6 and 1e-2. 0 leaves the rate alone. Default: 0.008.
     pub kl: f64,
 }
 

@@ -80,7 +80,7 @@ impl Trainer {
     /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] has to be one of theirs,
     /// too.
     pub fn among(ranks: &Arc<Ranks>, episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
-        config.check().map_err(Error::Refused)?;
+        config.check().and_then(|()| episodes.task.about().check()).map_err(Error::Refused)?;
         let (found, wanted) = (episodes.len(), ranks.part(config.environments).len());
         if found != wanted {
             refuse!("{found} environments, the settings ask for {wanted}");

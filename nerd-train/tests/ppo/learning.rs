@@ -95,6 +95,14 @@ fn a_point_learns_to_go_home() {
     assert!((-3.1..-2.84).contains(&mean), "mean return {mean}, best possible -2.85, standing still -30");
 }
 
+#[test]
+fn a_task_without_numbers_or_steps_is_refused_by_name() {
+    for (length, reward, expected) in [(5, (|_| f64::NAN) as fn(f64) -> f64, "its `reward` gives NaN"), (0, |x| x, "steps: 0")] {
+        let said = points(2, length, [1.0, 1.0], reward).step(&[0.0; 2]).expect_err("refused").to_string();
+        assert!(said.contains("task `point`") && said.contains(expected), "{said}");
+    }
+}
+
 /// The policy that learns from a rollout is the one that acted in it, so the first ratio is 1 and nothing parts them yet.
 #[test]
 fn the_first_ratio_of_an_update_is_one() {

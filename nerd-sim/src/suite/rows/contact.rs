@@ -8,8 +8,7 @@ use nerd_core::state::vector;
 use crate::scene::GRAVITY;
 use crate::suite::bodies::Body;
 use crate::suite::row::Row;
-use crate::suite::trial::{Error, Trial};
-use crate::system::System;
+use crate::suite::trial::{Error, Motion, Trial};
 
 pub(super) static LANDING: [Row; 2] = [
     Row::new("rest", "distance from where it must lie after 5 s", "m", 1e-3, rest)
@@ -72,21 +71,23 @@ fn restitution(trial: &Trial) -> Result<f64, Error> {
 
 fn toss(trial: &Trial) -> Result<f64, Error> {
     let start = Body::state([0.0, 0.0, 0.5], [0.2, 0.1, 0.3, 0.927], [6.0, -3.0, 2.0], [1.0, 0.5, 0.0]);
-    gain(trial, &Body::default().system()?, "ground", &start, 120)
+    let motion = trial.passive(&Body::default().system()?, "ground", &start, 120)?;
+    Ok(motion.above(gain(&motion)))
 }
 
 fn tip(trial: &Trial, times: f64) -> Result<f64, Error> {
     let mut system = (*trial.robot("pendulum")?).clone();
     let tip = &mut system.robot.links[1].inertia;
     (tip.mass, tip.inertia) = (times * tip.mass, times * tip.inertia);
-    gain(trial, &Arc::new(system), "ground1", &[0.0, 0.0, -7.0, 0.0], 120)
+    let motion = trial.passive(&Arc::new(system), "ground1", &[0.0, 0.0, -7.0, 0.0], 120)?;
+    // The heavy tip, of 250 t, goes through this soft ground by right and loses 0.4 % of its energy there.
+    Ok(if times > 1.0 { gain(&motion) } else { motion.above(gain(&motion)) })
 }
 
 /// Largest gain of energy over that of the start, against the start's kinetic energy.
-fn gain(trial: &Trial, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<f64, Error> {
-    let motion = trial.passive(system, scene, start, frames)?;
+fn gain(motion: &Motion) -> f64 {
     let (e, first) = (motion.energies(), motion.totals()[0].kinetic);
-    Ok(e.iter().map(|x| (x - e[0]) / first).fold(0.0, f64::max))
+    e.iter().map(|x| (x - e[0]) / first).fold(0.0, f64::max)
 }
 
 fn stiff(trial: &Trial) -> Result<f64, Error> {

@@ -55,7 +55,7 @@ impl Network {
     /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::forward`] of so many rows; that by tokens
     /// `[rows][T][inputs]` too, if it is to go somewhere. What no step reads keeps the gradient that it has.
     pub fn backward(&self, w: u64, g: u64, rows: usize, by_tokens: Option<u64>) -> Result<(), DeviceError> {
-        let Some(back) = &self.back else { return Err(DeviceError("the network was built without a way back".into())) };
+        let Some(back) = &self.back else { return Err(DeviceError("the network was built without a backward pass".into())) };
         let buffers = back.buffers.borrow().len();
         let slopes = vec![None; self.plan.program.widths.len()];
         let (free, read) = ((0..buffers).collect(), vec![false; buffers]);
