@@ -68,7 +68,8 @@ pub struct About {
 impl About {
     /// Refuses a task that does not see, act or last.
     pub fn check(&self) -> Result<(), String> {
-        let sizes = [("observation", self.observation as u64), ("action", self.action as u64), ("steps", self.steps), ("frames", self.frames)];
+        let sizes =
+            [("observation", self.observation as u64), ("action", self.action as u64), ("steps", self.steps), ("frames", self.frames)];
         let none = sizes.into_iter().find(|(_, size)| *size == 0);
         none.map_or(Ok(()), |(field, _)| Err(format!("task `{}`: its `about` has {field}: 0; at least 1 is needed", self.name)))
     }
