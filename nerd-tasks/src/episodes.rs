@@ -188,7 +188,7 @@ impl Episodes {
         let Some(at) = numbers.par_iter().with_min_len(MOVED).position_first(|x| !x.is_finite()) else { return Ok(()) };
         let (width, task) = (numbers.len() / self.len(), self.task.name());
         let (env, entry) = (self.first + at / width, at % width);
-        Err(StepError::Solver(format!("task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}", numbers[at])))
+        Err(StepError::Solver(format!("task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}, or leaves it out", numbers[at])))
     }
 
     fn restart(&mut self, env: usize) {
@@ -260,6 +260,7 @@ impl Episodes {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         rows(&mut self.observations, task.observation_dim(), &mut self.works, |env, row, work| {
             if some(env) {
+                row.fill(f64::NAN); // What a task leaves out is found.
                 task.observe(view(batch, goals, task.goal_dim(), env), work, row);
             }
         });

@@ -51,7 +51,7 @@ impl Work {
 pub struct About {
     /// Name, as on the command line.
     pub name: &'static str,
-    /// Robot, as [`System::named`] knows it.
+    /// Robot, as [`System::named`] knows it; a relative path is from the working directory.
     pub robot: &'static str,
     /// Scene, as [`System::scene`] knows it.
     pub scene: &'static str,
@@ -97,7 +97,7 @@ pub trait Task: Send + Sync {
         start(system, Start::Reset, rng)
     }
 
-    /// Writes the observation.
+    /// Writes the observation: every one of [`About::observation`] numbers.
     fn observe(&self, view: View, work: &mut Work, out: &mut [f64]);
 
     /// Writes the joint torques (N m or N) of an action, which is clamped to [-1, 1]. Nothing limits them afterwards.

@@ -93,6 +93,9 @@ impl UrdfRobot {
 }
 
 fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
+    if !xml.contains('<') {
+        return Err(UrdfError::text("it has no element; give the text of the file, not its path"));
+    }
     // An editor's mark of its encoding is no text.
     let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::text(&e))?;
     // urdf-rs may panic on text that is no URDF at all; user input never does here.

@@ -35,8 +35,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Loads the model of `system` from a folder; refuses one of another robot, or of another truth if one is named, and one
-    /// whose files are not those it was written with.
+    /// Loads the model of `system` from a folder; refuses one of another robot, one that learned another `truth` if one is named (such as
+    /// `articulated accurate`, as its card says), and one whose files are not those it was written with.
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let model = Self::read(folder, system, truth)?;
         let ModelConfig { robot, robot_sha256, model_sha256, .. } = &model.config;

@@ -17,7 +17,7 @@ pub struct Plane {
 }
 
 /// One static body.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Collider {
     /// Its shape.
     pub shape: SharedShape,

@@ -23,7 +23,7 @@ pub const GRAVITY: f64 = 9.81;
 const SKIN: f64 = 1e-6;
 
 /// Gravity and static colliders.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Scene {
     /// Name, as on the command line.
     pub name: String,

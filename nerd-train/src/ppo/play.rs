@@ -16,7 +16,7 @@ pub struct Game {
     pub miss: Option<f64>,
 }
 
-/// The first episode of every environment, which should have just begun. `progress` receives after each step how many have ended.
+/// The first episode of every environment, which should have just begun, under the policy's mean actions. `progress` receives after each step how many have ended.
 pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
     let (mut running, actor) = (Running::new(episodes, policy.shape.stack), Actor::new(policy.clone()));
     let (mut games, mut reached) = (vec![None; episodes.len()], Vec::new());

@@ -99,6 +99,10 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     let torques = torques(robot);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]);
     let joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
+    let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
+    if !guessed.is_empty() {
+        notes.push(format!("armatures not in a .toml are guesses, effort x {START} s / velocity (kg m^2 or kg): {guessed}"));
+    }
     let contacts = listed(robot);
     Spec {
         floating,
