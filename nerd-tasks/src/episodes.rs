@@ -188,7 +188,10 @@ impl Episodes {
         let Some(at) = numbers.par_iter().with_min_len(MOVED).position_first(|x| !x.is_finite()) else { return Ok(()) };
         let (width, task) = (numbers.len() / self.len(), self.task.name());
         let (env, entry) = (self.first + at / width, at % width);
-        Err(StepError::Solver(format!("task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}, or leaves it out", numbers[at])))
+        Err(StepError::Solver(format!(
+            "task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}, or leaves it out",
+            numbers[at]
+        )))
     }
 
     fn restart(&mut self, env: usize) {
