@@ -59,7 +59,7 @@ const REDDENED: [(&str, &[Fault]); 49] = [
     ("stiff ground", &[NoFloor, PumpedVelocity]),
     ("tip into ground", &[NoFloor, PumpedVelocity]),
     ("heavy tip", &[HalfGravity, PumpedVelocity]),
-    ("light tip", &[HalfGravity, NoFloor, PumpedVelocity]),
+    ("light tip", &[HalfGravity, PumpedVelocity]),
     ("under terrain", &[NoFloor, FrozenWorld]),
     ("stopping distance", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
     ("friction threshold", &[NoFloor, DroppedVelocity, FrozenWorld]),
