@@ -47,6 +47,7 @@ impl Workspace {
                 normal: n,
                 gap,
                 velocity,
+                turn: Vector3::zeros(),
                 ahead: [0.0; 3],
                 across: 0.0,
                 parted: false,

@@ -8,8 +8,12 @@
 //! ```text
 //! spring a = max(0, 1/2 - 1 / (2 h^2 k w))      damper a = max(1/2, 1 - 1 / (h d w))      (friction's drag likewise)
 //! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    D = (a_k h k + a_d d) n n^T + a_c c (1 - n n^T)
-//! f = -(k g + d min(v_n, 0)) n - c v_t
+//! f = -(k g + d min(v_n, 0)) n - c v_t,    v' - v = h (J qdd + w x p_dot)
 //! ```
+//!
+//! Places and J are those of the middle. A free root's `qdd` is its spatial acceleration; its velocity `p_dot` changes by that and `w x p_dot`,
+//! so a ball that rolls, with the spatial acceleration `-w x p_dot`, expects no change. Without the second term each contact would expect to
+//! be thrown upward.
 //!
 //! The gap g is the mean over that part of the substep in which the point is inside, and k, d, c act with that part only,
 //! so that it matters little where in a substep a point lands. The drag c is the law's at the velocity seen, found by

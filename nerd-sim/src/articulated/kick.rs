@@ -51,12 +51,22 @@ impl Workspace {
             shares.enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
             mass.copy_from(&self.data.mass);
         }
+        let mut turn = Vector3::zeros();
         let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
         for _ in 0..PASSES {
-            let Touches { middle, rate, right, pull, braked, .. } = &mut self.touches;
+            let Touches { touches, middle, rate, right, pull, braked, .. } = &mut self.touches;
             if stale {
                 middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
                 bias(robot, middle, &scene.gravity, &mut self.data);
+                if robot.floating() {
+                    // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+                    turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
+                    for touch in touches.iter_mut() {
+                        if let Touch::Contact(contact) = touch {
+                            contact.turn = turn;
+                        }
+                    }
+                }
                 right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
                 for (i, right) in right[dofs..].iter_mut().enumerate() {
                     *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
@@ -80,8 +90,6 @@ impl Workspace {
             }
             rate.copy_from_slice(self.data.qdd.as_slice());
             if robot.floating() {
-                // The derivative of a velocity that moves along is the spatial acceleration and w x v.
-                let turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
                 (0..3).for_each(|k| rate[3 + k] += turn[k]);
             }
             if !changed && !correct {

@@ -34,6 +34,8 @@ pub(super) struct Contact {
     pub(super) normal: Vector3<f64>,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,
+    /// What its velocity changes by because the root turns while it travels, `w x v` (m/s^2).
+    pub(super) turn: Vector3<f64>,
     /// Shares a of the spring, the damper and the drag.
     pub(super) ahead: [f64; 3],
     /// Drag c (N s/m).
@@ -88,16 +90,18 @@ impl Contact {
     #[inline]
     pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
-        let vn = n.dot(&self.velocity);
+        let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.across);
+        let (vn, turn) = (n.dot(&self.velocity), self.turn * h);
         let force = n * -(m.stiffness * self.gap + m.damping * vn) - (self.velocity - n * vn) * self.across;
-        (force, spring * h * m.stiffness + damper * m.damping, slide * self.across)
+        (force - n * ((along - across) * n.dot(&turn)) - turn * across, along, across)
     }
 
-    /// Its force and drag after a change of its velocity over h; whether another solve is asked for.
+    /// Its force and drag after a change `h J qdd` of its velocity; whether another solve is asked for.
     #[inline]
     pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
-        let (vn, dn) = (n.dot(&self.velocity), n.dot(change));
+        let change = change + self.turn * h;
+        let (vn, dn) = (n.dot(&self.velocity), n.dot(&change));
         let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
         self.parted = normal < 0.0;
         let seen = self.velocity + change * slide;

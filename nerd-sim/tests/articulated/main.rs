@@ -9,6 +9,7 @@ mod forces;
 mod friction;
 mod joints;
 mod limits;
+mod rolling;
 mod standing;
 mod touching;
 mod worlds;

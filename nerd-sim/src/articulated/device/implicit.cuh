@@ -92,17 +92,19 @@ BIG bool weigh(Work& w, real h) {
 
 // What a touch does at its present drag: a force, and how it resists along its normal and across, times h.
 struct Push { V3 force; real along, across; };
+
+// h D a of a column a.
+FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * dot(n, a)) + a * p.across; }
+
 FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
     if (t.held) { Push p = {n * t.hold, 0, 0}; return p; }
     const real vn = dot(n, t.velocity);
     Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (t.velocity - n * vn) * t.across,
               (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
+    p.force = p.force - resisted(p, n, t.turn);
     return p;
 }
-
-// h D a of a column a.
-FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * dot(n, a)) + a * p.across; }
 
 // w.qdd, accelerations with the touches that have not parted, by the matrix; false at what has no inertia.
 BIG bool pressed(Work& w, real h) {
@@ -171,7 +173,7 @@ BIG bool judge(Work& w, real h, real settled) {
         Touch& t = w.touch[k];
         if (t.parted || t.held || (t.sticky && !t.bounded)) continue;
         const V3 n = t.normal;
-        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h;
+        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
         const real vn = dot(n, t.velocity), dn = dot(n, change);
         const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
         if (t.bounded) {
@@ -200,10 +202,14 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
         else tr.mass[LOWER(DOFS + i, DOFS + i)] += share;
     }
     bool stale = true, corrected = false, quiet = false, found = true;
+    V3 turned = v3(0, 0, 0);
     for (int pass = 0; pass < PASSES; pass++) {
         if (stale) {
             for (int k = 0; k < NV; k++) w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k];
             bias(tr, w.middle, w.gravity, 0);
+            // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+            if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
+            for (int k = 0; DOFS && k < w.touches; k++) if (w.touch[k].link >= 0) w.touch[k].turn = turned;
             for (int k = 0; k < NV; k++) w.right[k] = -tr.tau[k];
             for (int i = 0; i < NJ; i++) w.right[DOFS + i] += (real)tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i];
         }
@@ -222,8 +228,6 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
         }
         for (int k = 0; k < NV; k++) w.rate[k] = w.qdd[k];
         if (DOFS) {
-            // The derivative of a velocity that moves along is the spatial acceleration and w x v.
-            const V3 turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
             w.rate[3] += turned.x; w.rate[4] += turned.y; w.rate[5] += turned.z;
         }
         if (!changed && !correct) return 1;

@@ -6,12 +6,13 @@ mod flight;
 mod friction;
 mod joints;
 mod robots;
+mod rolling;
 mod runner;
 
 use super::row::Row;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
-    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
+    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&rolling::ROWS).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
     flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }
