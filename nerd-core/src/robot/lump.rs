@@ -89,7 +89,10 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>, notes: &mut
             }
             (lower, upper) if lower > upper => return Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
             // What URDF 1.2 means by leaving both out, and what others write for it.
-            (lower, upper) if lower <= -FAR && upper >= FAR => None,
+            (lower, upper) if lower <= -FAR && upper >= FAR => {
+                notes.push(format!("joint `{}`: <limit> has no bounds; it moves without end", source.name));
+                None
+            }
             (lower, upper) if lower >= -FAR && upper <= FAR => Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 }),
             _ => return Err(wrong("a limit is not finite, or beyond 1e9; give both ends or neither")),
         };

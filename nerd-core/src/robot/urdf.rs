@@ -15,7 +15,7 @@ use urdf_rs::JointType;
 use super::lump::{isometry, joint, lump, sound};
 use super::mimic::follow;
 use super::planar::{TURN, check_names, planar};
-use super::xml::without_materials;
+use super::xml::prepared;
 use super::{Base, FixedFrame, Link, Robot, UrdfError, UrdfRobot};
 use crate::spatial::BodyInertia;
 
@@ -93,11 +93,11 @@ impl UrdfRobot {
 }
 
 fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
-    if !xml.contains('<') {
+    // An editor's mark of its encoding is no text.
+    let plain = prepared(xml.trim_start_matches('\u{feff}'))?;
+    if !plain.contains('<') {
         return Err(UrdfError::text("it has no element; give the text of the file, not its path"));
     }
-    // An editor's mark of its encoding is no text.
-    let plain = without_materials(xml.trim_start_matches('\u{feff}')).map_err(|e| UrdfError::text(&e))?;
     // urdf-rs may panic on text that is no URDF at all; user input never does here.
     let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
     let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;

@@ -8,7 +8,7 @@ const ATTRIBUTES: [(&str, &[&str]); 15] = [
     ("limit", &["lower", "upper", "effort", "velocity"]),
     ("dynamics", &["damping", "friction"]),
     ("mass", &["value"]),
-    ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]),
+    ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz", "iyx", "izx", "izy"]),
     ("parent", &["link"]),
     ("child", &["link"]),
     ("mimic", &["joint", "multiplier", "offset"]),
@@ -29,6 +29,18 @@ const CHILDREN: [(&str, &[&str]); 5] = [
     ("collision", &["origin", "geometry", "material", "verbose", "contact_coefficients"]),
 ];
 
+/// How many numbers an attribute of the elements above has; the others are words.
+fn numbers(element: &str, attribute: &str) -> Option<usize> {
+    match (element, attribute) {
+        ("link" | "joint" | "parent" | "child", _) | ("mimic", "joint") => None,
+        ("origin" | "axis", _) | ("box", "size") => Some(3),
+        _ => Some(1),
+    }
+}
+
+/// Formats whose files are taken for a URDF, by their root.
+const OTHERS: [(&str, &str); 3] = [("sdf", "an SDF file"), ("mujoco", "an MJCF file"), ("COLLADA", "a COLLADA mesh")];
+
 /// Letters by which a misspelt word differs.
 const SLIPS: usize = 2;
 
@@ -36,24 +48,55 @@ fn of<'a>(table: &'a [(&str, &'a [&'a str])], element: &str) -> Option<&'a [&'a 
     table.iter().find(|(name, _)| *name == element).map(|(_, words)| *words)
 }
 
-/// Refuses an element, whose path of names from the root ends with it, if it or an attribute of it looks like a slip.
-pub(super) fn check(path: &[String], attributes: impl Iterator<Item = String>) -> Result<(), String> {
+/// Refuses an element, whose path of names from the root ends with it, that is no part of a URDF, defines what is not supported, or looks
+/// like a slip; and attributes `(name, value)` of it that do.
+pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<(), String> {
     let [root, rest @ ..] = path else { return Ok(()) };
-    let Some(element) = rest.last() else { return Ok(()) };
-    let [.., parent, _] = path else { return Ok(()) };
+    if *root != "robot" {
+        let known = OTHERS.iter().find(|(name, _)| name == root);
+        return Err(known.map_or_else(|| format!("<{root}> is not a URDF's <robot>"), |(_, kind)| format!("it is {kind}, not a URDF")));
+    }
+    if let Some(macros) = path.iter().find(|name| name.starts_with("xacro:")) {
+        return Err(format!("<{macros}> is for xacro; expand the file first: xacro FILE > robot.urdf"));
+    }
+    let [.., parent, element] = path else { return Ok(()) };
+    if rest == ["loop_joint"] {
+        return Err("<loop_joint>: a closed loop is not supported; robots are trees".into());
+    }
     // Only in links and joints of the robot itself.
-    if root != "robot" || rest.len() > 1 && !matches!(rest[0].as_str(), "link" | "joint") || rest.iter().any(|e| e == "visual") {
+    if rest.len() > 1 && !matches!(rest[0], "link" | "joint") || rest.contains(&"visual") {
         return Ok(());
     }
-    if let Some(known) = of(&CHILDREN, parent).filter(|known| !known.contains(&element.as_str()))
+    if let Some(known) = of(&CHILDREN, parent).filter(|known| !known.contains(element))
         && let Some(meant) = meant(known, element)
     {
         return Err(format!("<{element}> in <{parent}> is not an element of a URDF; is <{meant}> meant?"));
     }
     let Some(known) = of(&ATTRIBUTES, element) else { return Ok(()) };
-    for name in attributes.filter(|name| !known.contains(&name.as_str())) {
-        if let Some(meant) = meant(known, &name) {
-            return Err(format!("<{element}> in <{parent}> has an attribute `{name}`; is `{meant}` meant?"));
+    for (name, value) in attributes {
+        if !known.contains(&name.as_str()) {
+            if let Some(meant) = meant(known, name) {
+                return Err(format!("<{element}> in <{parent}> has an attribute `{name}`; is `{meant}` meant?"));
+            }
+            continue;
+        }
+        let Some(count) = numbers(element, name) else { continue };
+        let words: Vec<&str> = value.split_whitespace().collect();
+        if let Some(word) = words.iter().find(|word| word.parse::<f64>().is_err()) {
+            let hint = if word.contains("${") { "; expand the file with xacro first" } else { "" };
+            return Err(format!("<{element} {name}=\"{value}\">: `{word}` is not a number{hint}"));
+        }
+        if words.len() != count {
+            return Err(format!("<{element} {name}=\"{value}\">: {} numbers, {count} are needed", words.len()));
+        }
+    }
+    // The lower triangle of an inertia says what the upper one does.
+    for (twin, key) in [("iyx", "ixy"), ("izx", "ixz"), ("izy", "iyz")].into_iter().filter(|_| *element == "inertia") {
+        let of = |key: &str| attributes.iter().find(|(name, _)| name == key).and_then(|(_, value)| value.trim().parse::<f64>().ok());
+        if let (Some(a), Some(b)) = (of(twin), of(key))
+            && a != b
+        {
+            return Err(format!("<inertia>: {twin} is {a}, {key} is {b}; an inertia is symmetric"));
         }
     }
     Ok(())

@@ -1,56 +1,111 @@
-//! Preprocessing of a URDF's text for urdf-rs.
+//! Preprocessing of a URDF's text for urdf-rs: what defines the robot is checked with line and element, what nothing here reads is left out,
+//! and what may be left out of a file is filled in.
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
+use super::UrdfError;
 use super::words::check;
 
 /// Elements of a URDF may be nested this deep; urdf-rs recurses and would overflow the stack far beyond it.
 const DEEPEST: usize = 64;
+/// Elements that nothing here reads. Files leave them unfinished, which urdf-rs minds.
+const UNREAD: [&str; 5] = ["material", "visual", "safety_controller", "calibration", "transmission"];
 
-/// The text without its <material> elements: nothing here looks at what things look like, and files leave them unfinished,
-/// which urdf-rs minds. Refuses a text that is not well-formed, nested too deep, or misspelt where it matters.
-pub(super) fn without_materials(text: &str) -> Result<String, String> {
+/// An element on the way from the root.
+struct Open {
+    name: String,
+    /// Its attribute `name`.
+    own: String,
+    children: Vec<String>,
+}
+
+/// The text as urdf-rs shall see it.
+pub(super) fn prepared(text: &str) -> Result<String, UrdfError> {
+    if text.starts_with("version https://git-lfs") {
+        return Err(UrdfError::text("it is a pointer of Git LFS; run `git lfs pull` for the file"));
+    }
     let mut reader = Reader::from_str(text);
-    let (mut out, mut depth) = (String::with_capacity(text.len()), 0usize);
-    let mut path: Vec<String> = Vec::new();
-    // Depth of the <material> that is being skipped.
-    let mut left_out = None;
+    let (mut out, mut path) = (String::with_capacity(text.len()), Vec::<Open>::new());
+    // Depth of the element that is being left out.
+    let mut unread = None;
     loop {
         let start = reader.buffer_position() as usize;
-        let event = reader.read_event().map_err(|e| format!("{e} (byte {})", reader.error_position()))?;
+        let read = reader.read_event();
         let end = reader.buffer_position() as usize;
-        let mut kept = left_out.is_none();
-        match event {
-            Event::Eof if depth > 0 => return Err("the text ends within an element".into()),
+        let at = |place: usize| text.as_bytes()[..place.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1;
+        let event = read.map_err(|e| UrdfError::text(&format!("line {}: {e}", at(reader.error_position() as usize))))?;
+        let mut kept = unread.is_none().then(|| text.get(start..end).unwrap_or_default().to_owned());
+        match &event {
+            Event::Eof if !path.is_empty() => return Err(UrdfError::text("the text ends within an element")),
             Event::Eof => return Ok(out),
-            Event::Start(tag) => {
-                depth += 1;
-                if depth > DEEPEST {
-                    return Err(format!("elements nested more than {DEEPEST} deep"));
+            Event::Start(tag) | Event::Empty(tag) => {
+                let empty = matches!(event, Event::Empty(_));
+                if path.len() == DEEPEST {
+                    return Err(refused(&path, at(start), &format!("elements nested more than {DEEPEST} deep")));
                 }
-                path.push(name(&tag));
-                check(&path, attributes(&tag))?;
-                if kept && tag.name().as_ref() == b"material" {
-                    (left_out, kept) = (Some(depth), false);
+                let (name, attributes) = (name(tag), attributes(tag));
+                let own = attributes.iter().find(|(key, _)| key == "name").map(|(_, own)| own.clone()).unwrap_or_default();
+                if let Some(above) = path.last_mut() {
+                    above.children.push(name.clone());
                 }
-            }
-            Event::Empty(tag) => {
-                path.push(name(&tag));
-                check(&path, attributes(&tag))?;
-                path.pop();
-                kept &= tag.name().as_ref() != b"material";
+                path.push(Open { name: name.clone(), own, children: Vec::new() });
+                let names: Vec<&str> = path.iter().map(|open| open.name.as_str()).collect();
+                check(&names, &attributes).map_err(|reason| refused(&path, at(start), &reason))?;
+                if UNREAD.contains(&name.as_str()) {
+                    kept = None;
+                    unread = unread.or((!empty).then_some(path.len()));
+                } else if let (Some(kept), true) = (&mut kept, names.ends_with(&["joint", "limit"])) {
+                    fill(kept, &attributes);
+                }
+                if empty {
+                    whole(&path).map_err(|reason| refused(&path, at(start), &reason))?;
+                    path.pop();
+                }
             }
             Event::End(_) => {
+                whole(&path).map_err(|reason| refused(&path, at(start), &reason))?;
+                unread = unread.filter(|depth| *depth != path.len());
                 path.pop();
-                left_out = left_out.filter(|at| *at != depth);
-                depth -= 1;
             }
             _ => {}
         }
-        if kept {
-            out += text.get(start..end).unwrap_or_default();
+        out += &kept.unwrap_or_default();
+    }
+}
+
+/// Why an element is refused, with its line and the link or joint that it is in.
+fn refused(path: &[Open], line: usize, reason: &str) -> UrdfError {
+    let owner = path.get(1).filter(|open| ["link", "joint"].contains(&open.name.as_str()));
+    let owner = owner.map_or_else(String::new, |open| format!(", {} `{}`", open.name, open.own));
+    UrdfError::text(&format!("line {line}{owner}: {reason}"))
+}
+
+/// What URDF leaves out of a <limit> and urdf-rs does not: a joint without bounds moves without end, effort and velocity are not known.
+fn fill(tag: &mut String, attributes: &[(String, String)]) {
+    let has = |key: &str| attributes.iter().any(|(name, _)| name == key);
+    let mut more = String::new();
+    if !has("lower") && !has("upper") {
+        more += r#" lower="-inf" upper="inf""#;
+    }
+    for key in ["effort", "velocity"].into_iter().filter(|key| !has(key)) {
+        more += &format!(r#" {key}="0""#);
+    }
+    tag.insert_str("<limit".len(), &more);
+}
+
+/// Refuses the last element of the path if it lacks a child that defines the robot.
+fn whole(path: &[Open]) -> Result<(), String> {
+    let [.., above, Open { name, children, .. }] = path else { return Ok(()) };
+    let has = |child: &str| children.iter().any(|c| c == child);
+    match (above.name.as_str(), name.as_str()) {
+        ("link", "inertial") if !has("mass") => Err("<inertial> has no <mass>".into()),
+        ("link", "inertial") if !has("inertia") => Err("<inertial> has no <inertia>; a mass alone cannot turn".into()),
+        ("collision", "geometry") if children.is_empty() => {
+            Err("<geometry> is empty; give a box, cylinder, capsule, sphere or mesh".into())
         }
+        ("link", "collision") if !has("geometry") => Err("<collision> has no <geometry>".into()),
+        _ => Ok(()),
     }
 }
 
@@ -58,7 +113,7 @@ fn name(tag: &BytesStart) -> String {
     String::from_utf8_lossy(tag.name().as_ref()).into_owned()
 }
 
-fn attributes(tag: &BytesStart) -> impl Iterator<Item = String> {
-    let names: Vec<String> = tag.attributes().flatten().map(|a| String::from_utf8_lossy(a.key.as_ref()).into_owned()).collect();
-    names.into_iter()
+fn attributes(tag: &BytesStart) -> Vec<(String, String)> {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    tag.attributes().flatten().map(|a| (text(a.key.as_ref()), text(&a.value))).collect()
 }

@@ -45,7 +45,16 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
         (r#"child link="tip""#, r#"child link="base""#, "`base`", "cycle"),
         (r#"type="revolute""#, r#"type="fixed""#, "nothing moves", ""),
         (r#"type="revolute""#, r#"type="screw""#, "screw", "not a URDF"),
-        (r#"mass value="2""#, r#"mass value="two""#, "float", "not a URDF"),
+        (r#"mass value="2""#, r#"mass value="two""#, "line 2, link `upper`", "`two` is not a number"),
+        (r#"mass value="2""#, r#"mass value="1,5""#, "<mass value=\"1,5\">", "`1,5` is not a number"),
+        (r#"mass value="2""#, r#"mass value="${m}""#, "line 2, link `upper`", "xacro"),
+        (r#"<origin xyz="0 0 1"/><axis"#, r#"<origin xyz="0 1"/><axis"#, "line 4, joint `shoulder`", "2 numbers, 3 are needed"),
+        (r#"<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>"#, "", "link `upper`", "<inertial> has no <inertia>"),
+        (r#"<sphere radius="0.5"/>"#, "", "line 3, link `upper`", "<geometry> is empty"),
+        (r#"ixy="0""#, r#"ixy="0" iyx="0.1""#, "iyx is 0.1", "symmetric"),
+        ("</robot>", "<xacro:wheel/></robot>", "<xacro:wheel>", "expand"),
+        ("</robot>", r#"<loop_joint name="l" type="revolute"/></robot>"#, "<loop_joint>", "closed loop"),
+        (r#"<robot name="arm">"#, r#"<sdf version="1"><robot name="arm">"#, "line 1", "an SDF file"),
     ];
     for (from, to, culprit, reason) in table {
         let error = refusal(&changed(ARM, from, to), Base::fixed());
@@ -132,4 +141,24 @@ fn a_misspelt_word_is_no_other_robot() {
     }
     let inertial = good.replace("<inertial>", "<inertal>").replace("</inertial>", "</inertal>");
     assert!(refusal(&inertial, Base::fixed()).contains("<inertial>"));
+}
+
+/// Files leave out what nothing here needs, and say some things twice.
+#[test]
+fn what_is_not_needed_may_be_missing_or_said_twice() {
+    for (from, to) in [
+        (r#" velocity="5""#, ""),
+        (r#" effort="10""#, ""),
+        (r#"ixy="0""#, r#"ixy="0" iyx="0" izx="0" izy="0""#),
+        ("<dynamics", r#"<safety_controller soft_lower_limit="-0.9" k_position="100"/><calibration/><dynamics"#),
+        ("</robot>", r#"<transmission name="t"><type/></transmission></robot>"#),
+        ("<collision>", "<visual/><collision>"),
+    ] {
+        let robot = Robot::from_urdf(&changed(ARM, from, to), Base::fixed()).unwrap_or_else(|e| panic!("{to}: {e}"));
+        let limits: Vec<_> = robot.joints().filter_map(|joint| joint.limit.map(|l| (l.lower, l.upper))).collect();
+        assert_eq!(limits, [(-1.0, 1.0)], "{to}");
+    }
+    let endless = UrdfRobot::read(&changed(ARM, r#"lower="-1" upper="1" "#, ""), Base::fixed()).expect("a hinge without bounds");
+    assert!(endless.robot.joints().all(|joint| joint.limit.is_none()), "it turns without end");
+    assert!(endless.notes.iter().any(|n| n.contains("`shoulder`") && n.contains("no bounds")), "{:?}", endless.notes);
 }

@@ -56,6 +56,45 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     assert!((height - 0.05).abs() < 1e-3, "it rests at {height} m, half its height is 0.05 m");
 }
 
+/// The box of the corners of what is read from a file: its least and largest place (m).
+fn extent(name: &str, text: &str) -> [[f64; 3]; 2] {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = brick(folder.path(), &format!("package://bricks/meshes/{name}"));
+    std::fs::write(folder.path().join("bricks/meshes").join(name), text).expect("a file");
+    let system = System::named(&path.display().to_string()).expect("a brick");
+    assert!(system.notes.is_empty(), "{:?}", system.notes);
+    let all: Vec<_> = system.robot.contact_points.iter().map(|p| p.local).collect();
+    [f64::min, f64::max].map(|pick| [0, 1, 2].map(|k| all.iter().map(|p| p[k]).reduce(pick).expect("a corner")))
+}
+
+/// Faces of an OBJ may name normals and textures or not; a hull is of its vertices. In a COLLADA file nodes place what they show, twice if it
+/// is shown twice.
+#[test]
+fn meshes_of_other_kinds_are_where_their_files_put_them() {
+    let corners = (0..8).map(|k| [1, 2, 4].map(|bit| if k & bit == 0 { -100.0 } else { 100.0 }));
+    let corners: Vec<String> = corners.map(|[x, y, z]: [f64; 3]| format!("{x} {y} {z}")).collect();
+    let obj = corners.iter().map(|c| format!("v {c}\n")).collect::<String>()
+        + "vn 0 0 1\nvt 0 0\nf 1//1 2//1 4//1\nf 1/1/1 2/1/1 3/1/1\nf 5 6 7\n";
+    assert_eq!(extent("mixed.obj", &obj), [[-0.1; 3], [0.1; 3]]);
+    let dae = |nodes: &str| {
+        format!(
+            r##"<COLLADA><asset><unit meter="2"/></asset><library_geometries><geometry id="g"><mesh><source id="p"><float_array id="f" count="24">{}</float_array>
+            <technique_common><accessor source="#f" count="8" stride="3"/></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+            </mesh></geometry></library_geometries><library_nodes><node id="n"><translate>0 0 500</translate><instance_geometry url="#g"/></node></library_nodes>
+            <library_visual_scenes><visual_scene id="s">{nodes}</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"##,
+            corners.join(" ")
+        )
+    };
+    // In millimetres times the file's unit of two.
+    let twice = r##"<node><translate>1000 0 0</translate><instance_geometry url="#g"/></node><node><translate>-1000 0 0</translate><instance_geometry url="#g"/></node>"##;
+    assert_eq!(extent("twice.dae", &dae(twice)), [[-2.2, -0.2, -0.2], [2.2, 0.2, 0.2]]);
+    // A quarter turn about x takes the z of the inner node to -y.
+    let inner = r##"<node><rotate>1 0 0 90</rotate><scale>1 1 1</scale><instance_node url="#n"/></node>"##;
+    let [low, high] = extent("inner.dae", &dae(inner));
+    let off = low.iter().zip([-0.2, -1.2, -0.2]).chain(high.iter().zip([0.2, -0.8, 0.2])).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-9, "{low:?} to {high:?}, off by {off:.1e} m");
+}
+
 #[test]
 fn a_mesh_that_cannot_be_read_is_passed_over_and_said() {
     let folder = tempfile::tempdir().expect("a folder");

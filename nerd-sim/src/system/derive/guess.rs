@@ -29,32 +29,43 @@ const LIVELY: f64 = 20.0;
 const START: f64 = 0.01;
 /// How much higher evaluations may start than a robot stands, of its extent.
 const HIGHER: f64 = 0.2;
+/// Share of a robot's height by which a leg reaches lower than what it hangs on.
+const LEG: f64 = 0.2;
 /// Contact points that are all kept: of more, those that are enough to stand and fall on.
 const MOST: usize = 24;
 /// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
 const FAST: f64 = 3.0;
 
 /// Whether a robot walks, rolls or flies, its base free: nothing of it moves on a fixed one, or at zero coordinates two limbs or more reach
-/// lower than its trunk. `robot` has a free base.
+/// lower than all else. Limbs hang on the root or, where they reach lower by a leg's length and not by a finger's, on a pelvis below it.
+/// `robot` has a free base.
 pub(crate) fn floats(robot: &Robot) -> bool {
-    let mut data = Data::new(robot);
+    let (mut data, n) = (Data::new(robot), robot.links.len());
     kinematics(robot, &robot.zero_state(), &mut data);
-    let limb = |mut link: usize| loop {
-        match robot.links[link].parent {
-            None => return None,
-            Some(0) => return Some(link),
-            Some(parent) => link = parent,
-        }
-    };
-    let mut lowest = vec![f64::INFINITY; robot.links.len()];
-    let places = robot.contact_points.iter().map(|p| (p.link, point_position(&data, p.link, &p.local).z - p.radius));
-    let origins = (1..robot.links.len()).map(|link| (link, (data.origin + data.position[link]).z));
-    for (link, z) in places.chain(origins) {
-        let of = limb(link).unwrap_or(0);
-        lowest[of] = lowest[of].min(z);
+    // The lowest place of each link: its shapes', and its joint's; a root without shapes has its origin.
+    let mut own = vec![f64::INFINITY; n];
+    for p in &robot.contact_points {
+        own[p.link] = own[p.link].min(point_position(&data, p.link, &p.local).z - p.radius);
     }
-    let trunk = if lowest[0].is_finite() { lowest[0] } else { (data.origin + data.position[0]).z };
-    robot.joint_count() == 0 || lowest[1..].iter().filter(|z| **z < trunk - 1e-6).count() >= 2
+    let origin = |link: usize| (data.origin + data.position[link]).z;
+    for link in usize::from(own[0].is_finite())..n {
+        own[link] = own[link].min(origin(link));
+    }
+    // A link with all that hangs on it comes in a row.
+    let (mut lowest, mut end) = (own.clone(), (1..=n).collect::<Vec<_>>());
+    for link in (1..n).rev() {
+        if let Some(parent) = robot.links[link].parent {
+            lowest[parent] = lowest[parent].min(lowest[link]);
+            end[parent] = end[parent].max(end[link]);
+        }
+    }
+    let height = (0..n).map(origin).fold(f64::MIN, f64::max) - lowest[0];
+    let legs = |body: usize, longer: f64| {
+        let rest = (0..=body).chain(end[body]..n).map(|link| own[link]).fold(f64::INFINITY, f64::min);
+        let limbs = (body + 1..end[body]).filter(|link| robot.links[*link].parent == Some(body));
+        limbs.filter(|link| lowest[*link] < rest - longer).count()
+    };
+    robot.joint_count() == 0 || legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
 }
 
 /// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are given positions of joints.

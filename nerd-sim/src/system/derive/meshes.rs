@@ -1,17 +1,17 @@
 //! Collision meshes of a URDF's links: read, made convex (parry), and touched at some points of the hull that lie far from each other.
 //!
-//! Files are STL, OBJ or COLLADA (crate mesh-loader). `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
+//! Files are STL (crate mesh-loader), OBJ or COLLADA. `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
 //! as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's `ROS_PACKAGE_PATH`. Every other path begins at
 //! the URDF. What cannot be read is passed over, and a note says why.
 
 use std::path::{Path, PathBuf};
 
-use mesh_loader::Loader;
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{MeshFile, UrdfRobot};
 use parry3d_f64::transformation::try_convex_hull;
 
+use super::collada;
 use super::spread::spread;
 
 /// Largest file that is read (bytes).
@@ -56,9 +56,8 @@ fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
     }
     // An unforeseen file ends in a line, too.
     let read = std::panic::catch_unwind(|| load(&path)).map_err(|_| "cannot be read".to_string())?;
-    let scene = read.map_err(|e| e.to_string().split_whitespace().collect::<Vec<_>>().join(" "))?;
-    let all = scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from)).component_mul(&mesh.scale));
-    let all: Vec<Vector3<f64>> = all.collect();
+    let read = read.map_err(|e| e.to_string().split_whitespace().collect::<Vec<_>>().join(" "))?;
+    let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(&mesh.scale)).collect();
     match all.iter().all(|v| v.iter().all(|x| x.abs() < 1e6)) {
         true if all.is_empty() => Err("has no vertex".into()),
         true => Ok(all),
@@ -66,17 +65,32 @@ fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
     }
 }
 
-/// Binary STL may begin with the word that makes a text of it; its length tells which it is.
-fn load(path: &Path) -> std::io::Result<mesh_loader::Scene> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl")) {
-        let mut bytes = std::fs::read(path)?;
-        let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
-        if bytes.len() as u64 == 84 + 50 * u64::from(count) {
-            bytes[..80].fill(0);
+fn load(path: &Path) -> std::io::Result<Vec<Vector3<f64>>> {
+    match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
+        "stl" => {
+            // Binary STL may begin with the word that makes a text of it; its length tells which it is.
+            let mut bytes = std::fs::read(path)?;
+            let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
+            if bytes.len() as u64 == 84 + 50 * u64::from(count) {
+                bytes[..80].fill(0);
+            }
+            let scene = mesh_loader::stl::from_slice(&bytes)?;
+            Ok(scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from))).collect())
         }
-        return mesh_loader::stl::from_slice(&bytes);
+        // A hull has no use for faces, whose kinds may be mixed.
+        "obj" => {
+            let text = String::from_utf8_lossy(&std::fs::read(path)?).into_owned();
+            let lines = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("v "));
+            let vertex = |(n, line): (usize, &str)| {
+                let xyz: Vec<f64> = line.split_whitespace().skip(1).take(3).filter_map(|x| x.parse().ok()).collect();
+                let wrong = || std::io::Error::other(format!("line {}: a vertex needs three numbers", n + 1));
+                (xyz.len() == 3).then(|| Vector3::from_column_slice(&xyz)).ok_or_else(wrong)
+            };
+            lines.map(vertex).collect()
+        }
+        "dae" => collada::vertices(&String::from_utf8_lossy(&std::fs::read(path)?)).map_err(std::io::Error::other),
+        other => Err(std::io::Error::other(format!("is of a kind (.{other}) that is not read; STL, OBJ and COLLADA (.dae) are"))),
     }
-    Loader::default().load(path)
 }
 
 /// The file that a URDF's text means.

@@ -1,5 +1,7 @@
 //! Settings derived from a URDF's numbers.
 
+#[cfg(feature = "meshes")]
+mod collada;
 mod guess;
 mod limits;
 #[cfg(feature = "meshes")]

@@ -1,0 +1,98 @@
+//! Vertices of a COLLADA file, with the transforms of the nodes that show them: what a hull needs of it. `<up_axis>` is not followed, as in
+//! other readers of URDF.
+
+use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
+use roxmltree::{Document, Node};
+
+/// Nodes may be nested this deep.
+const DEEPEST: usize = 64;
+/// Most vertices of a file, its instances counted.
+const MOST: usize = 10_000_000;
+
+/// In metres.
+pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
+    let document = Document::parse(text).map_err(|e| e.to_string())?;
+    let unit = document.descendants().find(|n| n.tag_name().name() == "unit");
+    let unit = unit.and_then(|n| n.attribute("meter")?.parse::<f64>().ok()).unwrap_or(1.0);
+    let mut file = File { document: &document, found: Vec::new() };
+    let place = Matrix4::new_scaling(unit);
+    match document.descendants().find(|n| n.tag_name().name() == "instance_visual_scene") {
+        Some(instance) => {
+            let scene = file.target(&instance, "url")?;
+            file.node(&scene, place, 0)?;
+        }
+        None => {
+            for geometry in document.descendants().filter(|n| n.tag_name().name() == "geometry") {
+                file.geometry(&geometry, &place)?;
+            }
+        }
+    }
+    Ok(file.found)
+}
+
+struct File<'a> {
+    document: &'a Document<'a>,
+    found: Vec<Vector3<f64>>,
+}
+
+impl<'a> File<'a> {
+    /// What an attribute such as `url="#id"` points to.
+    fn target(&self, node: &Node, key: &str) -> Result<Node<'a, 'a>, String> {
+        let id = node.attribute(key).unwrap_or_default().trim_start_matches('#');
+        let found = self.document.descendants().find(|n| n.attribute("id") == Some(id));
+        found.ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))
+    }
+
+    /// A node or a scene, placed by the nodes above it.
+    fn node(&mut self, node: &Node<'a, 'a>, mut place: Matrix4<f64>, depth: usize) -> Result<(), String> {
+        if depth > DEEPEST {
+            return Err(format!("nodes nested more than {DEEPEST} deep"));
+        }
+        for child in node.children().filter(Node::is_element) {
+            match child.tag_name().name() {
+                "matrix" => place *= Matrix4::from_row_slice(&numbers::<16>(&child)?),
+                "translate" => place *= Matrix4::new_translation(&numbers::<3>(&child)?.into()),
+                "scale" => place *= Matrix4::new_nonuniform_scaling(&numbers::<3>(&child)?.into()),
+                "rotate" => {
+                    let [x, y, z, degrees] = numbers(&child)?;
+                    let axis = Unit::try_new(Vector3::new(x, y, z), 1e-12).ok_or("<rotate> without an axis")?;
+                    place *= Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous();
+                }
+                "lookat" | "skew" => return Err(format!("<{}> is not read", child.tag_name().name())),
+                "instance_geometry" => self.geometry(&self.target(&child, "url")?, &place)?,
+                "instance_controller" => {
+                    let skin = self.target(&child, "url")?.children().find(|n| n.tag_name().name() == "skin");
+                    self.geometry(&self.target(&skin.ok_or("a controller without <skin>")?, "source")?, &place)?;
+                }
+                "instance_node" => self.node(&self.target(&child, "url")?, place, depth + 1)?,
+                "node" => self.node(&child, place, depth + 1)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn geometry(&mut self, geometry: &Node<'a, 'a>, place: &Matrix4<f64>) -> Result<(), String> {
+        let inputs = geometry.descendants().filter(|n| n.tag_name().name() == "vertices").flat_map(|n| n.children());
+        for input in inputs.filter(|n| n.attribute("semantic") == Some("POSITION")) {
+            let source = self.target(&input, "source")?;
+            let floats = source.children().find(|n| n.tag_name().name() == "float_array").ok_or("a source without <float_array>")?;
+            let accessor = source.descendants().find(|n| n.tag_name().name() == "accessor");
+            let stride = accessor.and_then(|n| n.attribute("stride")?.parse().ok()).unwrap_or(3).max(3);
+            let floats = floats.text().unwrap_or_default().split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
+            let floats = floats.map_err(|_| "<float_array> with a word that is not a number")?;
+            self.found.extend(floats.chunks_exact(stride).map(|p| place.transform_point(&Point3::new(p[0], p[1], p[2])).coords));
+            if self.found.len() > MOST {
+                return Err(format!("more than {MOST} vertices"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The numbers of an element.
+fn numbers<const N: usize>(node: &Node) -> Result<[f64; N], String> {
+    let words = node.text().unwrap_or_default().split_whitespace().map(str::parse::<f64>);
+    let numbers = words.collect::<Result<Vec<f64>, _>>().ok().and_then(|all| all.try_into().ok());
+    numbers.ok_or_else(|| format!("<{}> needs {N} numbers", node.tag_name().name()))
+}
