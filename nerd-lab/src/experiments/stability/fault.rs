@@ -35,7 +35,7 @@ pub enum Fault {
 use Fault::*;
 
 /// By row of the suite, the faults that it must see.
-const REDDENED: [(&str, &[Fault]); 49] = [
+const REDDENED: [(&str, &[Fault]); 54] = [
     ("free fall", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
     ("off-centre spin", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld]),
     ("precession", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
@@ -55,6 +55,11 @@ const REDDENED: [(&str, &[Fault]); 49] = [
     ("falling quadruped", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
     ("rest", &[NoFloor]),
     ("restitution", &[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("level rolling", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("level rolling, energy", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity, HiddenClock]),
+    ("spinning box on ice", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("flat landing", &[NoFloor, DroppedVelocity, FrozenWorld]),
+    ("low flight", &[DroppedVelocity, FrozenWorld, PumpedVelocity, HiddenClock, SinglePrecision]),
     ("tossed cube", &[NoFloor, PumpedVelocity]),
     ("stiff ground", &[NoFloor, PumpedVelocity]),
     ("tip into ground", &[NoFloor, PumpedVelocity]),

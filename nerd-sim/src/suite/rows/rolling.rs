@@ -58,7 +58,8 @@ fn on_ice(trial: &Trial) -> Result<f64, Error> {
     let sunk = if trial.method.rigid { 0.0 } else { body.mass * GRAVITY / (4.0 * body.material[0]) };
     let start = Body::state([0.0, 0.0, 0.1 + 1e-5 - sunk], UPRIGHT, [0.0, 0.0, 20.0], [5.0, 0.0, 0.0]);
     let motion = trial.passive(&body.system()?, "ground", &start, 120)?;
-    Ok(energy(&motion).max(height(&motion)))
+    let slid = (motion.last()[0] / 10.0 - 1.0).abs() < 0.01;
+    Ok(if slid { energy(&motion).max(height(&motion)) } else { 1.0 })
 }
 
 fn flat(trial: &Trial) -> Result<f64, Error> {
@@ -66,7 +67,8 @@ fn flat(trial: &Trial) -> Result<f64, Error> {
     let start = Body::state([0.0, 0.0, 0.2], UPRIGHT, [0.0, 0.0, 20.0], [5.0, 0.0, 0.0]);
     let motion = trial.passive(&body.system()?, "ground", &start, 120)?;
     let tilt = |s: &Vec<f64>| (quaternion(&s[3..7]) * Vector3::z()).angle(&Vector3::z());
-    Ok(motion.states.iter().map(tilt).fold(0.0, f64::max))
+    let landed = (motion.last()[2] - 0.1).abs() < 0.01 && motion.last()[0] > 9.0;
+    Ok(if landed { motion.states.iter().map(tilt).fold(0.0, f64::max) } else { 1.0 })
 }
 
 fn low_flight(trial: &Trial) -> Result<f64, Error> {
