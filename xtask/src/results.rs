@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use nerd_lab::report::manifest::Manifest;
+use nerd_lab::report::manifest::{Manifest, Status};
 use nerd_lab::report::marks::{Marks, documents, unmarked};
 use nerd_lab::report::{Table, write};
 use nerd_train::shipped::{results, root};
@@ -111,7 +111,7 @@ fn make(manifest: &Manifest, names: &[String], all: bool) -> Result<()> {
     }
     let mut commands: Vec<&str> = Vec::new();
     for entry in manifest.artefact.iter().filter(|entry| names.is_empty() || names.contains(&entry.name)) {
-        let asked = names.contains(&entry.name) || (!entry.record && (all || !entry.status(&results()).holds()));
+        let asked = names.contains(&entry.name) || (!entry.record && (all || entry.status(&results()) != Status::Current));
         // One command may make several.
         if asked && !commands.contains(&entry.command.as_str()) {
             commands.push(&entry.command);

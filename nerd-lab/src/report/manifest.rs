@@ -28,6 +28,9 @@ pub struct Entry {
     /// Kept as it was measured: making it again takes days of a GPU, or what it measured was not kept. It is never stale.
     #[serde(default)]
     pub record: bool,
+    /// Why it no longer describes the program, until its command is run again.
+    #[serde(default)]
+    pub stale: Option<String>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +39,8 @@ pub enum Status {
     Current,
     /// It is kept as it was measured, at this commit.
     Record(String),
+    /// It was measured on what has changed since, as the manifest says.
+    Stale(String),
     /// It does not hold, for this reason.
     Wrong(String),
 }
@@ -51,6 +56,7 @@ impl std::fmt::Display for Status {
         match self {
             Self::Current => f.write_str("current"),
             Self::Record(commit) => write!(f, "record of {commit}"),
+            Self::Stale(why) => write!(f, "stale: {why}"),
             Self::Wrong(reason) => f.write_str(reason),
         }
     }
@@ -99,7 +105,12 @@ impl Entry {
             wrong(&format!("made by `{command}`"))
         } else {
             let changed = inputs.changed();
-            if changed.is_empty() { Status::Current } else { wrong(&format!("stale: {}", changed.join(", "))) }
+            match &self.stale {
+                None if changed.is_empty() => Status::Current,
+                None => wrong(&format!("stale: {}", changed.join(", "))),
+                Some(_) if changed.is_empty() => wrong("marked as stale, and it is current: take the mark away"),
+                Some(why) => Status::Stale(why.clone()),
+            }
         }
     }
 }
