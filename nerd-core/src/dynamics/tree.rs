@@ -75,13 +75,13 @@ impl TreeFactor {
 #[derive(Clone, Debug)]
 pub(super) enum Inverse {
     /// Along the tree.
-    Tree(TreeFactor),
+    Tree(Box<TreeFactor>),
     /// Where joints follow others, which couples branches of the tree, no recursion does.
     Matrix(Factor),
 }
 
 impl Inverse {
     pub(super) fn new(robot: &Robot) -> Self {
-        TreeFactor::new(robot).map_or_else(|| Self::Matrix(Factor::new(robot)), Self::Tree)
+        TreeFactor::new(robot).map_or_else(|| Self::Matrix(Factor::new(robot)), |tree| Self::Tree(Box::new(tree)))
     }
 }
