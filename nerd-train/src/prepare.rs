@@ -37,7 +37,8 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
             let bases = match flight {
                 None => states,
                 Some(flight) => {
-                    let scenes = vec![Arc::new(Scene::free(gravity)); f];
+                    let free = Arc::new(Scene::free(gravity));
+                    let scenes = vec![free; f];
                     let flown = flight.step(&states[..f * d], &scenes, torques);
                     flown.map_err(|error| DatasetError::Step(trajectory as u64, error))?
                 }
