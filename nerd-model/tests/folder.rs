@@ -129,7 +129,8 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
 #[test]
 fn what_is_no_number_is_refused_with_its_place() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let cases: [(&dyn Fn(&mut Model), Storage, [&str; 2]); 4] = [
+    type Change<'a> = &'a dyn Fn(&mut Model);
+    let cases: [(Change, Storage, [&str; 2]); 4] = [
         (&|m| m.weights.flat[3] = f32::NAN, Storage::F32, ["`embed.weight`", "entry 3 is NaN"]),
         // Beyond what ten bits of mantissa and five of exponent hold.
         (&|m| m.weights.flat[0] = 1e6, Storage::F16, ["`embed.weight`", "entry 0 is inf"]),

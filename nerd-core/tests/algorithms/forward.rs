@@ -14,6 +14,9 @@ fn accelerations(robot: &Robot, q: &[f64], qd: &LocalVelocity<Vec<f64>>, tau: &[
     Data::new(robot).forward_dynamics(robot, q, qd, tau, &GRAVITY).expect("inertia").as_slice().to_vec()
 }
 
+/// What is asked of working memory.
+type Ask<'a> = &'a dyn Fn(&mut Data) -> Vec<f64>;
+
 #[test]
 fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
     let mut worst = [0.0f64; 3];
@@ -46,7 +49,7 @@ fn answers_are_of_the_coordinates_given() {
     for (robot, mut rng) in robots() {
         let ((q, qd), (other, faster)) = (state(&mut rng, &robot), state(&mut rng, &robot));
         let (tau, frame) = (values(&mut rng, robot.nv(), 20.0), robot.frame(&robot.links[0].name).expect("a link"));
-        let asks: [&dyn Fn(&mut Data) -> Vec<f64>; 6] = [
+        let asks: [Ask; 6] = [
             &|data| data.mass_matrix(&robot, &q).as_slice().to_vec(),
             &|data| data.gravity_torque(&robot, &q, &GRAVITY).as_slice().to_vec(),
             &|data| data.bias(&robot, &q, &qd, &GRAVITY).as_slice().to_vec(),

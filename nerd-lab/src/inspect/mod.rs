@@ -153,9 +153,9 @@ impl Counts {
                 met[0] += u64::from(*depth < point.threshold());
                 met[1] += u64::from(*depth < point.radius);
             }
-            for k in 0..2 {
-                self.points_near[k] += met[k];
-                self.tokens_near[k] += u64::from(met[k] > 0);
+            for (k, met) in met.into_iter().enumerate() {
+                self.points_near[k] += met;
+                self.tokens_near[k] += u64::from(met > 0);
             }
             let at = (row / f * (f + 1) + row % f) * d;
             for ((k, _), (_, wraps)) in endless.iter().zip(&mut self.wraps) {

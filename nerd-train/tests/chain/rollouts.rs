@@ -108,7 +108,7 @@ fn scenes_are_drawn_again_from_the_seed() {
     // The seed decides: under another one nothing fits.
     let mut manifest = Manifest::read(folder.path()).expect("written");
     manifest.seed = 4;
-    let error = manifest.shard_in_scenes(folder.path(), &manifest.shards[0], &system).err().expect("other scenes").to_string();
+    let error = manifest.shard_in_scenes(folder.path(), &manifest.shards[0], &system).expect_err("other scenes").to_string();
     assert!(error.contains("trajectory 0: its scenes cannot be drawn again"), "{error}");
 }
 

@@ -64,7 +64,8 @@ mod tests {
     #[test]
     fn activations_are_those_of_the_library_and_nan_stays() {
         let xs: Vec<f32> = (-4000..4000).map(|k| k as f32 * 5e-3 + 1e-4).chain([f32::NAN]).collect();
-        let (tanh, elu): (fn(f64) -> f64, fn(f64) -> f64) = (f64::tanh, |x| if x < 0.0 { x.exp_m1() } else { x });
+        type Function = fn(f64) -> f64;
+        let (tanh, elu): (Function, Function) = (f64::tanh, |x| if x < 0.0 { x.exp_m1() } else { x });
         for (f, library) in
             [(Activation::Tanh, tanh), (Activation::Elu, elu), (Activation::Relu, |x| x.max(0.0)), (Activation::Gelu, |x| x)]
         {
