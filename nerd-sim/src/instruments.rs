@@ -1,4 +1,4 @@
-//! Solvers around a solver, and two that know no physics. Each is a [`Solver`](crate::solver::Solver) itself, so whatever takes
+//! Solvers around a solver, and two that know no physics. Each is a [`Solver`] itself, so whatever takes
 //! a solver takes it timed, recorded or shaken.
 //!
 //! ```
