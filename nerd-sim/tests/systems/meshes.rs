@@ -93,6 +93,18 @@ fn meshes_of_other_kinds_are_where_their_files_put_them() {
     let [low, high] = extent("inner.dae", &dae(inner));
     let off = low.iter().zip([-0.2, -1.2, -0.2]).chain(high.iter().zip([0.2, -0.8, 0.2])).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(off < 1e-9, "{low:?} to {high:?}, off by {off:.1e} m");
+    // Sixty nodes that show the next one twice, and one that shows itself, end in a line.
+    let doubling: String =
+        (0..60).map(|k| format!(r##"<node id="d{k}">{}</node>"##, format!(r##"<instance_node url="#d{}"/>"##, k + 1).repeat(2))).collect();
+    for (nodes, what) in
+        [(doubling + r#"<node id="d60"/>"#, "more than"), (r##"<node id="e"><instance_node url="#e"/></node>"##.into(), "nested")]
+    {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = brick(folder.path(), "package://bricks/meshes/evil.dae");
+        std::fs::write(folder.path().join("bricks/meshes/evil.dae"), dae(&nodes)).expect("a file");
+        let notes = System::named(&path.display().to_string()).expect("a brick").notes.join(" ");
+        assert!(notes.contains("evil.dae") && notes.contains(what), "{notes}");
+    }
 }
 
 #[test]

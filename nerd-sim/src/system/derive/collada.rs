@@ -1,12 +1,14 @@
 //! Vertices of a COLLADA file, with the transforms of the nodes that show them: what a hull needs of it. `<up_axis>` is not followed, as in
 //! other readers of URDF.
 
+use std::collections::HashMap;
+
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
 /// Nodes may be nested this deep.
 const DEEPEST: usize = 64;
-/// Most vertices of a file, its instances counted.
+/// Most vertices of a file, and most elements of its nodes, what is shown twice counted twice: a short file may ask for 2^64 of them.
 const MOST: usize = 10_000_000;
 
 /// In metres.
@@ -14,7 +16,8 @@ pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
     let document = Document::parse(text).map_err(|e| e.to_string())?;
     let unit = document.descendants().find(|n| n.tag_name().name() == "unit");
     let unit = unit.and_then(|n| n.attribute("meter")?.parse::<f64>().ok()).unwrap_or(1.0);
-    let mut file = File { document: &document, found: Vec::new() };
+    let ids = document.descendants().filter_map(|n| Some((n.attribute("id")?, n))).collect();
+    let mut file = File { ids, seen: 0, found: Vec::new() };
     let place = Matrix4::new_scaling(unit);
     match document.descendants().find(|n| n.tag_name().name() == "instance_visual_scene") {
         Some(instance) => {
@@ -31,7 +34,9 @@ pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
 }
 
 struct File<'a> {
-    document: &'a Document<'a>,
+    ids: HashMap<&'a str, Node<'a, 'a>>,
+    /// Elements of nodes so far.
+    seen: usize,
     found: Vec<Vector3<f64>>,
 }
 
@@ -39,8 +44,7 @@ impl<'a> File<'a> {
     /// What an attribute such as `url="#id"` points to.
     fn target(&self, node: &Node, key: &str) -> Result<Node<'a, 'a>, String> {
         let id = node.attribute(key).unwrap_or_default().trim_start_matches('#');
-        let found = self.document.descendants().find(|n| n.attribute("id") == Some(id));
-        found.ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))
+        self.ids.get(id).copied().ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))
     }
 
     /// A node or a scene, placed by the nodes above it.
@@ -49,6 +53,10 @@ impl<'a> File<'a> {
             return Err(format!("nodes nested more than {DEEPEST} deep"));
         }
         for child in node.children().filter(Node::is_element) {
+            self.seen += 1;
+            if self.seen > MOST {
+                return Err(format!("nodes that show more than {MOST} elements"));
+            }
             match child.tag_name().name() {
                 "matrix" => place *= Matrix4::from_row_slice(&numbers::<16>(&child)?),
                 "translate" => place *= Matrix4::new_translation(&numbers::<3>(&child)?.into()),

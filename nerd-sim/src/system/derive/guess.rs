@@ -60,10 +60,14 @@ pub(crate) fn floats(robot: &Robot) -> bool {
         }
     }
     let height = (0..n).map(origin).fold(f64::MIN, f64::max) - lowest[0];
+    let mut below = vec![Vec::new(); n];
+    (1..n).filter_map(|link| Some((robot.links[link].parent?, link))).for_each(|(parent, link)| below[parent].push(link));
     let legs = |body: usize, longer: f64| {
+        if below[body].len() < 2 {
+            return 0;
+        }
         let rest = (0..=body).chain(end[body]..n).map(|link| own[link]).fold(f64::INFINITY, f64::min);
-        let limbs = (body + 1..end[body]).filter(|link| robot.links[*link].parent == Some(body));
-        limbs.filter(|link| lowest[*link] < rest - longer).count()
+        below[body].iter().filter(|link| lowest[**link] < rest - longer).count()
     };
     robot.joint_count() == 0 || legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
 }
