@@ -66,7 +66,7 @@ pub struct Data {
     pub(super) acceleration: Vec<Motion>,
     pub(super) force: Vec<Wrench>,
     pub(super) composite: Vec<SpatialInertia>,
-    /// For [`super::aba`], which takes it out and puts it back.
+    /// For [`super::aba`], which makes it at its first call, takes it out and puts it back.
     pub(super) inverse: Option<Box<Inverse>>,
 }
 
@@ -92,7 +92,7 @@ impl Data {
             acceleration: vec![Motion::default(); n],
             force: vec![Wrench::default(); n],
             composite: vec![SpatialInertia::default(); n],
-            inverse: Some(Box::new(Inverse::new(robot))),
+            inverse: None,
         }
     }
 }
