@@ -2,28 +2,152 @@
 //!
 //! Contacts are found by geometry: a fixed list of points on the robot, each tested against the scene once a frame.
 //! `d = n . (p0 - p1)` is measured from the point itself (the centre of a sphere or of a capsule's end, a place on a
-//! cylinder's rim), so the surfaces touch at `d = radius`.
+//! cylinder's rim, a vertex of a hull), so the surfaces touch at `d = radius`.
 
-use nalgebra::Vector3;
+use std::f64::consts::TAU;
+use std::sync::Arc;
 
-/// A point fixed on a link at which contact is looked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
+
+/// A place on a link at which contact is looked for: one point of its list, wherever on the link it lies now.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ContactPoint {
     /// Index of the link.
     pub link: usize,
-    /// Position in the link frame (m).
+    /// Position in the link frame (m); of a point that moves over its link, the middle of where it may be.
     pub local: Vector3<f64>,
     /// Radius of the surface around it (m) in the contact law.
     pub radius: f64,
     /// Contact thickness (m), which sets the mask.
     pub thickness: f64,
+    /// Where it may be.
+    pub locus: Locus,
 }
 
+/// Where on its link a contact point may be. It lies where it faces the surface that it meets.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Locus {
+    /// At `local`.
+    Fixed,
+    /// On the rim of a disc about `local`: at its deepest place, turned about the axis.
+    ///
+    /// A disc has three such points, turned by 0 and by a third of a turn either way. So a can that stands has the same stiffness in all
+    /// directions, `sum r r^T = 3/2 R^2`, wherever the first one lies; and the outer two, which have the same gap, do no work by moving.
+    Rim {
+        /// Axis, link frame.
+        axis: UnitVector3<f64>,
+        /// Radius of the disc (m).
+        radius: f64,
+        /// Angle from the deepest place (rad).
+        turn: f64,
+    },
+    /// At the deepest of some vertices, so that its gap is a continuous function of the pose.
+    Hull {
+        /// The vertices (m, link frame).
+        vertices: Arc<[Vector3<f64>]>,
+        /// How far they are from their middle at most (m).
+        reach: f64,
+    },
+}
+
+/// Below this sine between a disc's axis and a normal all its rim is as deep.
+const FLAT: f64 = 1e-9;
+
 impl ContactPoint {
+    /// A fixed point.
+    pub fn new(link: usize, local: Vector3<f64>, radius: f64) -> Self {
+        Self { link, local, radius, thickness: radius, locus: Locus::Fixed }
+    }
+
+    /// The three points of a disc: its centre (m) and axis in the link frame, its radius `rim` (m), the radius of its edge (m).
+    pub fn disc(link: usize, centre: Vector3<f64>, axis: UnitVector3<f64>, rim: f64, radius: f64) -> [Self; 3] {
+        [0.0, TAU / 3.0, -TAU / 3.0].map(|turn| Self { locus: Locus::Rim { axis, radius: rim, turn }, ..Self::new(link, centre, radius) })
+    }
+
+    /// The deepest of some vertices (m, link frame), each a ball of `radius` (m).
+    pub fn hull(link: usize, vertices: impl Into<Arc<[Vector3<f64>]>>, radius: f64) -> Self {
+        let vertices = vertices.into();
+        let middle = vertices.iter().sum::<Vector3<f64>>() / vertices.len().max(1) as f64;
+        let reach = vertices.iter().map(|v| (v - middle).norm()).fold(0.0, f64::max);
+        Self { locus: Locus::Hull { vertices, reach }, ..Self::new(link, middle, radius) }
+    }
+
     /// Distance beyond which a contact is masked, `xi = max(4 thickness, 0.1)` m (paper A.1).
     pub fn threshold(&self) -> f64 {
         (4.0 * self.thickness).max(0.1)
     }
+
+    /// Where it is in its link's frame (m) when it faces a surface of outward unit `normal`; the link's `rotation` takes vectors to
+    /// the axes of the normal.
+    #[inline(always)]
+    pub fn facing(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
+        match &self.locus {
+            Locus::Fixed => self.local,
+            locus => locus.facing(&self.local, &rotation.tr_mul(normal), true),
+        }
+    }
+
+    /// The deepest place of its disc or hull, from which its distance to a surface is found.
+    pub fn deepest(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
+        self.locus.facing(&self.local, &rotation.tr_mul(normal), false)
+    }
+
+    /// How far it may be from `local` (m).
+    pub fn reach(&self) -> f64 {
+        match &self.locus {
+            Locus::Fixed => 0.0,
+            Locus::Rim { radius: reach, .. } | Locus::Hull { reach, .. } => *reach,
+        }
+    }
+
+    /// Places (m, link frame) between which it may be: of a disc twelve on its rim.
+    pub fn places(&self) -> Vec<Vector3<f64>> {
+        match &self.locus {
+            Locus::Fixed => vec![self.local],
+            Locus::Rim { axis, radius, .. } => {
+                let out = across(axis) * *radius;
+                (0..12).map(|k| self.local + Rotation3::from_axis_angle(axis, TAU * f64::from(k) / 12.0) * out).collect()
+            }
+            Locus::Hull { vertices, .. } => vertices.to_vec(),
+        }
+    }
+
+    /// The same on a link `factor` times as large.
+    pub fn scaled(&self, factor: f64) -> Self {
+        let locus = match &self.locus {
+            Locus::Fixed => Locus::Fixed,
+            Locus::Rim { axis, radius, turn } => Locus::Rim { axis: *axis, radius: radius * factor, turn: *turn },
+            Locus::Hull { vertices, reach } => {
+                Locus::Hull { vertices: vertices.iter().map(|v| v * factor).collect(), reach: reach * factor }
+            }
+        };
+        Self { local: self.local * factor, radius: self.radius * factor, thickness: self.thickness * factor, locus, ..*self }
+    }
+}
+
+impl Locus {
+    /// `normal` in the link frame; of a disc its own point, or the deepest one.
+    fn facing(&self, middle: &Vector3<f64>, normal: &Vector3<f64>, own: bool) -> Vector3<f64> {
+        match self {
+            Self::Fixed => *middle,
+            Self::Rim { axis, radius, turn } => {
+                let slope = normal - axis.as_ref() * axis.dot(normal);
+                let size = slope.norm();
+                let up = if size > FLAT { slope / size } else { across(axis) };
+                let (sin, cos) = if own { turn.sin_cos() } else { (0.0, 1.0) };
+                middle - (up * cos + axis.cross(&up) * sin) * *radius
+            }
+            Self::Hull { vertices, .. } => {
+                let deepest = vertices.iter().min_by(|a, b| normal.dot(a).total_cmp(&normal.dot(b)));
+                deepest.copied().unwrap_or(*middle)
+            }
+        }
+    }
+}
+
+/// A unit vector at right angles to an axis.
+pub fn across(axis: &UnitVector3<f64>) -> Vector3<f64> {
+    axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize()
 }
 
 /// What the collision query says of one contact point; positions and normal in world axes.

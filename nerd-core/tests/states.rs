@@ -141,7 +141,7 @@ fn joints_with_limits_never_wrap() {
 
 #[test]
 fn a_contact_is_seen_nearer_than_four_thicknesses_and_a_tenth_and_zero_beyond() {
-    let point = |thickness: f64| ContactPoint { link: 0, local: Vector3::zeros(), radius: 0.0, thickness };
+    let point = |thickness: f64| ContactPoint { thickness, ..ContactPoint::new(0, Vector3::zeros(), 0.0) };
     for (thickness, xi) in [(0.0, 0.1), (1e-5, 0.1), (0.025, 0.1), (0.08, 0.32), (0.1, 0.4), (0.25, 1.0)] {
         assert_eq!(point(thickness).threshold(), xi, "thickness {thickness} m");
     }

@@ -125,9 +125,9 @@ fn body(
             };
             *text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\" {ROBOT}/>\n", pose(&shape.pose));
         }
-        for p in points {
-            let place = numbers(p.local.as_slice());
-            *text += &format!("<geom type=\"sphere\" size=\"{}\" pos=\"{place}\" mass=\"0\" friction=\"0\" {ROBOT}/>\n", p.radius);
+        for (at, radius) in points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius))) {
+            let place = numbers(at.as_slice());
+            *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" friction=\"0\" {ROBOT}/>\n");
         }
     }
     for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {

@@ -10,7 +10,7 @@ use rand::{Rng, RngExt};
 use crate::random::direction;
 pub use crate::random::{normal, stream};
 use crate::range::Range;
-use crate::scene::{Collider, PegSpec, Plane, Scene, contacts, peg};
+use crate::scene::{Collider, PegSpec, Plane, Scene, contacts, peg, place};
 pub use crate::system::Start;
 use crate::system::start::{clear_start, draw, write_twist};
 use crate::system::{RandomPegs, RandomPlane, RootStart, System};
@@ -93,7 +93,7 @@ fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut imp
     let robot = &system.robot;
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
-    let heights = robot.contact_points.iter().map(|c| normal.dot(&point_position(&data, c.link, &c.local)));
+    let heights = robot.contact_points.iter().map(|c| normal.dot(&place(c, &data, &normal)));
     let tangent = heights.fold(f64::INFINITY, f64::min);
     // The plane's reach is measured from the first joint, where the arm hangs.
     let pivot = point_position(&data, 0, &Vector3::zeros());

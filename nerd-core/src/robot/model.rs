@@ -7,7 +7,7 @@
 use nalgebra::Isometry3;
 
 use super::{Joint, Mimic, Shape, ShapeKind};
-use crate::contact::ContactPoint;
+use crate::contact::{ContactPoint, Locus};
 use crate::spatial::BodyInertia;
 
 /// The root link's base.
@@ -205,7 +205,7 @@ impl Robot {
     /// points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a sliding plate
     /// stops within a frame.
     pub fn touching(&self, link: usize) -> (Vec<Shape>, Vec<ContactPoint>) {
-        let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).copied().collect();
+        let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).cloned().collect();
         let mut shapes = Vec::new();
         let angular = |s: &&Shape| matches!(s.kind, ShapeKind::Box { .. } | ShapeKind::Cylinder { .. });
         for shape in self.links[link].shapes.iter().filter(angular) {
@@ -215,6 +215,8 @@ impl Robot {
                 shapes.push(shape.clone());
             }
         }
+        // A disc is one thing, of which every point tells all.
+        points.retain(|p| !matches!(p.locus, Locus::Rim { turn, .. } if turn != 0.0));
         (shapes, points)
     }
 }

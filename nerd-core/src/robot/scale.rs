@@ -3,7 +3,6 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::{Base, JointKind, Robot, Shape, ShapeKind};
-use crate::contact::ContactPoint;
 use crate::spatial::BodyInertia;
 
 impl Robot {
@@ -35,12 +34,7 @@ impl Robot {
         if own {
             self.contact_points = self.default_contact_points();
         } else {
-            let scaled = |p: &mut ContactPoint| {
-                p.local *= factor;
-                p.radius *= factor;
-                p.thickness *= factor;
-            };
-            self.contact_points.iter_mut().for_each(scaled);
+            self.contact_points.iter_mut().for_each(|p| *p = p.scaled(factor));
         }
     }
 }

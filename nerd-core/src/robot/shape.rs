@@ -27,30 +27,22 @@ pub enum ShapeKind {
 }
 
 impl Shape {
-    /// Points that stand for this shape on link `link`: a sphere's centre; the ends of a capsule's axis (the far one along +z
-    /// first); a box's corners (x fastest, negative first; radius 1e-5 m); points on a cylinder's rims (radius 1e-5 m, the
-    /// far rim along +z first, from +x on towards +y), 8 a rim and a ball in either end, on which it rolls, or 16 a rim if
-    /// it is too flat for that ball.
+    /// The contact points of this shape on link `link`: a sphere's centre; the ends of a capsule's axis (the far one along +z
+    /// first); a box's corners (x fastest, negative first; radius 1e-5 m); three on either rim of a cylinder (radius 1e-5 m, the
+    /// far rim along +z first).
     pub fn contact_points(&self, link: usize) -> Vec<ContactPoint> {
-        let point = |local: Vector3<f64>, radius: f64| {
-            let local = self.pose.transform_point(&local.into()).coords;
-            ContactPoint { link, local, radius, thickness: radius }
-        };
+        let at = |local: Vector3<f64>| self.pose.transform_point(&local.into()).coords;
+        let point = |local: Vector3<f64>, radius: f64| ContactPoint::new(link, at(local), radius);
         let ends = |half_length: f64, radius: f64| [half_length, -half_length].map(|z| point(Vector3::z() * z, radius));
         match self.kind {
             ShapeKind::Sphere { radius } => vec![point(Vector3::zeros(), radius)],
             ShapeKind::Capsule { radius, half_length } => ends(half_length, radius).into(),
             ShapeKind::Cylinder { radius, half_length } => {
-                let flat = half_length < radius;
-                let around = if flat { 16 } else { 8 };
-                let rims = [half_length, -half_length].into_iter().flat_map(|z| {
-                    (0..around).map(move |k| {
-                        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(around)).sin_cos();
-                        Vector3::new(radius * cos, radius * sin, z)
-                    })
-                });
-                let balls = ends(half_length - radius, radius).into_iter().filter(|_| !flat);
-                rims.map(|at| point(at, SHARP)).chain(balls).collect()
+                let axis = self.pose.rotation * Vector3::z_axis();
+                [half_length, -half_length]
+                    .into_iter()
+                    .flat_map(|z| ContactPoint::disc(link, at(Vector3::z() * z), axis, radius, SHARP))
+                    .collect()
             }
             ShapeKind::Box { half } => {
                 let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };

@@ -3,9 +3,10 @@
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::dynamics::{Data, kinematics, point_position, totals};
+use nerd_core::dynamics::{Data, kinematics, totals};
 use nerd_core::state::quaternion;
 use nerd_sim::drive::holding;
+use nerd_sim::scene::foot;
 use nerd_sim::system::pose_of;
 
 use super::each;
@@ -99,7 +100,7 @@ fn course(start: &[f64], frames: &[Vec<f64>]) -> Course {
 fn held(system: &System, state: &[f64], data: &Data) -> f64 {
     let robot = &system.robot;
     let spring = |stiffness: f64, way: f64| 0.5 * stiffness * way.min(0.0).powi(2);
-    let gap = |p: &ContactPoint| point_position(data, p.link, &p.local).z - p.radius;
+    let gap = |p: &ContactPoint| foot(p, data, &Vector3::z());
     let touching: f64 = robot.contact_points.iter().map(|p| spring(system.spec.material.stiffness, gap(p))).sum();
     let limits = robot.joints().zip(&state[robot.root_coords()..]).filter_map(|(joint, q)| {
         let limit = joint.limit?;
@@ -112,7 +113,7 @@ fn held(system: &System, state: &[f64], data: &Data) -> f64 {
 pub(super) fn lowest(system: &System, state: &[f64]) -> f64 {
     let (robot, mut data) = (&system.robot, Data::new(&system.robot));
     kinematics(robot, state, &mut data);
-    let heights = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local).z - p.radius);
+    let heights = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z()));
     heights.fold(f64::INFINITY, f64::min)
 }
 

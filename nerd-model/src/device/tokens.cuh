@@ -10,13 +10,12 @@ struct Event { bool near; V3 p0, normal, p1; real distance; };
 FN void look(const Work& w, Event* events) {
     for (int p = 0; p < NP; p++) {
         Event& e = events[p];
-        const int link = POINT_LINK[p];
         e.near = false;
         e.distance = infinite();
-        e.p0 = w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * p);
+        e.p0 = middle(w.tree, p);
         for (int c = 0; c < w.surfaces; c++) {
             V3 normal, nearest;
-            const real d = distance(w.surface[c], e.p0, normal, nearest);
+            const real d = meets(w.tree, w.surface[c], p, normal, nearest);
             if (!(d < e.distance)) continue;
             e.near = true;
             e.distance = d; e.normal = normal; e.p1 = nearest;
@@ -103,8 +102,7 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
         t.shift = none;
         if (NP) kinematics(t);
         for (int p = 0; p < NP; p++) {
-            const int link = POINT_LINK[p];
-            const V3 place = t.position[link] + t.rotation[link] * read3(POINT + 3 * p) + moved_by;
+            const V3 place = middle(t, p) + moved_by;
             put(out, events[p].distance < SEEN[p] ? back(r, place - events[p].p0) : none);
         }
     }

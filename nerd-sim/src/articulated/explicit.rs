@@ -78,7 +78,8 @@ impl Workspace {
         let mut moving = false;
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], &event.normal);
-            let p0 = self.data.position[point.link] + self.data.rotation[point.link] * point.local;
+            let rotation = &self.data.rotation[point.link];
+            let p0 = self.data.position[point.link] + rotation * point.facing(rotation, n);
             let gap = n.dot(&(p0 - (event.p1 - origin))) - point.radius;
             if gap < 0.0 {
                 if !moving {

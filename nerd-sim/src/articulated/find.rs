@@ -22,7 +22,8 @@ impl Workspace {
         }
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
-            let x = data.position[point.link] + data.rotation[point.link] * point.local - n * point.radius;
+            let rotation = &data.rotation[point.link];
+            let x = data.position[point.link] + rotation * point.facing(rotation, &n) - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
             let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
             let start = columns.len();

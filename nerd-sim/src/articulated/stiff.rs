@@ -12,6 +12,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
+use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Joint, JointKind, Limit, Robot};
 use nerd_core::spatial::{BodyInertia, parallel_axis};
@@ -44,7 +45,8 @@ impl Bounds {
         let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(system, i)).collect();
         let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
         let damped = robot.joints().zip(&least).map(share).sum();
-        let ease = robot.contact_points.iter().map(|p| ease(&robot.links[p.link].inertia, &p.local)).collect();
+        let of = |p: &ContactPoint| p.places().iter().map(|place| ease(&robot.links[p.link].inertia, place)).fold(0.0, f64::max);
+        let ease = robot.contact_points.iter().map(of).collect();
         Self { least, ease, damped }
     }
 }

@@ -62,7 +62,8 @@ impl Workspace {
         if let [only] = &scene.colliders[..] {
             // It is looked at wherever it is, by every point in turn.
             for point in &robot.contact_points {
-                let event = only.query(&point_position(&self.data, point.link, &point.local));
+                let middle = point_position(&self.data, point.link, &point.local);
+                let event = only.meets(point, &self.data, &middle);
                 lost |= event.distance.is_nan();
                 self.events.push(event);
             }
@@ -70,9 +71,10 @@ impl Workspace {
             velocities(robot, qd, &mut self.data);
             self.owners.clear();
             for (index, point) in robot.contact_points.iter().enumerate() {
-                let p0 = point_position(&self.data, point.link, &point.local);
-                let speed = self.data.velocity[point.link].at(&(p0 - self.data.origin)).norm();
-                scene.contacts(&p0, point.radius + margin + time * speed, &mut self.events);
+                let middle = point_position(&self.data, point.link, &point.local);
+                let twist = &self.data.velocity[point.link];
+                let speed = twist.at(&(middle - self.data.origin)).norm() + twist.ang.norm() * point.reach();
+                scene.meetings(point, &self.data, point.radius + margin + time * speed, &mut self.events);
                 self.owners.resize(self.events.len(), index);
             }
             lost = self.events.iter().any(|e| e.distance.is_nan());

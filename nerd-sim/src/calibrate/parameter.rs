@@ -1,6 +1,7 @@
 //! What can be fitted, by name.
 
 use nalgebra::Vector3;
+use nerd_core::contact::{ContactPoint, Locus};
 
 use crate::scene::GRAVITY;
 use crate::solver::StepError;
@@ -242,12 +243,23 @@ fn extent(system: &System) -> f64 {
 pub(super) fn round(system: &mut System, radius: f64) {
     let points = &mut system.robot.contact_points;
     for link in 0..system.robot.links.len() {
-        let own: Vec<usize> = (0..points.len()).filter(|&k| points[k].link == link).collect();
-        let middle = own.iter().map(|&k| points[k].local).sum::<Vector3<f64>>() / own.len().max(1) as f64;
-        for k in own {
-            let out = points[k].local - middle;
-            points[k].local -= out.map(|x| x.signum() * radius.min(x.abs()));
-            points[k].radius += radius;
+        let own: Vec<_> = points.iter().filter(|p| p.link == link).map(|p| p.local).collect();
+        let middle = own.iter().sum::<Vector3<f64>>() / own.len().max(1) as f64;
+        let moved = |at: &Vector3<f64>| at - (at - middle).map(|x| x.signum() * radius.min(x.abs()));
+        for point in points.iter_mut().filter(|p| p.link == link) {
+            match &mut point.locus {
+                Locus::Fixed => point.local = moved(&point.local),
+                Locus::Rim { axis, radius: rim, .. } => {
+                    let out = axis.dot(&(point.local - middle));
+                    point.local -= axis.as_ref() * out.signum() * radius.min(out.abs());
+                    *rim -= radius.min(*rim);
+                }
+                Locus::Hull { vertices, .. } => {
+                    let round = ContactPoint::hull(point.link, vertices.iter().map(moved).collect::<Vec<_>>(), point.radius);
+                    *point = ContactPoint { thickness: point.thickness, ..round };
+                }
+            }
+            point.radius += radius;
         }
     }
 }

@@ -100,7 +100,8 @@ fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBui
         };
         Some(builder.position(pose_to_parry(&pose)))
     });
-    shapes.chain(points.iter().map(|p| ColliderBuilder::ball(p.radius).translation(to_parry(&(p.local - shift))))).collect()
+    let balls = points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius)));
+    shapes.chain(balls.map(|(at, radius)| ColliderBuilder::ball(radius).translation(to_parry(&(at - shift))))).collect()
 }
 
 /// Puts a scene's colliders into a world. A pair's restitution is the larger one, that of the scene.

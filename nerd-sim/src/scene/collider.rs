@@ -1,11 +1,15 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
 use nalgebra::{Isometry3, Quaternion, Vector3};
-use nerd_core::contact::ContactEvent;
+use nerd_core::contact::{ContactEvent, ContactPoint, Locus};
+use nerd_core::dynamics::{Data, point_position};
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
 use super::spec::Material;
+
+/// Queries at most that find the deepest place of a disc or hull against what is not flat.
+const SEARCHES: usize = 4;
 
 /// The half-space `normal . x <= offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,6 +115,30 @@ impl Collider {
         let length = gap.norm();
         let normal = if length > 1e-12 { gap * (sign / length) } else { Vector3::zeros() };
         ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
+    }
+
+    /// The same for a contact point wherever it lies on its link, whose kinematics are in `data`; `middle` is its middle in the world.
+    #[inline(always)]
+    pub(crate) fn meets(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
+        if point.locus == Locus::Fixed { self.query(middle) } else { self.search(point, data, middle) }
+    }
+
+    fn search(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
+        let rotation = &data.rotation[point.link];
+        let at = |local: &Vector3<f64>| point_position(data, point.link, local);
+        if let Some(plane) = &self.plane {
+            return self.query(&at(&point.facing(rotation, &plane.normal)));
+        }
+        let (mut normal, mut nearest) = (self.query(middle).normal, f64::INFINITY);
+        // Where the surface is not flat, its normal at the deepest place decides which place that is.
+        for _ in 0..SEARCHES {
+            let event = self.query(&at(&point.deepest(rotation, &normal)));
+            if event.distance >= nearest || event.normal == Vector3::zeros() {
+                break;
+            }
+            (nearest, normal) = (event.distance, event.normal);
+        }
+        self.query(&at(&point.facing(rotation, &normal)))
     }
 }
 

@@ -5,7 +5,7 @@ mod spec;
 mod worlds;
 
 use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
+use nerd_core::contact::{ContactEvent, ContactPoint};
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::robot::Robot;
 
@@ -42,12 +42,25 @@ impl Scene {
     /// The nearest collider's event for the world point `p0`.
     #[inline]
     pub fn contact(&self, p0: &Vector3<f64>) -> ContactEvent {
-        let mut best = ContactEvent::none(*p0);
+        self.nearest(p0, 0.0, |body| body.query(p0))
+    }
+
+    /// The nearest collider's event for a contact point of a robot whose kinematics are in `data`.
+    #[inline]
+    pub fn meets(&self, point: &ContactPoint, data: &Data) -> ContactEvent {
+        let middle = point_position(data, point.link, &point.local);
+        self.nearest(&middle, point.reach(), |body| body.meets(point, data, &middle))
+    }
+
+    /// `middle` is at most `reach` (m) from where the query is made.
+    #[inline(always)]
+    fn nearest(&self, middle: &Vector3<f64>, reach: f64, query: impl Fn(&Collider) -> ContactEvent) -> ContactEvent {
+        let mut best = ContactEvent::none(*middle);
         for (collider, body) in self.colliders.iter().enumerate() {
-            if body.beyond(p0, best.distance) {
+            if body.beyond(middle, best.distance + reach) {
                 continue;
             }
-            let event = body.query(p0);
+            let event = query(body);
             if event.distance < best.distance {
                 best = ContactEvent { collider, ..event };
             }
@@ -60,12 +73,29 @@ impl Scene {
     /// Where colliders overlap or lie side by side the surface is that of their union: a place of a surface that a nearer
     /// collider covers is no surface, and its event is left out. But a point inside several colliders is pushed out of each.
     pub fn contacts(&self, p0: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
+        self.gather(p0, [reach; 2], |body| body.query(p0), events);
+    }
+
+    /// The same for a contact point of a robot whose kinematics are in `data`.
+    pub fn meetings(&self, point: &ContactPoint, data: &Data, reach: f64, events: &mut Vec<ContactEvent>) {
+        let middle = point_position(data, point.link, &point.local);
+        self.gather(&middle, [reach, reach + point.reach()], |body| body.meets(point, data, &middle), events);
+    }
+
+    #[inline(always)]
+    fn gather(
+        &self,
+        middle: &Vector3<f64>,
+        [reach, wide]: [f64; 2],
+        query: impl Fn(&Collider) -> ContactEvent,
+        events: &mut Vec<ContactEvent>,
+    ) {
         let first = events.len();
         for (collider, body) in self.colliders.iter().enumerate() {
-            if body.beyond(p0, reach) {
+            if body.beyond(middle, wide) {
                 continue;
             }
-            let event = body.query(p0);
+            let event = query(body);
             // NaNs are found, too, so that they can be reported.
             if event.distance < reach || event.distance.is_nan() {
                 events.push(ContactEvent { collider, ..event });
@@ -104,16 +134,26 @@ pub(crate) fn up(gravity: &Vector3<f64>) -> Vector3<f64> {
     -gravity.try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
 }
 
-/// Where a robot's contact points are at a state (m, world).
+/// Where the middles of a robot's contact points are at a state (m, world).
 pub(crate) fn points(robot: &Robot, state: &[f64]) -> Vec<Vector3<f64>> {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
     robot.contact_points.iter().map(|point| point_position(&data, point.link, &point.local)).collect()
 }
 
+/// Where a contact point is (m, world) when it faces a surface of unit `normal`; `data` has the kinematics.
+pub fn place(point: &ContactPoint, data: &Data, normal: &Vector3<f64>) -> Vector3<f64> {
+    point_position(data, point.link, &point.facing(&data.rotation[point.link], normal))
+}
+
+/// The height (m) along unit `up` of the lowest place of a contact point's surface; `data` has the kinematics.
+pub fn foot(point: &ContactPoint, data: &Data, up: &Vector3<f64>) -> f64 {
+    up.dot(&place(point, data, up)) - point.radius
+}
+
 /// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
 pub fn contacts(robot: &Robot, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
     kinematics(robot, state, data);
     events.clear();
-    events.extend(robot.contact_points.iter().map(|point| scene.contact(&point_position(data, point.link, &point.local))));
+    events.extend(robot.contact_points.iter().map(|point| scene.meets(point, data)));
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::Vector3;
+use nalgebra::{UnitVector3, Vector3};
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Robot, UrdfRobot};
 
@@ -62,13 +62,27 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
     let missing: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
     stiffen(robot, &missing, spec.seconds() / spec.substeps as f64);
     if !spec.contacts.is_empty() {
-        let point = |c: &ContactSpec| {
-            Some(ContactPoint { link: robot.link(&c.link).ok()?, local: Vector3::from(c.point), radius: c.radius, thickness: c.thickness })
-        };
-        robot.contact_points = spec.contacts.iter().filter_map(point).collect();
+        let points = |c: &ContactSpec| robot.link(&c.link).map(|link| c.points(link)).unwrap_or_default();
+        robot.contact_points = spec.contacts.iter().flat_map(points).collect();
     } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
         // Nothing to touch: the robot pays for no contact point.
         robot.contact_points.clear();
+    }
+}
+
+impl ContactSpec {
+    /// Its contact points on link `link`; it is checked.
+    fn points(&self, link: usize) -> Vec<ContactPoint> {
+        let vertices = || self.vertices.iter().map(|v| Vector3::from(*v)).collect::<Vec<_>>();
+        let mut points = match (self.point, self.axis.zip(self.rim)) {
+            (None, _) => vec![ContactPoint::hull(link, vertices(), self.radius)],
+            (Some(at), None) => vec![ContactPoint::new(link, at.into(), self.radius)],
+            (Some(at), Some((axis, rim))) => {
+                ContactPoint::disc(link, at.into(), UnitVector3::new_normalize(axis.into()), rim, self.radius).into()
+            }
+        };
+        points.iter_mut().for_each(|p| p.thickness = self.thickness.unwrap_or(self.radius));
+        points
     }
 }
 

@@ -3,6 +3,7 @@
 //! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
 //! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.
 
+use nerd_core::contact::Locus;
 use nerd_core::robot::{Base, Joint, Link, Shape, ShapeKind};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -49,7 +50,15 @@ impl System {
     fn motion(&self) -> Value {
         let (robot, spec) = (&self.robot, &self.spec);
         let touching = |i: usize| robot.contact_points.iter().any(|p| p.link == i);
-        let points = robot.contact_points.iter().map(|p| json!([p.link, p.local.as_slice(), p.radius, p.thickness]));
+        let points = robot.contact_points.iter().map(|p| match &p.locus {
+            Locus::Fixed => json!([p.link, p.local.as_slice(), p.radius, p.thickness]),
+            Locus::Rim { axis, radius, turn } => {
+                json!([p.link, p.local.as_slice(), p.radius, p.thickness, axis.as_slice(), radius, turn])
+            }
+            Locus::Hull { vertices, .. } => {
+                json!([p.link, vertices.iter().map(|v| v.as_slice()).collect::<Vec<_>>(), p.radius, p.thickness])
+            }
+        });
         json!({
             "base": match &robot.base {
                 Base::Fixed(at) => json!(pose(at)),

@@ -247,19 +247,44 @@ pub struct StartSpec {
     pub minus: Option<String>,
 }
 
-/// A contact point.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+/// A contact point: a point, a disc or the vertices of a hull ([`nerd_core::contact::Locus`]).
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactSpec {
     /// Link it is fixed on.
     pub link: String,
-    /// Position in the link frame (m).
-    #[serde(deserialize_with = "exactly")]
-    pub point: [f64; 3],
-    /// Forces begin at this distance (m).
+    /// Position in the link frame (m); of a disc its centre.
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    pub point: Option<[f64; 3]>,
+    /// Axis of a disc, link frame.
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// Radius of a disc (m). It has three contact points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rim: Option<f64>,
+    /// In place of a point: vertices (m, link frame), of which the deepest touches.
+    #[serde(default, deserialize_with = "all", skip_serializing_if = "Vec::is_empty")]
+    pub vertices: Vec<[f64; 3]>,
+    /// Forces begin at this distance (m) [default: 1e-5].
+    #[serde(default = "sharp")]
     pub radius: f64,
-    /// The contact is masked beyond `max(4 thickness, 0.1)` (m).
-    pub thickness: f64,
+    /// The contact is masked beyond `max(4 thickness, 0.1)` (m) [default: `radius`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thickness: Option<f64>,
+}
+
+fn sharp() -> f64 {
+    1e-5
+}
+
+fn given<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 3]>, D::Error> {
+    exactly(from).map(Some)
+}
+
+fn all<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 3]>, D::Error> {
+    #[derive(Deserialize)]
+    struct Place(#[serde(deserialize_with = "exactly")] [f64; 3]);
+    Ok(Vec::<Place>::deserialize(from)?.into_iter().map(|place| place.0).collect())
 }
 
 /// A number of seconds, or a fraction as text.

@@ -4,6 +4,7 @@
 
 use std::collections::HashSet;
 
+use nalgebra::Vector3;
 use nerd_core::robot::{JointKind, Robot};
 
 use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
@@ -20,6 +21,8 @@ const WIDE: f64 = 1e6;
 const FAST: f64 = 1e6;
 /// Largest force, stiffness or damping in its unit.
 const STRONG: f64 = 1e9;
+/// Most vertices of a contact point.
+const MOST_VERTICES: usize = 10_000;
 /// Columns of the tables of trajectories that no coordinate may be called.
 pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];
 
@@ -54,9 +57,25 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         if !link(&contact.link) {
             return Err(at("no such link moves"));
         }
-        vector(&at("point"), &contact.point, WIDE, "m")?;
+        if contact.point.is_some() != contact.vertices.is_empty() {
+            return Err(at("a `point` or `vertices` are needed, and not both"));
+        }
+        if contact.axis.is_some() != contact.rim.is_some() || contact.axis.is_some() && contact.point.is_none() {
+            return Err(at("a disc needs `point`, `axis` and `rim`"));
+        }
+        if contact.vertices.len() > MOST_VERTICES {
+            return Err(at(&format!("{} vertices, at most {MOST_VERTICES} are possible", contact.vertices.len())));
+        }
+        for place in contact.point.iter().chain(&contact.vertices) {
+            vector(&at("position"), place, WIDE, "m")?;
+        }
+        if let Some(axis) = &contact.axis {
+            vector(&at("axis"), axis, WIDE, "1")?;
+            within(at("length of axis"), Vector3::from(*axis).norm(), 1e-6..=2.0 * WIDE, "1")?;
+        }
+        within(at("rim"), contact.rim.unwrap_or(1.0), 0.0..=WIDE, "m")?;
         within(at("radius"), contact.radius, 0.0..=WIDE, "m")?;
-        within(at("thickness"), contact.thickness, 0.0..=WIDE, "m")?;
+        within(at("thickness"), contact.thickness.unwrap_or(0.0), 0.0..=WIDE, "m")?;
     }
     if let Some(plane) = &spec.random_plane {
         within("random_plane.reach", plane.reach, 0.0..=FAR, "m")?;

@@ -11,4 +11,4 @@ FN double place(const Seen& s, int link, double x, double y, double z, int k) {
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z);
     return (k == 0 ? p.x : k == 1 ? p.y : p.z) + stands(*s.work, k);
 }
-FN double gap(const Seen& s, int point) { return nearest(*s.work, place_of(*s.work, point)); }
+FN double gap(const Seen& s, int point) { return nearest(*s.work, point); }

@@ -63,19 +63,15 @@ BIG void draw_start(Draws& d, double* state) {
     wrap(state);
 }
 
-// How far a place, seen from the root, is from the scene.
-FN real nearest(const Work& w, V3 p) {
+// How far a contact point is from the scene.
+FN real nearest(const Work& w, int point) {
     real least = infinite();
     for (int c = 0; c < w.surfaces; c++) {
         V3 normal, place;
-        const real d = distance(w.surface[c], p, normal, place);
+        const real d = meets(w.tree, w.surface[c], point, normal, place);
         if (d < least) least = d;
     }
     return least;
-}
-FN V3 place_of(const Work& w, int p) {
-    const int link = POINT_LINK[p];
-    return w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * p);
 }
 
 // Links and surfaces where a state stands, seen from the root.
@@ -93,7 +89,7 @@ BIG void start(Draws& d, double* state) {
         Work w;
         settle(w, state, APART_FROM);
         bool clear = true;
-        for (int p = 0; p < NP; p++) clear = clear && nearest(w, place_of(w, p)) >= APART;
+        for (int p = 0; p < NP; p++) clear = clear && nearest(w, p) >= APART;
         if (clear) return;
     }
 }

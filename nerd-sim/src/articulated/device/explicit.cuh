@@ -111,9 +111,8 @@ BIG int touch(Work& w, Explicit& e, real h, double* forces, int substeps) {
     bool moving = false;
     for (int point = 0; point < NP; point++) {
         const int link = POINT_LINK[point];
-        const V3 p = t.position[link] + t.rotation[link] * read3(POINT + 3 * point);
         V3 n, nearest;
-        const real gap = distance(w.surface[0], p, n, nearest) - RADIUS[point];
+        const real gap = meets(t, w.surface[0], point, n, nearest) - RADIUS[point];
         if (!(gap < 0)) {
             if (gap != gap) return LOST;
             continue;
@@ -122,7 +121,7 @@ BIG int touch(Work& w, Explicit& e, real h, double* forces, int substeps) {
         moving = true;
         const real* m = w.surface[0].material;
         if (h * m[2] * EASE[point] > MOST_DRAG) return STIFF;
-        const V3 x = p - n * RADIUS[point], v = at(t.velocity[link], x);
+        const V3 x = facing(t, point, n, true) - n * RADIUS[point], v = at(t.velocity[link], x);
         const real vn = dot(n, v), normal = -(m[0] * gap + m[1] * least(vn, 0));
         const V3 slip = v - n * vn;
         const V3 f = n * normal - slip * drag(normal, norm(slip), m[2], m[3]);

@@ -5,6 +5,7 @@
 
 use std::fmt::Write;
 
+use nerd_core::contact::Locus;
 use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Base, JointKind, Robot};
 
@@ -18,11 +19,12 @@ use crate::drive::Drive;
 use crate::scene::{Material, Scene};
 use crate::system::System;
 
-const KERNELS: [&str; 9] = [
+const KERNELS: [&str; 10] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("walk.cuh"),
     include_str!("tree.cuh"),
+    include_str!("locus.cuh"),
     include_str!("along.cuh"),
     include_str!("touch.cuh"),
     include_str!("implicit.cuh"),
@@ -104,6 +106,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("ALONG", flag(along(robot) && system.stand_ins.is_empty() && !robot.mimics()));
     define("HALVINGS", count(HALVINGS));
     define("DRIVEN", flag(reach.driven));
+    define("LOCI", flag(robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)));
     define("FACED", flag(reach.faced.is_some()));
     define("PASSES", count(PASSES));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
@@ -117,6 +120,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     text.push_str(KERNELS[0]);
     links(&mut text, system);
     joints(&mut text, robot, &bounds);
+    points(&mut text, robot);
     let faced = reach.faced.map_or([0.0; 4], |m| [m.stiffness, m.damping, m.friction_damping, m.friction]);
     real_table(&mut text, "FACES", faced.into());
     KERNELS[1..].iter().for_each(|part| text.push_str(part));
@@ -178,9 +182,33 @@ fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
     whole(text, "WRAPS", robot.joints().map(|j| i64::from(j.wraps())).collect());
     real_table(text, "LEAST", bounds.least.clone());
     real_table(text, "EASE", bounds.ease.clone());
-    whole(text, "POINT_LINK", robot.contact_points.iter().map(|p| p.link as i64).collect());
-    real_table(text, "POINT", robot.contact_points.iter().flat_map(|p| p.local.as_slice().to_vec()).collect());
-    real_table(text, "RADIUS", robot.contact_points.iter().map(|p| p.radius).collect());
+}
+
+fn points(text: &mut String, robot: &Robot) {
+    let points = &robot.contact_points;
+    whole(text, "POINT_LINK", points.iter().map(|p| p.link as i64).collect());
+    real_table(text, "POINT", points.iter().flat_map(|p| p.local.as_slice().to_vec()).collect());
+    real_table(text, "RADIUS", points.iter().map(|p| p.radius).collect());
+    real_table(text, "REACH", points.iter().map(|p| p.reach()).collect());
+    let (mut kinds, mut rims, mut hulls, mut all) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for point in points {
+        let (mut kind, mut rim, first) = (0, [0.0; 6], all.len() / 3);
+        match &point.locus {
+            Locus::Fixed => {}
+            Locus::Rim { axis, radius, turn } => (kind, rim) = (1, [axis.x, axis.y, axis.z, *radius, turn.sin(), turn.cos()]),
+            Locus::Hull { vertices, .. } => {
+                kind = 2;
+                all.extend(vertices.iter().flat_map(|v| v.as_slice().to_vec()));
+            }
+        }
+        kinds.push(kind);
+        rims.extend(rim);
+        hulls.extend([first as i64, (all.len() / 3) as i64]);
+    }
+    whole(text, "LOCUS", kinds);
+    real_table(text, "RIM", rims);
+    whole(text, "HULL", hulls);
+    real_table(text, "VERTEX", all);
 }
 
 pub(super) fn whole(text: &mut String, name: &str, numbers: Vec<i64>) {

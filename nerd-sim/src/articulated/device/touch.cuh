@@ -1,5 +1,5 @@
 // What touches in a substep: points on surfaces, joints beyond limits, dry friction, drives. As articulated/touches.rs.
-// NP points with POINT_LINK, POINT, RADIUS; NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
+// NP points (locus.cuh); NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
 // TOP, SPRING and SLACK (stiffness, and where it pulls to).
 
 constexpr int SCENE = 3 + COLLIDER * NC;     // numbers of a scene: gravity, colliders
@@ -85,7 +85,7 @@ FN Touch& next(Work& w) {
 
 FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     const int link = POINT_LINK[point];
-    const V3 x = w.tree.position[link] + w.tree.rotation[link] * read3(POINT + 3 * point) - n * RADIUS[point];
+    const V3 x = facing(w.tree, point, n, true) - n * RADIUS[point];
     const V3 velocity = at(w.tree.velocity[link], x);
     real gap = dot(n, x - nearest), part;
     if (!inside(gap, (real)0.5 * h * dot(n, velocity), part)) return;
@@ -104,7 +104,7 @@ FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
     const V3 n = plane.normal;
     onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {
         const int link = POINT_LINK[point];
-        const V3 p = t.position[link] + t.rotation[link] * read3(POINT + 3 * point);
+        const V3 p = facing(t, point, n, true);
         const real d = dot(n, p) - plane.offset, way = (real)0.5 * h * dot(n, at(t.velocity[link], p));
         // With room for rounding; `press` decides.
         if (!(d - RADIUS[point] - size(way) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
@@ -119,24 +119,25 @@ FN bool meet(Work& w, int point, real h) {
         if (f.near) press(w, point, 0, f.normal, from(w, f.place), h);
         return true;
     }
-    const int link = POINT_LINK[point];
-    const V3 p = tr.position[link] + tr.rotation[link] * read3(POINT + 3 * point);
     V3 n, nearest;
     if (w.surfaces == 1) {
-        const real d = distance(w.surface[0], p, n, nearest);
+        const real d = meets(tr, w.surface[0], point, n, nearest);
         if (!(d == d)) return false;
         press(w, point, 0, n, nearest, h);
         return true;
     }
-    const real reach = RADIUS[point] + h * norm(at(tr.velocity[link], p));
+    const Motion& twist = tr.velocity[POINT_LINK[point]];
+    real speed = norm(at(twist, middle(tr, point)));
+    if (LOCI) speed += norm(twist.ang) * REACH[point];
+    const real reach = RADIUS[point] + h * speed;
     real d[NC + 1];
     for (int c = 0; c < w.surfaces; c++) {
-        d[c] = distance(w.surface[c], p, n, nearest);
+        d[c] = meets(tr, w.surface[c], point, n, nearest);
         if (!(d[c] == d[c])) return false;
     }
     for (int c = 0; c < w.surfaces; c++) {
         if (!(d[c] < reach)) continue;
-        distance(w.surface[c], p, n, nearest);
+        meets(tr, w.surface[c], point, n, nearest);
         // A place of a surface that a nearer collider covers is no surface.
         bool covered = false;
         for (int o = 0; o < w.surfaces && d[c] > 0 && !covered; o++) {

@@ -60,7 +60,7 @@ impl CableSpec {
                     origin = Isometry3::identity();
                 }
             }
-            let end = |x: f64| ContactPoint { link: robot.links.len() - 1, local: Vector3::x() * x, radius, thickness: radius };
+            let end = |x: f64| ContactPoint::new(robot.links.len() - 1, Vector3::x() * x, radius);
             let ends = if k == 0 && self.held == Held::Free { vec![end(0.0), end(step)] } else { vec![end(step)] };
             robot.contact_points.extend(ends);
         }

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use nalgebra::Vector3;
+use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
 use nerd_core::robot::{Joint, JointKind, Robot, UrdfRobot};
 
@@ -14,7 +15,7 @@ use super::plain::{between, listed, plain, rounded};
 use super::spread::enough;
 use super::srdf::pose_of;
 use crate::range::Range;
-use crate::scene::{GRAVITY, Material};
+use crate::scene::{GRAVITY, Material, foot};
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them.
@@ -45,7 +46,7 @@ pub(crate) fn floats(robot: &Robot) -> bool {
     // The lowest place of each link: its shapes', and its joint's; a root without shapes has its origin.
     let mut own = vec![f64::INFINITY; n];
     for p in &robot.contact_points {
-        own[p.link] = own[p.link].min(point_position(&data, p.link, &p.local).z - p.radius);
+        own[p.link] = own[p.link].min(foot(p, &data, &Vector3::z()));
     }
     let origin = |link: usize| (data.origin + data.position[link]).z;
     for link in usize::from(own[0].is_finite())..n {
@@ -88,7 +89,8 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     } else if robot.floating() {
         notes.push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
     }
-    let points: Vec<Vector3<f64>> = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect();
+    let place = |p: &ContactPoint| p.places().into_iter().map(|at| point_position(&data, p.link, &at)).collect::<Vec<_>>();
+    let points: Vec<Vector3<f64>> = robot.contact_points.iter().flat_map(place).collect();
     let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
     let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
     let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
@@ -100,7 +102,7 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
         "only the URDF is given: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
         if floating { "free" } else { "fixed" }
     ));
-    let low = robot.contact_points.iter().zip(&points).map(|(p, at)| at.z - p.radius).fold(f64::INFINITY, f64::min);
+    let low = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).fold(f64::INFINITY, f64::min);
     let height = if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
     let gain = stiffness(weight, extent, false);
     let control = ControlSpec {
@@ -143,7 +145,7 @@ pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
 fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     let all = robot.contact_points.len();
     if all > MOST {
-        robot.contact_points = enough(robot, state).into_iter().map(|k| robot.contact_points[k]).collect();
+        robot.contact_points = enough(robot, state).into_iter().map(|k| robot.contact_points[k].clone()).collect();
         notes.push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", robot.contact_points.len()));
     }
 }

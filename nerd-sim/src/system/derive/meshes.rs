@@ -29,12 +29,8 @@ pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     meshes.retain(|mesh| match vertices(mesh, &path) {
         Ok(vertices) => {
             let hull = hull(&vertices);
-            robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint {
-                link: mesh.link,
-                local: mesh.pose.transform_point(&hull[k].into()).coords,
-                radius: SHARP,
-                thickness: SHARP,
-            }));
+            let place = |k: usize| mesh.pose.transform_point(&hull[k].into()).coords;
+            robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint::new(mesh.link, place(k), SHARP)));
             false
         }
         Err(reason) => {

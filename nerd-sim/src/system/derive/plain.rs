@@ -1,6 +1,6 @@
 //! The specification of a robot with nothing but links and joints.
 
-use nerd_core::contact::ContactPoint;
+use nerd_core::contact::{ContactPoint, Locus};
 use nerd_core::robot::{Joint, Robot};
 
 use crate::range::Range;
@@ -34,11 +34,21 @@ pub(crate) fn plain(robot: &Robot) -> Spec {
 
 /// Its contact points, as a TOML lists them.
 pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
-    let spec = |p: &ContactPoint| ContactSpec {
-        link: robot.links[p.link].name.clone(),
-        point: p.local.into(),
-        radius: p.radius,
-        thickness: p.thickness,
+    let spec = |p: &ContactPoint| {
+        let at = || Some(p.local.into());
+        let own = match &p.locus {
+            Locus::Fixed => ContactSpec { point: at(), ..ContactSpec::default() },
+            // The first of a disc's three is written for all of them.
+            Locus::Rim { turn, .. } if *turn != 0.0 => return None,
+            Locus::Rim { axis, radius, .. } => {
+                ContactSpec { point: at(), axis: Some((*axis.as_ref()).into()), rim: Some(*radius), ..ContactSpec::default() }
+            }
+            Locus::Hull { vertices, .. } => {
+                ContactSpec { vertices: vertices.iter().map(|v| (*v).into()).collect(), ..ContactSpec::default() }
+            }
+        };
+        let thickness = (p.thickness != p.radius).then_some(p.thickness);
+        Some(ContactSpec { link: robot.links[p.link].name.clone(), radius: p.radius, thickness, ..own })
     };
-    robot.contact_points.iter().map(spec).collect()
+    robot.contact_points.iter().filter_map(spec).collect()
 }

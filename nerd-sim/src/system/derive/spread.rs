@@ -1,7 +1,7 @@
 //! A few points that represent many.
 
 use nalgebra::Vector3;
-use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::dynamics::{Data, kinematics};
 use nerd_core::robot::Robot;
 
 /// At most so many of the points, by number: those that lie farthest towards the corners of the box around them, the lower ones first, then
@@ -51,7 +51,7 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> Vec<usize> {
     // The lowest place of a ball is what it stands on.
     let place = |k: &usize| {
         let point = &robot.contact_points[*k];
-        point_position(&data, point.link, &point.local) - Vector3::z() * point.radius
+        crate::scene::place(point, &data, &Vector3::z()) - Vector3::z() * point.radius
     };
     let of = |link: usize| {
         let mut own: Vec<usize> = (0..robot.contact_points.len()).filter(|k| robot.contact_points[*k].link == link).collect();

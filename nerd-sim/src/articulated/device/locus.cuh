@@ -1,0 +1,58 @@
+// Where a contact point lies on its link, as nerd-core's contact.rs has it. NP points with POINT_LINK, POINT, RADIUS; with LOCI, of which some
+// move over their link: LOCUS (0 fixed, 1 on a rim, 2 a hull), RIM (axis, radius, sine and cosine of the turn), HULL (first of VERTEX and end),
+// REACH.
+
+constexpr int SEARCHES = 4;
+
+FN V3 middle(const Tree& t, int point) {
+    const int link = POINT_LINK[point];
+    return t.position[link] + t.rotation[link] * read3(POINT + 3 * point);
+}
+
+FN V3 on_rim(const real* rim, V3 centre, V3 n, bool own) {
+    const V3 axis = read3(rim), slope = n - axis * dot(axis, n);
+    const real steep = norm(slope);
+    V3 up = slope * (1 / steep);
+    if (!(steep > (real)1e-9)) {
+        const real x = size(axis.x), y = size(axis.y), z = size(axis.z);
+        up = cross(axis, x <= y && x <= z ? v3(1, 0, 0) : y <= z ? v3(0, 1, 0) : v3(0, 0, 1));
+        up = up * (1 / norm(up));
+    }
+    const real sin = own ? rim[4] : 0, cos = own ? rim[5] : 1;
+    return centre - (up * cos + cross(axis, up) * sin) * rim[3];
+}
+
+// Where it is when it faces a surface of unit normal n; of a disc its own place, or the deepest.
+FN V3 facing(const Tree& t, int point, V3 n, bool own) {
+    if (!LOCI || LOCUS[point] == 0) return middle(t, point);
+    const int link = POINT_LINK[point];
+    const V3 down = back(t.rotation[link], n);
+    V3 place;
+    if (LOCUS[point] == 1) {
+        place = on_rim(RIM + 6 * point, read3(POINT + 3 * point), down, own);
+    } else {
+        real least = infinite();
+        for (int k = HULL[2 * point]; k < HULL[2 * point + 1]; k++) {
+            const V3 v = read3(VERTEX + 3 * k);
+            const real d = dot(down, v);
+            if (d < least) { least = d; place = v; }
+        }
+    }
+    return t.position[link] + t.rotation[link] * place;
+}
+
+// Signed distance of a contact point from a surface, with the outward normal and the nearest place.
+FN real meets(const Tree& t, const Surface& s, int point, V3& normal, V3& nearest) {
+    if (!LOCI || LOCUS[point] == 0) return distance(s, middle(t, point), normal, nearest);
+    if (s.kind == 1) return distance(s, facing(t, point, s.normal, true), normal, nearest);
+    V3 n;
+    distance(s, middle(t, point), n, nearest);
+    real least = infinite();
+    for (int k = 0; k < SEARCHES; k++) {
+        const real d = distance(s, facing(t, point, n, false), normal, nearest);
+        if (d >= least || !(norm(normal) > 0)) break;
+        least = d;
+        n = normal;
+    }
+    return distance(s, facing(t, point, n, true), normal, nearest);
+}
