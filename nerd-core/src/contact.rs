@@ -92,6 +92,25 @@ impl ContactPoint {
         self.locus.facing(&self.local, &rotation.tr_mul(normal), false)
     }
 
+    /// How fast (m/s, axes of the normal) its place runs round the rim of a disc that faces `normal` while its link turns at `spin` (rad/s):
+    /// `-R t_dot` with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x a`. Where all of the rim is as deep it may run at any speed; of that
+    /// no more than a radian in `time` (s) is counted.
+    pub fn runs(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>, spin: &Vector3<f64>, time: f64) -> Vector3<f64> {
+        let Locus::Rim { axis, radius, turn } = &self.locus else { return Vector3::zeros() };
+        let axis = rotation * axis.as_ref();
+        let axis_rate = spin.cross(&axis);
+        let slope = normal - axis * axis.dot(normal);
+        let size = slope.norm();
+        if size <= FLAT {
+            return Vector3::zeros();
+        }
+        let up = slope / size;
+        let slope_rate = -axis * normal.dot(&axis_rate) - axis_rate * normal.dot(&axis);
+        let up_rate = (slope_rate - up * up.dot(&slope_rate)) * (size / (size * size + (time * spin.norm()).powi(2)));
+        let (sin, cos) = turn.sin_cos();
+        -(up_rate * cos + (axis_rate.cross(&up) + axis.cross(&up_rate)) * sin) * *radius
+    }
+
     /// How far it may be from `local` (m).
     pub fn reach(&self) -> f64 {
         match &self.locus {

@@ -63,7 +63,9 @@ pub struct Data {
     /// A Jacobian, 6 by `nv`, and its rate.
     pub(super) jacobian: DMatrix<f64>,
     pub(super) rate: DMatrix<f64>,
-    pub(super) acceleration: Vec<Motion>,
+    /// Spatial acceleration of each link, with gravity as an upward one of the base; filled by `bias` and `rnea`.
+    #[doc(hidden)]
+    pub acceleration: Vec<Motion>,
     pub(super) force: Vec<Wrench>,
     pub(super) composite: Vec<SpatialInertia>,
     /// For [`super::aba`], which makes it at its first call, takes it out and puts it back.

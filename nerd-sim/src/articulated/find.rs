@@ -49,6 +49,7 @@ impl Workspace {
                 gap,
                 velocity,
                 turn: Vector3::zeros(),
+                bend: Vector3::zeros(),
                 ahead: [0.0; 3],
                 across: 0.0,
                 parted: false,

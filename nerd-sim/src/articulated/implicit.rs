@@ -8,12 +8,15 @@
 //! ```text
 //! spring a = max(0, 1/2 - 1 / (2 h^2 k w))      damper a = max(1/2, 1 - 1 / (h d w))      (friction's drag likewise)
 //! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    D = (a_k h k + a_d d) n n^T + a_c c (1 - n n^T)
-//! f = -(k g + d min(v_n, 0)) n - c v_t,    v' - v = h (J qdd + w x p_dot)
+//! f = -(k g + d min(v_n, 0)) n - c v_t,    v = J qd - h/2 J_dot qd,    v' - v = h (J qdd + w x p_dot + J_dot qd)
 //! ```
 //!
 //! Places and J are those of the middle. A free root's `qdd` is its spatial acceleration; its velocity `p_dot` changes by that and `w x p_dot`,
 //! so a ball that rolls, with the spatial acceleration `-w x p_dot`, expects no change. Without the second term each contact would expect to
-//! be thrown upward.
+//! be thrown upward. `J_dot qd` is what the velocity of a touching place x changes by as it moves, `a + w_dot x x + w x x_dot` of its link
+//! at zero `qdd`, less `w x p_dot`: x moves with the centre of a ball, with a corner, round the rim of a disc. A force that looks to the
+//! middle, a = 1/2, sees nothing of it; one that looks to the end, as stiff friction does, would hold what slides in the middle's axes,
+//! and a coin that wobbles would be driven by its friction.
 //!
 //! The gap g is the mean over that part of the substep in which the point is inside, and k, d, c act with that part only,
 //! so that it matters little where in a substep a point lands. The drag c is the law's at the velocity seen, found by

@@ -1,6 +1,8 @@
 //! Touches of the implicit step, by kind: contact, limit, friction, drive.
 
 use nalgebra::Vector3;
+use nerd_core::contact::{ContactPoint, Locus};
+use nerd_core::dynamics::Data;
 
 use super::config::Friction;
 use super::force::drag;
@@ -34,8 +36,11 @@ pub(super) struct Contact {
     pub(super) normal: Vector3<f64>,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,
-    /// What its velocity changes by because the root turns while it travels, `w x v` (m/s^2).
+    /// What its velocity changes by without accelerations (m/s^2): because the root turns while it travels, `w x v`, and because its place
+    /// and so its J change, `J_dot qd`. Of the latter, half a substep lies between the start, at which `velocity` is meant, and the middle,
+    /// whose J it was taken with.
     pub(super) turn: Vector3<f64>,
+    pub(super) bend: Vector3<f64>,
     /// Shares a of the spring, the damper and the drag.
     pub(super) ahead: [f64; 3],
     /// Drag c (N s/m).
@@ -86,13 +91,28 @@ impl Contact {
         self.ahead = [ahead(h * h * m.stiffness * w), damper(h, m.damping, w), damper(h, self.across, w)];
     }
 
+    /// What its velocity changes by at velocities and accelerations of `data`, as its place moves: `a + w_dot x x + w x x_dot`.
+    #[inline]
+    pub(super) fn bend(&mut self, point: &ContactPoint, data: &Data, h: f64) {
+        let (twist, rotation) = (&data.velocity[self.link], &data.rotation[self.link]);
+        // The middle of its ball.
+        let middle = self.x + self.normal * point.radius;
+        let mut moves = twist.at(&middle);
+        if let Locus::Rim { .. } = point.locus {
+            let centre = data.position[self.link] + rotation * point.local;
+            moves = twist.at(&centre) + point.runs(rotation, &self.normal, &twist.ang, h);
+        }
+        self.bend = data.acceleration[self.link].at(&self.x) + twist.ang.cross(&moves);
+    }
+
     /// Its force on the robot before the substep, and what resists along and across its normal.
     #[inline]
     pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
         let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.across);
-        let (vn, turn) = (n.dot(&self.velocity), self.turn * h);
-        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (self.velocity - n * vn) * self.across;
+        let (velocity, turn) = (self.velocity - self.bend * (0.5 * h), (self.turn + self.bend) * h);
+        let vn = n.dot(&velocity);
+        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn) * self.across;
         (force - n * ((along - across) * n.dot(&turn)) - turn * across, along, across)
     }
 
@@ -100,11 +120,11 @@ impl Contact {
     #[inline]
     pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
-        let change = change + self.turn * h;
-        let (vn, dn) = (n.dot(&self.velocity), n.dot(&change));
+        let (velocity, change) = (self.velocity - self.bend * (0.5 * h), change + (self.turn + self.bend) * h);
+        let (vn, dn) = (n.dot(&velocity), n.dot(&change));
         let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
         self.parted = normal < 0.0;
-        let seen = self.velocity + change * slide;
+        let seen = velocity + change * slide;
         let slip = seen - n * n.dot(&seen);
         self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.across };
         let across = drag(normal.max(0.0), slip.norm(), m, friction);

@@ -67,7 +67,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
             return Err(at(&format!("{} vertices, at most {MOST_VERTICES} are possible", contact.vertices.len())));
         }
         for place in contact.point.iter().chain(&contact.vertices) {
-            vector(&at("position"), place, WIDE, "m")?;
+            vector(&at(if contact.point.is_some() { "point" } else { "vertices" }), place, WIDE, "m")?;
         }
         if let Some(axis) = &contact.axis {
             vector(&at("axis"), axis, WIDE, "1")?;

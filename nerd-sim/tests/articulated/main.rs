@@ -10,6 +10,7 @@ mod friction;
 mod joints;
 mod limits;
 mod rolling;
+mod round;
 mod standing;
 mod touching;
 mod worlds;

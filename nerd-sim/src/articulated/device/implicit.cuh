@@ -99,10 +99,11 @@ FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * d
 FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
     if (t.held) { Push p = {n * t.hold, 0, 0}; return p; }
-    const real vn = dot(n, t.velocity);
-    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (t.velocity - n * vn) * t.across,
+    const V3 velocity = t.velocity - t.bend * ((real)0.5 * h);
+    const real vn = dot(n, velocity);
+    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn) * t.across,
               (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
-    p.force = p.force - resisted(p, n, t.turn);
+    p.force = p.force - resisted(p, n, t.turn + t.bend);
     return p;
 }
 
@@ -173,8 +174,9 @@ BIG bool judge(Work& w, real h, real settled) {
         Touch& t = w.touch[k];
         if (t.parted || t.held || (t.sticky && !t.bounded)) continue;
         const V3 n = t.normal;
-        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
-        const real vn = dot(n, t.velocity), dn = dot(n, change);
+        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + (t.turn + t.bend) * h;
+        const V3 velocity = t.velocity - t.bend * ((real)0.5 * h);
+        const real vn = dot(n, velocity), dn = dot(n, change);
         const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
         if (t.bounded) {
             t.held = !(t.bounds[0] <= normal && normal <= t.bounds[1]);
@@ -183,7 +185,7 @@ BIG bool judge(Work& w, real h, real settled) {
             continue;
         }
         t.parted = normal < 0;
-        const V3 seen = t.velocity + change * t.ahead[2];
+        const V3 seen = velocity + change * t.ahead[2];
         const V3 slip = seen - n * dot(n, seen);
         t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
         const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
@@ -191,6 +193,19 @@ BIG bool judge(Work& w, real h, real settled) {
         t.across = across;
     }
     return changed;
+}
+
+// What the velocity of a point changes by without accelerations, at velocities w.middle, of which the root's turn is one part.
+FN void bend(Work& w, Touch& t, V3 turned, real h) {
+    const Tree& tr = w.tree;
+    const int point = t.index / w.surfaces;
+    const Motion twist = tr.velocity[t.link];
+    Motion a = motion(v3(0, 0, 0), v3(0, 0, 0));
+    for (int i = t.link; i >= (DOFS ? 1 : 0); i = PARENT[i]) a = a + cross(tr.velocity[i], tr.axis[i] * w.middle[DOF[i]]);
+    V3 moves = at(twist, t.x + t.normal * RADIUS[point]);
+    if (LOCI && LOCUS[point] == 1) moves = at(twist, middle(tr, point)) + runs(tr, point, t.normal, twist.ang, h);
+    t.turn = turned;
+    t.bend = at(a, t.x) + cross(twist.ang, moves) - turned;
 }
 
 // w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.
@@ -209,7 +224,7 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
             bias(tr, w.middle, w.gravity, 0);
             // The derivative of a velocity that moves along is the spatial acceleration and w x v.
             if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
-            for (int k = 0; DOFS && k < w.touches; k++) if (w.touch[k].link >= 0) w.touch[k].turn = turned;
+            for (int k = 0; k < w.touches; k++) if (w.touch[k].link >= 0) bend(w, w.touch[k], turned, h);
             for (int k = 0; k < NV; k++) w.right[k] = -tr.tau[k];
             for (int i = 0; i < NJ; i++) w.right[DOFS + i] += (real)tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i];
         }

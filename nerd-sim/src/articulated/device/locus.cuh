@@ -22,6 +22,17 @@ FN V3 on_rim(const real* rim, V3 centre, V3 n, bool own) {
     return centre - (up * cos + cross(axis, up) * sin) * rim[3];
 }
 
+// How fast its place runs round its rim, contact.rs's `runs`.
+FN V3 runs(const Tree& t, int point, V3 n, V3 spin, real time) {
+    const real* rim = RIM + 6 * point;
+    const V3 axis = t.rotation[POINT_LINK[point]] * read3(rim), axis_rate = cross(spin, axis), slope = n - axis * dot(axis, n);
+    const real steep = norm(slope), turns = time * norm(spin);
+    if (!(steep > (real)1e-9)) return v3(0, 0, 0);
+    const V3 up = slope * (1 / steep), slope_rate = axis * -dot(n, axis_rate) - axis_rate * dot(n, axis);
+    const V3 up_rate = (slope_rate - up * dot(up, slope_rate)) * (steep / (steep * steep + turns * turns));
+    return (up_rate * rim[5] + (cross(axis_rate, up) + cross(axis, up_rate)) * rim[4]) * -rim[3];
+}
+
 // Where it is when it faces a surface of unit normal n; of a disc its own place, or the deepest.
 FN V3 facing(const Tree& t, int point, V3 n, bool own) {
     if (!LOCI || LOCUS[point] == 0) return middle(t, point);

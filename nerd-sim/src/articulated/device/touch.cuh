@@ -16,7 +16,7 @@ struct Touch {
     int link;             // of a point; -1: of a joint
     int dof;              // of a joint
     V3 x;                 // where, or the joint's column
-    V3 turn;              // of a point: what its velocity changes by because the root turns while it travels, w x v
+    V3 turn, bend;        // of a point: what its velocity changes by without accelerations (touch.rs)
     V3 normal, velocity, force;
     real gap, stiffness, damping, friction_damping, friction, across;
     real ahead[3];
@@ -79,7 +79,7 @@ FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
     t.sticky = t.bounded = t.parted = t.held = false;
     t.friction_damping = t.friction = t.across = 0;
-    t.force = t.turn = v3(0, 0, 0);
+    t.force = t.turn = t.bend = v3(0, 0, 0);
     return t;
 }
 
