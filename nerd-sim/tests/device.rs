@@ -135,9 +135,9 @@ fn a_long_chain_moves_as_the_solver_has_it() {
 /// Leads that have fallen across floor and pegs for so many frames, each among pegs of its own, and the gripper's forces.
 fn leads(frames: usize, substeps: usize) -> Case {
     let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cables/lead-pegs.toml")).expect("the lead");
-    let config = GenerateConfig { transitions: 30 * frames, frames, ..GenerateConfig::default() };
-    let mut batch = begin(&system, &config, 0, 30).expect("leads");
-    let torques: Vec<f64> = (0..30 * 86).map(|k| if k % 86 < 3 { 5.0 * (k as f64).sin() } else { 0.0 }).collect();
+    let config = GenerateConfig { transitions: 60 * frames, frames, ..GenerateConfig::default() };
+    let mut batch = begin(&system, &config, 0, 60).expect("leads");
+    let torques: Vec<f64> = (0..60 * 86).map(|k| if k % 86 < 3 { 5.0 * (k as f64).sin() } else { 0.0 }).collect();
     let mut solver = implicit(4);
     (0..frames).for_each(|_| solver.step(&mut batch, &torques).expect("it can be stepped"));
     Case { batch, torques, config: ArticulatedConfig::implicit(substeps, Friction::Coulomb) }
