@@ -35,7 +35,7 @@ pub enum Fault {
 use Fault::*;
 
 /// By row of the suite, the faults that it must see.
-const REDDENED: [(&str, &[Fault]); 54] = [
+const REDDENED: [(&str, &[Fault]); 57] = [
     ("free fall", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
     ("off-centre spin", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld]),
     ("precession", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
@@ -60,6 +60,9 @@ const REDDENED: [(&str, &[Fault]); 54] = [
     ("spinning box on ice", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
     ("flat landing", &[NoFloor, DroppedVelocity, FrozenWorld]),
     ("low flight", &[DroppedVelocity, FrozenWorld, PumpedVelocity, HiddenClock, SinglePrecision]),
+    ("wheel", &[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("wobbling coin", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("leaning can", &[DroppedVelocity, FrozenWorld]),
     ("tossed cube", &[NoFloor, PumpedVelocity]),
     ("stiff ground", &[NoFloor, PumpedVelocity]),
     ("tip into ground", &[NoFloor, PumpedVelocity]),

@@ -7,12 +7,14 @@ mod friction;
 mod joints;
 mod robots;
 mod rolling;
+mod round;
 mod runner;
 
 use super::row::Row;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
-    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(&rolling::ROWS).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
+    let rolling = rolling::ROWS.iter().chain(&round::ROWS);
+    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(rolling).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
     flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }
