@@ -55,7 +55,7 @@ impl Python {
         let mut line = String::new();
         self.output.read_line(&mut line).with_context(|| format!("cannot hear {}", self.engine))?;
         match serde_json::from_str(&line) {
-            Ok(Said::Error { error }) => bail!(error),
+            Ok(Said::Error { error }) => bail!(error.split_whitespace().collect::<Vec<_>>().join(" ")),
             Ok(Said::Answer(answer)) => Ok(answer),
             Err(_) => bail!("the Python of {} ended without an answer", self.engine),
         }

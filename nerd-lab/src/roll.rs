@@ -16,6 +16,13 @@ pub fn idle(batch: &Batch) -> Vec<f64> {
     vec![0.0; batch.len() * batch.system.robot.joint_count()]
 }
 
+/// Why a solver cannot step a robot in a scene at all; a state that it gives up is no such reason.
+pub fn refusal(solver: &mut dyn Solver, system: &Arc<System>, scene: &Arc<Scene>) -> Option<String> {
+    let mut batch = Batch::new(system, scene, 1);
+    let torques = idle(&batch);
+    solver.step(&mut batch, &torques).err()?.faults().err().map(|reason| reason.to_string())
+}
+
 /// The batch after so many frames without torques.
 pub fn rolled(mut batch: Batch, solver: &mut dyn Solver, frames: usize) -> Result<Batch, StepError> {
     let torques = idle(&batch);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nerd_lab::choice::Choice;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
+use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
@@ -122,6 +123,39 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     }
     let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
     assert!(["no motion", "articulated implicit x4, calibrated", "com.z (m)"].iter().all(|word| text.contains(word)), "{text}");
+}
+
+/// rapier has no dry friction: it is left out, and what races goes on.
+#[test]
+fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+    let urdf = r#"<robot name="dry"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -0.2"/><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
+        ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics friction="0.05"/></joint></robot>"#;
+    file("dry.urdf", urdf);
+    let mut chart = Chart::default();
+    (chart.robot, chart.starts, chart.frames, chart.substeps) = (folder.path().join("dry.urdf").display().to_string(), 1, 2, 4);
+    chart.about().expect("a chart");
+    let measured = chart.measure().expect("a chart");
+    let series: Vec<_> = measured.tables[0].rows.iter().map(|row| row[0].clone()).collect();
+    assert!(series.len() > 1 && series.iter().all(|s| s.starts_with("articulated")), "{series:?}");
+
+    file("dry.log.toml", "file = \"dry.csv\"\nrobot = \"dry.urdf\"\nscene = \"free\"\ntrajectory = \"n\"\ntime = \"t\"\n[[joint]]\nname = \"j\"\nposition = \"q\"\nvelocity = \"v\"\n");
+    let row = |n: usize, k: usize| {
+        let (t, w) = (k as f64 / 60.0, 5.7f64);
+        let (sin, cos) = (w * t).sin_cos();
+        format!("{n},{t},{},{}\n", 0.01 * n as f64 * cos, -0.01 * n as f64 * w * sin)
+    };
+    file("dry.csv", &(1..9).flat_map(|n| (0..12).map(move |k| row(n, k))).fold("n,t,q,v\n".into(), |all: String, row| all + &row));
+    let mut settings = Calibration::default();
+    settings.log = folder.path().join("dry.log.toml");
+    (settings.splits, settings.frames, settings.every, settings.evaluations, settings.trials) = (1, 6, 3, 40, 8);
+    let found = settings.all().expect("a calibration");
+    let solvers: Vec<_> = found.fitted.iter().map(|fitted| &fitted.solver[..]).collect();
+    assert_eq!(solvers, ["articulated implicit x4"]);
+    settings.solvers = vec!["rapier".into()];
+    let reason = refusal(settings.all());
+    assert!(reason.contains("`j` has dry friction"), "{reason}");
 }
 
 fn motions(robot: &str) -> Motions {

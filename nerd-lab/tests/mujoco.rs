@@ -54,6 +54,22 @@ fn every_body_joint_and_mass_is_there() {
     }
 }
 
+/// MuJoCo refuses a range of nothing and a ball of radius 0, which a URDF may have.
+#[test]
+fn what_has_no_size_is_written_with_some() {
+    let urdf = r#"<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><sphere radius="0"/></geometry></collision></link><joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+        <limit lower="0.5" upper="0.5" effort="1" velocity="1"/></joint></robot>"#;
+    let system = System::bare("r", urdf, false).expect("a robot");
+    let text = mjcf(&system, &system.scene("plane").expect("a plane"), &[]).expect("written");
+    let numbers = |key: &str| -> Vec<f64> {
+        let value = text.split(key).nth(1).and_then(|rest| rest.split('"').next()).expect("a value");
+        value.split(' ').map(|x| x.parse().expect("a number")).collect()
+    };
+    let (range, radius) = (numbers("range=\""), numbers("type=\"sphere\" size=\""));
+    assert!(range[1] > range[0] && range[1] - range[0] < 1e-6 && radius[0] > 0.0 && radius[0] < 1e-6, "{range:?} {radius:?}");
+}
+
 #[test]
 fn states_come_back_as_they_went() {
     for robot in ["pendulum", "ant", "cube"] {

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use nerd_lab::survey::{Found, find, stand, survey};
+use nerd_lab::survey::{Found, find, stand, standing, survey, verdict};
+use nerd_sim::prelude::System;
 
 /// A table of 9 kg on four legs of 0.25 kg, each turning about a hinge along y.
 fn table(lower: f64) -> String {
@@ -83,4 +84,67 @@ fn a_file_that_is_no_text_has_its_line_and_the_others_their_turn() {
     assert_eq!((b.fixed.as_ref().ok(), b.sizes.map(|s| (s.joints, s.mass))), (Some(&4), Some((1, 1.0))), "{b:?}");
     assert!(b.floating.is_err() && c.fixed.is_err() && c.sizes.is_none(), "{b:?} {c:?}");
     assert!(find("/nowhere".as_ref()).is_err());
+}
+
+/// A chain of so many hinges of 0.1 m, turned by a quarter one after the other, on a free or a fixed base.
+fn chain(n: usize) -> String {
+    let inertial = r#"<inertial><origin xyz="0 0 -0.05"/><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>"#;
+    let piece = |k: usize| {
+        let axis = if k.is_multiple_of(2) { "0 1 0" } else { "1 0 0" };
+        format!(
+            r#"<link name="l{}">{inertial}</link><joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{}"/><origin xyz="0 0 -0.1"/>
+            <axis xyz="{axis}"/><limit lower="-1" upper="1" effort="100" velocity="10"/></joint>"#,
+            k + 1,
+            k + 1
+        )
+    };
+    format!(r#"<robot name="chain"><link name="l0">{inertial}</link>{}</robot>"#, (0..n).map(piece).collect::<String>())
+}
+
+#[test]
+fn a_thousand_links_take_seconds() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (found, start) = (written(folder.path(), "chain.urdf", &chain(1000)), std::time::Instant::now());
+    let robot = survey(&found);
+    let seconds = start.elapsed().as_secs_f64();
+    println!("1000 hinges on both bases in {seconds:.1} s");
+    assert!(robot.fixed.is_ok() && robot.floating.is_ok(), "{robot:?}");
+    assert!(seconds < 60.0, "{seconds} s");
+}
+
+#[test]
+fn a_newcomer_is_told_whether_a_robot_stands_hangs_or_falls() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ball = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="0.004" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
+    let arm = chain(2).replacen("<joint", r#"<link name="w"/><joint name="f" type="fixed"><parent link="w"/><child link="l0"/></joint><joint"#, 1);
+    for (name, text, words) in [
+        ("table", table(-1.5), &["joints held by drives, it stands (root 0.29", "0.3000 m at the start"][..]),
+        ("lean", table(0.2), &["held by drives, it stands", "limp, it falls"]),
+        ("ball", ball.into(), &["it stands (root 0.099", "0.1000 m at the start, tilted by 0.0 deg"]),
+        ("bare", ball.replace("collision", "visual"), &["nothing to touch"]),
+        ("arm", arm, &["it hangs still (`j", "limp, it hangs still"]),
+        ("chain", chain(1000), &["not tried: with 1000 degrees"]),
+    ] {
+        let found = written(folder.path(), &format!("{name}.urdf"), &text);
+        let line = verdict(&System::named(&found.path.display().to_string()).expect("a robot"));
+        println!("{name}: {line}");
+        assert!(words.iter().all(|word| line.contains(word)) && !line.contains('\n'), "{name}: {line}");
+    }
+}
+
+/// What a referee says in two lines stays in its own cell, and our row is whole.
+#[cfg(unix)]
+#[test]
+fn a_referee_that_refuses_costs_its_own_cell() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a folder");
+    let python = folder.path().join("python");
+    std::fs::write(&python, "#!/bin/sh\necho '{\"error\": \"size 0\\\\nline 3 | geom\"}'\n").expect("written");
+    std::fs::set_permissions(&python, std::fs::Permissions::from_mode(0o755)).expect("to be run");
+    let found = written(folder.path(), "table.urdf", &table(-1.5));
+    let tables = standing(&[found], Some(&python));
+    let lines: Vec<String> = tables[0].markdown().lines().take_while(|line| line.starts_with('|')).map(String::from).collect();
+    assert!(lines.len() == 3 && lines.iter().all(|line| line.matches('|').count() == 13), "{lines:#?}");
+    assert!(lines[2].contains("0.3000") && lines[2].contains("size 0 line 3 / geom"), "{}", lines[2]);
 }

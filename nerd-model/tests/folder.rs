@@ -8,7 +8,7 @@ use std::path::Path;
 use common::model;
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig};
+use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig, Weights, packed};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
 use rand::RngExt;
@@ -124,6 +124,34 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
     // Heads and positions mean nothing to a rival.
     let rival = TransformerConfig { architecture: Architecture::Gru, heads: 1, embedding: 97, ..rotary };
     rival.check().expect("a rival of any width");
+}
+
+/// Shapes at the edges of what can be: each is refused by a key, or predicts numbers.
+#[test]
+fn a_shape_that_is_not_refused_predicts() {
+    let (mut rng, mut refused, mut run) = (stream(3, 0), 0, 0);
+    for case in 0..20_000 {
+        let mut draw = |few: usize| if rng.random_range(0..24) == 0 { 0 } else { rng.random_range(1..=few) };
+        let (inputs, outputs, embedding, layers) = (draw(5), draw(5), draw(16), draw(3));
+        let (heads, block, history, head) = (draw(8), draw(6), draw(4), draw(5));
+        let positions = common::POSITIONS[rng.random_range(0..2)];
+        let all = [Architecture::Transformer, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
+        let architecture = all[rng.random_range(0..if case % 2 == 0 { 1 } else { 5 })];
+        let config = TransformerConfig { inputs, outputs, embedding, layers, heads, block, history, head, positions, architecture };
+        if let Err(reason) = config.check() {
+            assert!(reason.starts_with('`') && !reason.contains('\n'), "{config:?}: {reason}");
+            refused += 1;
+            continue;
+        }
+        let (mut network, mut out) = (packed(&Weights::init(config, case)), Vec::new());
+        for frame in 0..6 {
+            network.push(&vec![0.3 * frame as f32; 2 * inputs], &[0, 1], &mut out).expect("a frame");
+            assert!(out.len() == 2 * outputs && out.iter().all(|x| x.is_finite()), "{config:?}, frame {frame}: {out:?}");
+        }
+        run += 1;
+    }
+    println!("{refused} shapes refused, {run} predict");
+    assert!(refused > 2000 && run > 2000);
 }
 
 #[test]

@@ -20,6 +20,9 @@ pub struct MjcfError(String);
 /// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
 const WEAKEST: f64 = 1e-4;
 
+/// Least radius (m) and range (rad or m) that it takes for some.
+const LEAST: f64 = 1e-9;
+
 /// Geoms of the scene touch those of the robot and nothing else.
 const SCENE: &str = r#"contype="1" conaffinity="0""#;
 const ROBOT: &str = r#"contype="0" conaffinity="1""#;
@@ -125,7 +128,7 @@ fn body(
             };
             *text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\" {ROBOT}/>\n", pose(&shape.pose));
         }
-        for (at, radius) in points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius))) {
+        for (at, radius) in points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius.max(LEAST)))) {
             let place = numbers(at.as_slice());
             *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" friction=\"0\" {ROBOT}/>\n");
         }
@@ -169,7 +172,8 @@ fn limit(limit: &Limit, weight: f64) -> String {
         return "limited=\"false\"".into();
     }
     let (k, d) = (limit.stiffness * weight, limit.damping * weight);
-    let range = numbers(&[limit.lower, limit.upper]);
+    // A joint that is locked needs a range, too.
+    let range = numbers(&[limit.lower, limit.upper.max(limit.lower + LEAST)]);
     format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use nerd_lab::inspect::Inspection;
+use nerd_lab::survey::verdict;
 use nerd_sim::dataset::Manifest;
 use nerd_sim::prelude::*;
 use nerd_sim::system::Source;
@@ -42,7 +43,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
     Ok(())
 }
 
-/// A robot's specification as TOML, with what was taken for granted.
+/// A robot's specification as TOML, with what was taken for granted and whether it stands.
 fn known(robot: &str) -> Result<()> {
     let system = System::named(robot)?;
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
@@ -53,5 +54,6 @@ fn known(robot: &str) -> Result<()> {
         say!("like = \"urdf\"");
     }
     say!("{}", system.spec_text());
+    say!("# {}", verdict(&system));
     Ok(())
 }

@@ -54,7 +54,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     let [root, rest @ ..] = path else { return Ok(()) };
     if *root != "robot" {
         let known = OTHERS.iter().find(|(name, _)| name == root);
-        return Err(known.map_or_else(|| format!("<{root}> is not a URDF's <robot>"), |(_, kind)| format!("it is {kind}, not a URDF")));
+        return Err(known.map_or_else(|| format!("<{root}> is not a URDF's <robot>"), |(_, kind)| format!("it is {kind}, not a URDF; convert it to one")));
     }
     if let Some(macros) = path.iter().find(|name| name.starts_with("xacro:")) {
         return Err(format!("<{macros}> is for xacro; expand the file first: xacro FILE > robot.urdf"));
@@ -83,7 +83,11 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
         let Some(count) = numbers(element, name) else { continue };
         let words: Vec<&str> = value.split_whitespace().collect();
         if let Some(word) = words.iter().find(|word| word.parse::<f64>().is_err()) {
-            let hint = if word.contains("${") { "; expand the file with xacro first" } else { "" };
+            let hint = match word {
+                _ if word.contains("${") => "; expand the file with xacro first",
+                _ if word.contains(',') => "; decimals take a point, and spaces part numbers",
+                _ => "",
+            };
             return Err(format!("<{element} {name}=\"{value}\">: `{word}` is not a number{hint}"));
         }
         if words.len() != count {

@@ -17,6 +17,7 @@ pub enum Kind {
     Csv,
     Model,
     Line,
+    Mesh,
 }
 
 const LINES: &str = include_str!("../../assets/campaign/lines.txt");
@@ -24,16 +25,27 @@ const LINES: &str = include_str!("../../assets/campaign/lines.txt");
 /// Robots, the small ones more often: a case of theirs takes less time.
 const ROBOTS: &str = "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper";
 
-impl Kind {
-    pub const ALL: [Self; 5] = [Self::Urdf, Self::Toml, Self::Csv, Self::Model, Self::Line];
+/// A robot of one mesh, and that mesh in the kinds of files that are read.
+const BRICK: &str = include_str!("../../assets/campaign/brick.urdf");
+const MESHES: [(&str, &[u8]); 6] = [
+    ("gltf", include_bytes!("../../assets/campaign/brick.gltf")),
+    ("glb", include_bytes!("../../assets/campaign/brick.glb")),
+    ("ply", include_bytes!("../../assets/campaign/brick.ply")),
+    ("ply", include_bytes!("../../assets/campaign/binary.ply")),
+    ("dae", include_bytes!("../../assets/campaign/brick.dae")),
+    ("obj", include_bytes!("../../assets/campaign/brick.obj")),
+];
 
-    /// The kind of a case: of twenty in a row six, six, four, three and one, since a command line takes long.
+impl Kind {
+    pub const ALL: [Self; 6] = [Self::Urdf, Self::Toml, Self::Csv, Self::Model, Self::Line, Self::Mesh];
+
+    /// The kind of a case: of twenty in a row five, four, three, two, one, since a command line takes long, and five.
     pub fn of(number: u64) -> Self {
-        Self::ALL[[6, 12, 16, 19, 20].iter().position(|end| number % 20 < *end).unwrap_or(0)]
+        Self::ALL[[5, 9, 12, 14, 15, 20].iter().position(|end| number % 20 < *end).unwrap_or(0)]
     }
 
     pub fn name(self) -> &'static str {
-        ["urdf", "toml", "csv", "model", "line"][self as usize]
+        ["urdf", "toml", "csv", "model", "line", "mesh"][self as usize]
     }
 
     fn words(self) -> Dictionary {
@@ -43,6 +55,7 @@ impl Kind {
             Self::Csv => Dictionary::new(include_str!("../../assets/campaign/csv.txt"), false),
             Self::Model => Dictionary::new(include_str!("../../assets/campaign/model.txt"), false),
             Self::Line => Dictionary::new(include_str!("../../assets/campaign/line.txt"), true),
+            Self::Mesh => Dictionary::new(include_str!("../../assets/campaign/mesh.txt"), false),
         }
     }
 
@@ -71,14 +84,24 @@ impl Kind {
                 case.files.entry(table).and_modify(|text| words.change(session, text));
             }
             Self::Model => {
-                let name = ["config.json", "config.json", "normalizer.json", "model.safetensors", "model.safetensors"][dice(session, 5)];
-                let name = format!("{}/{name}", case.value("--model").unwrap_or_default());
-                case.before = vec![format!("stamp {}", case.value("--model").unwrap_or_default())];
+                let (folder, names) = match case.value("--policy") {
+                    Some(folder) => (folder.to_string(), ["config.json", "policy.safetensors", "policy.safetensors"]),
+                    None => (case.value("--model").unwrap_or_default().to_string(), ["config.json", "normalizer.json", "model.safetensors"]),
+                };
+                let name = format!("{folder}/{}", names[[0, 0, 1, 2, 2][dice(session, 5)]]);
+                case.before = case.value("--model").map(|folder| format!("stamp {folder}")).into_iter().collect();
                 match dice(session, 32) {
                     0 => drop(case.files.remove(&name)),
                     _ if name.ends_with("json") => drop(case.files.entry(name).and_modify(|text| words.change(session, text))),
                     _ => drop(case.files.entry(name).and_modify(|bytes| tensors(session, bytes))),
                 }
+            }
+            Self::Mesh => {
+                let (kind, mesh) = MESHES[dice(session, MESHES.len())];
+                let mut mesh = mesh.to_vec();
+                words.change(session, &mut mesh);
+                case.files.insert("f/brick.urdf".into(), BRICK.replace("KIND", kind).into());
+                case.files.insert(format!("f/brick.{kind}"), mesh);
             }
             // An option a line, until it is whole again.
             Self::Line => {

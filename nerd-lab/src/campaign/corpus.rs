@@ -36,7 +36,7 @@ pub fn entries() -> Result<Vec<Entry>> {
 
 impl Entry {
     pub fn case(&self, good: &Files) -> Result<Case> {
-        let first = ["f/robot.urdf", "f/robot.toml", "f/pendulum.csv", "f/paper/config.json", ""][self.kind as usize];
+        let first = ["f/robot.urdf", "f/robot.toml", "f/pendulum.csv", "f/paper/config.json", "", "f/brick.gltf"][self.kind as usize];
         let (name, mut files) = (self.file.as_deref().unwrap_or(first), good.clone());
         if self.kind == Kind::Urdf {
             files.remove("f/robot.toml");

@@ -31,7 +31,7 @@ const KEPT: usize = 200;
 settings! {
     /// Changed inputs, and runs that are killed.
     pub struct Campaign {
-        /// Cases in all, over the five kinds
+        /// Cases in all, over the six kinds
         cases: u64 = 10_000, Whole(0..=1_000_000_000);
         /// Seed of what is changed
         seed: u64 = 0, Whole(SEEDS);

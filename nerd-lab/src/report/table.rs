@@ -20,8 +20,10 @@ impl Table {
         Self { name: name.into(), header: header.iter().map(ToString::to_string).collect(), ..Self::default() }
     }
 
+    /// What would end a cell or a line in one is written otherwise.
     pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
-        self.rows = rows.into_iter().collect();
+        let cell = |text: String| text.replace('|', "/").split('\n').map(str::trim).collect::<Vec<_>>().join(" ");
+        self.rows = rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect();
         self
     }
 

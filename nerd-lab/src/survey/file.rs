@@ -43,5 +43,5 @@ pub(super) fn text(path: &Path) -> Result<String, String> {
 
 /// The message, without the name that its row already has.
 pub(super) fn reason(error: &SystemError, name: &str) -> String {
-    error.to_string().replace(&format!("robot `{name}`: "), "").replace('|', "/")
+    error.to_string().replace(&format!("robot `{name}`: "), "")
 }

@@ -15,12 +15,14 @@ mod file;
 mod pinocchio;
 mod robot;
 mod stand;
+mod verdict;
 
 pub use crowd::{CROWD, crowds};
 pub use file::{Found, find};
 use robot::FRAMES;
 pub use robot::{Sizes, Surveyed, survey};
 pub use stand::{STANDING, stand, standing};
+pub use verdict::verdict;
 
 use crate::prelude::*;
 

@@ -49,6 +49,10 @@ def compare(pin, request, worst):
     frames = [model.getFrameId(name, pin.FrameType.BODY) for name in request["frames"]]
     shapes = [(n + bool(root),), (n,), (n,), (n,), (n, n), (n,), (n,), (n,), (n, n), (n, n), (n, n), (n, n), (len(frames), 6, n)]
 
+    def full(matrix):
+        """A matrix of as many columns as there are velocities: a single column comes as a list of numbers."""
+        return np.reshape(matrix, (-1, model.nv))
+
     def note(name, ours, theirs):
         # What is nothing but rounding has no size of its own.
         size = max(np.abs(theirs).max(), 1e-6)
@@ -69,7 +73,7 @@ def compare(pin, request, worst):
             else:
                 q[at] = value
         v, a, tau = (t.T @ s[name] for name in ("qd", "qdd", "tau"))
-        mass = pin.crba(model, data, q).copy()
+        mass = full(pin.crba(model, data, q)).copy()
         mass = g.T @ (np.triu(mass) + np.triu(mass, 1).T) @ g
         bias = g.T @ pin.nonLinearEffects(model, data, q, g @ v)
         note("mass", t.T @ s["mass"] @ t, mass)
@@ -89,21 +93,21 @@ def compare(pin, request, worst):
             return t.T @ by_q @ t
 
         pin.computeRNEADerivatives(model, data, q, g @ v, g @ a)
-        note("inverse_q", local(s["inverse_q"], s["inverse_qd"], s["mass"], s["inverse"], s["qdd"]), g.T @ data.dtau_dq @ g)
-        note("inverse_qd", t.T @ s["inverse_qd"] @ t, g.T @ data.dtau_dv @ g)
+        note("inverse_q", local(s["inverse_q"], s["inverse_qd"], s["mass"], s["inverse"], s["qdd"]), g.T @ full(data.dtau_dq) @ g)
+        note("inverse_qd", t.T @ s["inverse_qd"] @ t, g.T @ full(data.dtau_dv) @ g)
         if folded:
             pin.computeRNEADerivatives(model, data, q, g @ v, g @ forward)
-            by_q, by_qd = (-np.linalg.solve(mass, g.T @ d @ g) for d in (data.dtau_dq, data.dtau_dv))
+            by_q, by_qd = (-np.linalg.solve(mass, g.T @ d @ g) for d in map(full, (data.dtau_dq, data.dtau_dv)))
         else:
             pin.computeABADerivatives(model, data, q, g @ v, g @ tau)
-            by_q, by_qd = (g.T @ d @ g for d in (data.ddq_dq, data.ddq_dv))
+            by_q, by_qd = (g.T @ full(d) @ g for d in (data.ddq_dq, data.ddq_dv))
         inverse = np.linalg.inv(s["mass"])
         note("forward_q", local(s["forward_q"], s["forward_qd"], inverse, s["forward"], s["tau"]), by_q)
         note("forward_qd", t.T @ s["forward_qd"] @ t, by_qd)
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         for frame, ours in zip(frames, s["jacobians"]):
-            theirs = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) @ g
+            theirs = full(pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)) @ g
             note("jacobian", ours[[3, 4, 5, 0, 1, 2]] @ t, theirs)
 
 

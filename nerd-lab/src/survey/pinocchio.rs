@@ -58,7 +58,7 @@ pub(super) fn beside(python: &Path, states: usize, files: &[Found], robots: &[Su
                     cells.extend(QUANTITIES.map(|q| or_dash(worst.get(q).map(|x| format!("{x:.0e}")))));
                 }
                 Err(reason) => {
-                    cells.push(reason.to_string().replace('|', "/"));
+                    cells.push(reason.to_string());
                     cells.resize(2 + QUANTITIES.len(), String::new());
                 }
             }

@@ -31,8 +31,8 @@ pub struct Standing {
     /// Height of the root at the start (m), its lowest contact point on the plane.
     pub start: f64,
     pub ours: Course,
-    /// In MuJoCo, on the same bodies, points and drives.
-    pub mujoco: Option<Course>,
+    /// In MuJoCo, on the same bodies, points and drives; or why it refuses them.
+    pub mujoco: Option<Result<Course, String>>,
     pub limp: Limp,
 }
 
@@ -70,25 +70,29 @@ pub(super) fn ready(found: &Found) -> Result<Ready> {
 pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing> {
     let Ready { system, state, pose, drives } = ready(found)?;
     let scene = system.scene("plane").map_err(|e| Error::msg(reason(&e, &found.name)))?;
-    let batch = |drives: &[Drive]| {
-        let mut batch = Batch::new(&system, &scene, 1);
-        batch.reset(0, &state);
-        batch.drives = drives.to_vec();
-        batch
-    };
-    let roll = |drives: &[Drive]| -> Result<Vec<Vec<f64>>> {
-        let (mut batch, mut solver) = (batch(drives), Articulated::new(ArticulatedConfig::accurate(&system)));
-        let tau = vec![0.0; system.robot.joint_count()];
-        let mut frame = || solver.step(&mut batch, &tau).map(|()| batch.states.clone()).map_err(Error::from);
-        (0..STANDING).map(|_| frame()).collect()
-    };
+    let roll = |drives: &[Drive]| rolls(&system, &scene, &state, drives, STANDING);
     let (ours, limp) = (course(&state, &roll(&drives)?), limp(&system, &state, &roll(&[])?));
     let mujoco = python.map(|python| -> Result<_> {
-        let mut referee = Referee::new(python, &batch(&drives), STANDING)?;
+        let mut referee = Referee::new(python, &begin(&system, &scene, &state, &drives), STANDING)?;
         Ok(course(&state, &referee.play(Scheme::ImplicitFast, 2 * system.spec.substeps, false)?.frames))
     });
     let (points, kp) = (system.robot.contact_points.len(), drives.first().map_or(0.0, |d| d.kp));
-    Ok(Standing { pose, points, kp, start: state[2], ours, mujoco: mujoco.transpose()?, limp })
+    Ok(Standing { pose, points, kp, start: state[2], ours, mujoco: mujoco.map(|course| course.map_err(|e| format!("{e:#}"))), limp })
+}
+
+fn begin(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Drive]) -> Batch {
+    let mut batch = Batch::new(system, scene, 1);
+    batch.reset(0, state);
+    batch.drives = drives.to_vec();
+    batch
+}
+
+/// States after each frame of the preset `accurate`.
+pub(super) fn rolls(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Drive], frames: usize) -> Result<Vec<Vec<f64>>> {
+    let (mut batch, mut solver) = (begin(system, scene, state, drives), Articulated::new(ArticulatedConfig::accurate(system)));
+    let tau = vec![0.0; system.robot.joint_count()];
+    let mut frame = || solver.step(&mut batch, &tau).map(|()| batch.states.clone()).map_err(Error::from);
+    (0..frames).map(|_| frame()).collect()
 }
 
 fn course(start: &[f64], frames: &[Vec<f64>]) -> Course {
@@ -109,11 +113,16 @@ fn held(system: &System, state: &[f64], data: &Data) -> f64 {
     touching + limits.sum::<f64>()
 }
 
+/// Against gravity; along z where there is none.
+pub(super) fn up(system: &System) -> Vector3<f64> {
+    -system.gravity().try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
+}
+
 /// Height of the lowest contact point (m).
 pub(super) fn lowest(system: &System, state: &[f64]) -> f64 {
     let (robot, mut data) = (&system.robot, Data::new(&system.robot));
     kinematics(robot, state, &mut data);
-    let heights = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z()));
+    let heights = robot.contact_points.iter().map(|p| foot(p, &data, &up(system)));
     heights.fold(f64::INFINITY, f64::min)
 }
 
@@ -159,7 +168,7 @@ pub fn standing(files: &[Found], mujoco: Option<&Path>) -> Vec<Table> {
             standing.row(&file.name)
         }
         Err(reason) => {
-            let mut line = vec![file.name.clone(), reason.to_string().replace('|', "/")];
+            let mut line = vec![file.name.clone(), reason.to_string()];
             line.resize(header.len(), String::new());
             line
         }
@@ -186,8 +195,12 @@ impl Standing {
 
     /// Heights, then tilts, at a frame, ours before MuJoCo's.
     fn at(&self, frame: usize) -> Vec<String> {
-        let courses = [Some(&self.ours), self.mujoco.as_ref()].map(|course| course.and_then(|course| course.get(frame)));
-        let heights = courses.map(|at| or_dash(at.map(|at| format!("{:.4}", at[0]))));
+        let theirs = self.mujoco.as_ref().and_then(|course| course.as_ref().ok());
+        let courses = [Some(&self.ours), theirs].map(|course| course.and_then(|course| course.get(frame)));
+        let mut heights = courses.map(|at| or_dash(at.map(|at| format!("{:.4}", at[0]))));
+        if let Some(Err(reason)) = &self.mujoco {
+            heights[1].clone_from(reason);
+        }
         let tilts = courses.map(|at| or_dash(at.map(|at| format!("{:.2}", at[1].to_degrees()))));
         [heights, tilts].concat()
     }

@@ -36,7 +36,11 @@ impl System {
         }
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
-        let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path))?;
+        // A refusal names the file.
+        let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path)).map_err(|e| match e {
+            SystemError::Urdf(_, reason) => SystemError::Urdf(name.into(), reason),
+            other => other,
+        })?;
         // A file that says it is of another one would be believed.
         match &system.spec.urdf {
             Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {

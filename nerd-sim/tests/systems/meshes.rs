@@ -56,12 +56,17 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     assert!((height - 0.05).abs() < 1e-3, "it rests at {height} m, half its height is 0.05 m");
 }
 
-/// The box of the corners of what is read from a file: its least and largest place (m).
-fn extent(name: &str, text: &str) -> [[f64; 3]; 2] {
+fn with_mesh(name: &str, bytes: impl AsRef<[u8]>) -> std::sync::Arc<System> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = brick(folder.path(), &format!("package://bricks/meshes/{name}"));
-    std::fs::write(folder.path().join("bricks/meshes").join(name), text).expect("a file");
-    let system = System::named(&path.display().to_string()).expect("a brick");
+    std::fs::write(folder.path().join("bricks/meshes").join(name), bytes).expect("a file");
+    std::fs::write(folder.path().join("bricks/meshes/a b.bin"), [0; 12]).expect("a file");
+    System::named(&path.display().to_string()).expect("a brick")
+}
+
+/// The box of the corners of what is read from a file: its least and largest place (m).
+fn extent(name: &str, bytes: impl AsRef<[u8]>) -> [[f64; 3]; 2] {
+    let system = with_mesh(name, bytes);
     assert!(system.notes.is_empty(), "{:?}", system.notes);
     let all: Vec<_> = system.robot.contact_points.iter().map(|p| p.local).collect();
     [f64::min, f64::max].map(|pick| [0, 1, 2].map(|k| all.iter().map(|p| p[k]).reduce(pick).expect("a corner")))
@@ -99,11 +104,86 @@ fn meshes_of_other_kinds_are_where_their_files_put_them() {
     for (nodes, what) in
         [(doubling + r#"<node id="d60"/>"#, "more than"), (r##"<node id="e"><instance_node url="#e"/></node>"##.into(), "nested")]
     {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = brick(folder.path(), "package://bricks/meshes/evil.dae");
-        std::fs::write(folder.path().join("bricks/meshes/evil.dae"), dae(&nodes)).expect("a file");
-        let notes = System::named(&path.display().to_string()).expect("a brick").notes.join(" ");
+        let notes = with_mesh("evil.dae", dae(&nodes)).notes.join(" ");
         assert!(notes.contains("evil.dae") && notes.contains(what), "{notes}");
+    }
+}
+
+/// A glTF file of one vertex at the origin of its mesh, which nodes place.
+fn gltf(nodes: &str, buffer: &str, accessor: &str) -> String {
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{nodes}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "buffers":[{{"byteLength":12{buffer}}}],"bufferViews":[{{"buffer":0,"byteLength":12}}],
+        "accessors":[{{"componentType":5126,"type":"VEC3","min":[0,0,0],"max":[0,0,0],{accessor}}}]}}"#
+    )
+}
+
+const INSIDE: &str = r#","uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAA""#;
+const ONE: &str = r#""bufferView":0,"count":1"#;
+
+/// A glTF's nodes place its meshes, whether its buffer is inside, beside it or in a binary file. PLY as text and in both orders of bytes.
+#[test]
+fn gltf_and_ply_are_where_their_files_put_them() {
+    // A quarter turn about x takes the z of what hangs on it to -y.
+    let nodes = r#"{"rotation":[0.70710678,0,0,0.70710678],"translation":[1000,0,0],"children":[1,2]},
+        {"mesh":0,"translation":[0,0,500]},{"mesh":0,"scale":[2,2,2],"translation":[100,0,0]}"#;
+    let right = [[1.0, -0.5, 0.0], [1.1, 0.0, 0.0]];
+    let json = gltf(nodes, "", ONE);
+    let padded = format!("{json}{}", " ".repeat(json.len().next_multiple_of(4) - json.len()));
+    let mut glb = b"glTF".to_vec();
+    for word in [2, (40 + padded.len()) as u32, padded.len() as u32, 0x4E4F_534A] {
+        glb.extend(word.to_le_bytes());
+    }
+    glb.extend(padded.as_bytes());
+    [12, 0x004E_4942, 0, 0, 0].iter().for_each(|word: &u32| glb.extend(word.to_le_bytes()));
+    let files = [("a.glb", glb), ("a.gltf", gltf(nodes, INSIDE, ONE).into()), ("b.gltf", gltf(nodes, r#","uri":"a%20b.bin""#, ONE).into())];
+    for (name, bytes) in files {
+        let off = extent(name, bytes).as_flattened().iter().zip(right.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        println!("{name}: off by {off:.1e} m");
+        assert!(off < 1e-6, "{name}: off by {off:.1e} m");
+    }
+    let header = |format: &str, x: &str| {
+        format!("ply\nformat {format} 1.0\ncomment of ours\nelement camera 1\nproperty list uchar int a\nelement vertex 2\nproperty {x} x\nproperty uchar red\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n")
+    };
+    let text = header("ascii", "double") + "2 7 8\n-100 255 200 50\n100 0 -200 -50\n3 0 1 9\n";
+    assert_eq!(extent("text.ply", text), [[-0.1, -0.2, -0.05], [0.1, 0.2, 0.05]]);
+    for (order, little) in [("binary_little_endian", true), ("binary_big_endian", false)] {
+        let mut bytes = header(order, "float").into_bytes();
+        bytes.push(0);
+        for (x, y, z) in [(-100f32, 200f32, 50f32), (100.0, -200.0, -50.0)] {
+            let put = |x: f32| if little { x.to_le_bytes() } else { x.to_be_bytes() };
+            bytes.extend(put(x).into_iter().chain([255]).chain(put(y)).chain(put(z)));
+        }
+        assert_eq!(extent("binary.PLY", bytes), [[-0.1, -0.2, -0.05], [0.1, 0.2, 0.05]]);
+    }
+}
+
+#[test]
+fn a_gltf_or_ply_that_asks_for_too_much_or_lacks_something_has_a_note() {
+    let ply = |vertices: &str, rest: &str| format!("ply\nformat ascii 1.0\n{vertices}\nproperty float x\nproperty float y\n{rest}end_header\n1 2\n");
+    let doubling: String = (1..60).map(|k| format!(r#"{{"children":[{k},{k}]}},"#)).collect::<String>() + r#"{"mesh":0}"#;
+    let sparse = r#""count":4000000000,"sparse":{"count":1,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}"#;
+    for (name, text, word) in [
+        ("a.gltf", gltf(r#"{"children":[0]}"#, INSIDE, ONE), "nested"),
+        ("a.gltf", gltf(&doubling, INSIDE, ONE), "more than"),
+        ("a.gltf", gltf(r#"{"mesh":0}"#, INSIDE, sparse), "more than"),
+        ("a.gltf", gltf(r#"{"mesh":0}"#, INSIDE, r#""bufferView":0,"count":3"#), "not in its buffers"),
+        ("a.gltf", gltf(r#"{"mesh":7}"#, INSIDE, ONE), "mesh"),
+        ("a.gltf", gltf(r#"{"mesh":0}"#, r#","uri":"gone.bin""#, ONE), "gone.bin"),
+        ("a.gltf", gltf(r#"{"mesh":0}"#, "", ONE), "missing"),
+        ("a.glb", "glTF".into(), "a.glb"),
+        ("a.ply", "solid".into(), "a.ply"),
+        ("a.ply", ply("element vertex 1000000000000000000", "property float z\n"), "more than"),
+        ("a.ply", ply("element vertex 5", "property float z\n"), "vertex"),
+        ("a.ply", ply("element vertex 1", ""), "`z`"),
+        ("a.ply", ply("element face 1", ""), "no vertex"),
+        ("a.stl", "version https://git-lfs.github.com/spec/v1\n".into(), "git lfs pull"),
+        ("a.fbx", String::new(), ".fbx"),
+    ] {
+        let system = with_mesh(name, text);
+        let notes = system.notes.join(" ");
+        println!("{notes}");
+        assert!(system.robot.contact_points.is_empty() && notes.contains(word) && !notes.contains('\n'), "`{notes}` has no `{word}`");
     }
 }
 

@@ -8,6 +8,7 @@ use nerd_sim::log::{Log, Published, specified};
 use rayon::prelude::*;
 
 use crate::prelude::*;
+use crate::roll::refusal;
 use split::{Parts, Scored, Split};
 
 /// Places of a profile, and rollouts behind each.
@@ -83,15 +84,14 @@ impl Calibration {
 
     fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
         let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
-        let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
-        if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
-            bail!("`{name}` is named twice");
-        }
         let parameters: Vec<Parameter> = match &self.parameters[..] {
             [] => Parameter::usual(&log.system, &log.scene, solver == "rapier")?,
             names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
         };
         // Missing capabilities are reported before any search.
+        if let Some(reason) = refusal(&mut *subject.engine.solver(), &subject.system, &subject.scene) {
+            bail!(reason);
+        }
         subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect::<Vec<_>>())?;
         Ok((subject, parameters))
     }
@@ -127,14 +127,37 @@ impl Calibration {
     pub fn all(&self) -> Result<CalibratedAll> {
         let log = Log::read(&self.log, self.data.as_deref())?;
         log.notes.iter().for_each(|note| tell!("{note}"));
-        self.solvers.iter().try_for_each(|solver| self.subject(&log, solver).map(|_| ()))?;
+        let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
+        if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
+            bail!("`{name}` is named twice");
+        }
+        self.solvers.iter().try_for_each(|solver| self.engine(solver).map(drop))?;
+        let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;
         let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
-        let fitted = self.solvers.iter().map(|solver| self.calibrated(&log, solver, &parts)).collect::<Result<_>>()?;
+        let fitted = able(&ready, |solver| self.calibrated(&log, solver, &parts))?;
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
         Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted })
+    }
+}
+
+/// What comes of the solvers that can; the others are left out with a line each, if there is one that can.
+fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>) -> Result<Vec<T>> {
+    let (mut found, mut last) = (Vec::new(), None);
+    for solver in solvers.iter().map(AsRef::as_ref) {
+        match of(solver) {
+            Ok(one) => found.push(one),
+            Err(reason) => {
+                tell!("{solver}: left out, {reason:#}");
+                last = Some(reason);
+            }
+        }
+    }
+    match last {
+        Some(reason) if found.is_empty() => Err(reason),
+        _ => Ok(found),
     }
 }
 

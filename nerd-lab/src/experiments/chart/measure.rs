@@ -11,7 +11,7 @@ type Frames = Vec<Vec<f64>>;
 
 /// Every method's point, and the frames of the reference.
 pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
-    let Plan { system, scene, methods, protocol } = plan;
+    let Plan { system, scene, methods, protocol, .. } = plan;
     let implicit = plan.contact() || only_implicit(system);
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
@@ -27,13 +27,15 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         bar.set(k as u64 + 1);
         bar.say(&method.setting.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
-        match timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol) {
-            Ok((report, microseconds)) => {
-                let Method { series, setting, own } = method;
-                let point = Point::new(series.clone(), Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());
-                bounds::figures(&format!("{setting}: its mean error"), &[point.error])?;
-                points.push(point);
-            }
+        let point = timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol).map_err(Error::from);
+        let point = point.and_then(|(report, microseconds)| {
+            let Method { series, setting, own } = method;
+            let point = Point::new(series.clone(), Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());
+            bounds::figures("its mean error", &[point.error])?;
+            Ok(point)
+        });
+        match point {
+            Ok(point) => points.push(point),
             Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
         }
     }

@@ -28,7 +28,8 @@ impl Experiment for Chart {
         for (k, method) in methods.iter().enumerate() {
             let next = methods.get(k + 1).is_some_and(|next| next.series == method.series);
             if method.setting.substeps().is_none_or(|n| n == 4 || (n < 4 && !next)) {
-                inputs.solver(&Choice::Setting(method.setting.clone()), &self.robot, &scene.name)?;
+                // One that gives up on the way has no end to be known by.
+                let _ = inputs.solver(&Choice::Setting(method.setting.clone()), &self.robot, &scene.name);
             }
             if let Some(own) = method.own {
                 inputs.add(Input::motion(&self.robot, &scene.name, &own.into())?);
@@ -40,13 +41,19 @@ impl Experiment for Chart {
 
     fn measure(&self) -> Result<Measured> {
         let plan = self.plan()?;
+        plan.refused.iter().for_each(|line| tell!("{line}"));
         // Begun first, for it may not be there.
         let mut referee = self.mujoco.as_ref().map(|python| guest::referee(python, &plan)).transpose()?;
         let (mut data, reference) = on_one_core(|| measure::all(&plan, self.substeps))?;
         if let Some(referee) = &mut referee {
-            let (points, against) = guest::points(referee, &plan, self.substeps, &reference, &data.reference)?;
-            data.points.extend(points);
-            data.mujoco = Some(against);
+            // What is measured of our own is kept, whatever becomes of it.
+            match guest::points(referee, &plan, self.substeps, &reference, &data.reference) {
+                Ok((points, against)) => {
+                    data.points.extend(points);
+                    data.mujoco = Some(against);
+                }
+                Err(reason) => tell!("MuJoCo: left out, {reason:#}"),
+            }
         }
         data.mark();
         Ok(Measured::new(&data, vec![data.table(&plan.system)])?.with("figure", data.figure()))

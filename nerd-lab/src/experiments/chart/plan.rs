@@ -3,6 +3,7 @@
 use crate::choice::describe;
 use crate::experiments::cost::powers;
 use crate::prelude::*;
+use crate::roll::refusal;
 
 settings! {
     /// Speed against accuracy.
@@ -30,6 +31,8 @@ pub(super) struct Plan {
     pub system: Arc<System>,
     pub scene: Arc<Scene>,
     pub methods: Vec<Method>,
+    /// Series that cannot take part, and why.
+    pub refused: Vec<String>,
     pub protocol: PassiveConfig,
 }
 
@@ -59,8 +62,17 @@ impl Chart {
         let truth = system.spec.truth;
         let settings = analytic(!scene.colliders.is_empty(), only_implicit(&system), self.substeps).into_iter().chain([truth.into()]);
         let methods = settings.chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
+        let (mut ready, mut refused) = (Vec::new(), Vec::new());
+        for method in methods.collect::<Result<Vec<Method>>>()? {
+            let solver = method.setting.solver(&system).map_err(|e| e.to_string());
+            match solver.map_or_else(Some, |mut solver| refusal(&mut *solver, &system, &scene)) {
+                None => ready.push(method),
+                Some(reason) => refused.push(format!("{}: left out, {reason}", method.series)),
+            }
+        }
+        refused.dedup();
         let protocol = PassiveConfig { starts: self.starts, steps: self.frames, seed: self.seed, action: Action::Limp };
-        Ok(Plan { methods: methods.collect::<Result<_>>()?, system, scene, protocol })
+        Ok(Plan { methods: ready, refused, system, scene, protocol })
     }
 }
 

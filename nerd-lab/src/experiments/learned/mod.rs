@@ -39,8 +39,9 @@ impl Experiment for Learned {
         let Case { system, scene, model, truth } = &self.case;
         let folder = model.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy());
         let motion = |setting| Input::motion(&system.name, &scene.name, setting);
-        let motions = [motion(&Setting::from(*truth))?, motion(&Setting::RapierSteps(4))?];
-        let inputs = Inputs([vec![Input::robot(system), Input::model(model)?], motions.into()].concat());
+        // rapier need not know the robot.
+        let motions = [motion(&Setting::from(*truth))?].into_iter().chain(motion(&Setting::RapierSteps(4)));
+        let inputs = Inputs([Input::robot(system), Input::model(model)?].into_iter().chain(motions).collect());
         Ok(About { name: format!("stability-{folder}"), seed: 0, effort: self.asks.len() as f64, inputs })
     }
 

@@ -6,10 +6,7 @@ use std::collections::HashMap;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
-/// Nodes may be nested this deep.
-const DEEPEST: usize = 64;
-/// Most vertices of a file, and most elements of its nodes, what is shown twice counted twice: a short file may ask for 2^64 of them.
-const MOST: usize = 10_000_000;
+use super::file::{DEEPEST, MOST, NODES};
 
 /// In metres.
 pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
@@ -54,8 +51,8 @@ impl<'a> File<'a> {
         }
         for child in node.children().filter(Node::is_element) {
             self.seen += 1;
-            if self.seen > MOST {
-                return Err(format!("nodes that show more than {MOST} elements"));
+            if self.seen > NODES {
+                return Err(format!("nodes that show more than {NODES} elements"));
             }
             match child.tag_name().name() {
                 "matrix" => place *= Matrix4::from_row_slice(&numbers::<16>(&child)?),

@@ -1,21 +1,24 @@
 //! Collision meshes of a URDF's links: read, made convex (parry), and touched at some points of the hull that lie far from each other.
 //!
-//! Files are STL (crate mesh-loader), OBJ or COLLADA. `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
+//! Files are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) or PLY (crate serde-ply). `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
 //! as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's `ROS_PACKAGE_PATH`. Every other path begins at
 //! the URDF. What cannot be read is passed over, and a note says why.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{MeshFile, UrdfRobot};
 use parry3d_f64::transformation::try_convex_hull;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_ply::PlyReader;
 
-use super::collada;
+use super::file::{MOST, bytes_of};
 use super::spread::spread;
+use super::{collada, gltf};
 
-/// Largest file that is read (bytes).
-const LARGEST: u64 = 1 << 28;
 /// Radius of a point (m).
 const SHARP: f64 = 1e-5;
 
@@ -46,13 +49,10 @@ fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
         return Err("has no usable scale".into());
     }
     let path = find(&mesh.file, urdf).ok_or("is not there")?;
-    let size = std::fs::metadata(&path).map_err(|e| e.to_string())?.len();
-    if size > LARGEST {
-        return Err(format!("has {size} bytes, more than {LARGEST}"));
-    }
+    let bytes = bytes_of(&path)?;
     // An unforeseen file ends in a line, too.
-    let read = std::panic::catch_unwind(|| load(&path)).map_err(|_| "cannot be read".to_string())?;
-    let read = read.map_err(|e| e.to_string().split_whitespace().collect::<Vec<_>>().join(" "))?;
+    let read = std::panic::catch_unwind(|| load(bytes, &path)).map_err(|_| "cannot be read".to_string())?;
+    let read = read.map_err(|e| e.split_whitespace().collect::<Vec<_>>().join(" "))?;
     let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(&mesh.scale)).collect();
     match all.iter().all(|v| v.iter().all(|x| x.abs() < 1e6)) {
         true if all.is_empty() => Err("has no vertex".into()),
@@ -61,32 +61,56 @@ fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
     }
 }
 
-fn load(path: &Path) -> std::io::Result<Vec<Vector3<f64>>> {
+fn load(mut bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
     match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
         "stl" => {
             // Binary STL may begin with the word that makes a text of it; its length tells which it is.
-            let mut bytes = std::fs::read(path)?;
             let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
             if bytes.len() as u64 == 84 + 50 * u64::from(count) {
                 bytes[..80].fill(0);
             }
-            let scene = mesh_loader::stl::from_slice(&bytes)?;
+            let scene = mesh_loader::stl::from_slice(&bytes).map_err(|e| e.to_string())?;
             Ok(scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from))).collect())
         }
         // A hull has no use for faces, whose kinds may be mixed.
         "obj" => {
-            let text = String::from_utf8_lossy(&std::fs::read(path)?).into_owned();
+            let text = String::from_utf8_lossy(&bytes);
             let lines = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("v "));
             let vertex = |(n, line): (usize, &str)| {
                 let xyz: Vec<f64> = line.split_whitespace().skip(1).take(3).filter_map(|x| x.parse().ok()).collect();
-                let wrong = || std::io::Error::other(format!("line {}: a vertex needs three numbers", n + 1));
-                (xyz.len() == 3).then(|| Vector3::from_column_slice(&xyz)).ok_or_else(wrong)
+                (xyz.len() == 3).then(|| Vector3::from_column_slice(&xyz)).ok_or(format!("line {}: a vertex needs three numbers", n + 1))
             };
             lines.map(vertex).collect()
         }
-        "dae" => collada::vertices(&String::from_utf8_lossy(&std::fs::read(path)?)).map_err(std::io::Error::other),
-        other => Err(std::io::Error::other(format!("is of a kind (.{other}) that is not read; STL, OBJ and COLLADA (.dae) are"))),
+        "dae" => collada::vertices(&String::from_utf8_lossy(&bytes)),
+        "gltf" | "glb" => gltf::vertices(&bytes, path),
+        "ply" => ply(&bytes),
+        other => Err(format!("is of a kind (.{other}) that is not read; STL, OBJ, COLLADA (.dae), glTF (.gltf, .glb) and PLY are")),
     }
+}
+
+/// The vertices of a PLY file, which may hold them after other things.
+fn ply(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, String> {
+    #[derive(Deserialize)]
+    struct Vertex {
+        x: f64,
+        y: f64,
+        z: f64,
+    }
+    let mut reader = PlyReader::from_reader(bytes).map_err(|e| format!("is no PLY that can be read: {e}"))?;
+    while let Some(element) = reader.current_element() {
+        let (name, count) = (element.name.clone(), element.count);
+        if count > MOST {
+            return Err(format!("more than {MOST} of `{name}`"));
+        }
+        let wrong = |e: serde_ply::DeserializeError| format!("{name}: {e}");
+        if name == "vertex" {
+            let all: Vec<Vertex> = reader.next_element().map_err(wrong)?;
+            return Ok(all.iter().map(|v| Vector3::new(v.x, v.y, v.z)).collect());
+        }
+        reader.next_element::<Vec<BTreeMap<String, IgnoredAny>>>().map_err(wrong)?;
+    }
+    Ok(Vec::new())
 }
 
 /// The file that a URDF's text means.

@@ -2,6 +2,10 @@
 
 #[cfg(feature = "meshes")]
 mod collada;
+#[cfg(feature = "meshes")]
+mod file;
+#[cfg(feature = "meshes")]
+mod gltf;
 mod guess;
 mod limits;
 #[cfg(feature = "meshes")]

@@ -1,0 +1,64 @@
+//! Vertices of a glTF 2.0 file, as text (.gltf, with its buffers beside it or inside) or binary (.glb), with the transforms of the nodes that
+//! show them (crate gltf). Units are metres; y is not turned up, as in other readers of URDF.
+
+use std::path::Path;
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use gltf::buffer::Source;
+use gltf::{Gltf, Mesh, Node};
+use nalgebra::{Matrix4, Point3, Vector3};
+
+use super::file::{DEEPEST, MOST, NODES, bytes_of};
+
+/// In metres; `path` is the file's, beside which its buffers are.
+pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {
+    let Gltf { document, mut blob } = Gltf::from_slice(bytes).map_err(|e| format!("is no glTF that can be read: {e}"))?;
+    let buffers = document.buffers().map(|buffer| match buffer.source() {
+        Source::Bin => blob.take().ok_or("a binary buffer is missing".to_string()),
+        Source::Uri(uri) => match uri.split_once(";base64,") {
+            Some((_, text)) => BASE64_STANDARD.decode(text).map_err(|e| format!("buffer {}: {e}", buffer.index())),
+            None => bytes_of(&path.with_file_name(uri.replace("%20", " "))).map_err(|e| format!("buffer {uri}: {e}")),
+        },
+    });
+    let mut file = File { buffers: buffers.collect::<Result<_, _>>()?, seen: 0, found: Vec::new() };
+    match document.default_scene().or_else(|| document.scenes().next()) {
+        Some(scene) => scene.nodes().try_for_each(|node| file.node(&node, Matrix4::identity(), 0))?,
+        None => document.meshes().try_for_each(|mesh| file.mesh(&mesh, &Matrix4::identity()))?,
+    }
+    Ok(file.found)
+}
+
+struct File {
+    buffers: Vec<Vec<u8>>,
+    /// Nodes so far.
+    seen: usize,
+    found: Vec<Vector3<f64>>,
+}
+
+impl File {
+    fn node(&mut self, node: &Node, place: Matrix4<f64>, depth: usize) -> Result<(), String> {
+        self.seen += 1;
+        if depth > DEEPEST || self.seen > NODES {
+            return Err(format!("nodes nested more than {DEEPEST} deep, or more than {NODES} of them"));
+        }
+        let place = place * Matrix4::from(node.transform().matrix()).cast::<f64>();
+        node.mesh().map_or(Ok(()), |mesh| self.mesh(&mesh, &place))?;
+        node.children().try_for_each(|child| self.node(&child, place, depth + 1))
+    }
+
+    fn mesh(&mut self, mesh: &Mesh, place: &Matrix4<f64>) -> Result<(), String> {
+        for primitive in mesh.primitives() {
+            // A short file may ask for as many as it likes.
+            let count = primitive.get(&gltf::Semantic::Positions).map_or(0, |accessor| accessor.count());
+            if count > MOST - self.found.len() {
+                return Err(format!("more than {MOST} vertices"));
+            }
+            let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
+            let missing = || format!("mesh {}: its positions are not in its buffers", mesh.index());
+            let positions = reader.read_positions().ok_or_else(missing)?;
+            self.found.extend(positions.map(|p| place.transform_point(&Point3::from(p.map(f64::from))).coords));
+        }
+        Ok(())
+    }
+}
