@@ -140,7 +140,10 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     let series: Vec<_> = measured.tables[0].rows.iter().map(|row| row[0].clone()).collect();
     assert!(series.len() > 1 && series.iter().all(|s| s.starts_with("articulated")), "{series:?}");
 
-    file("dry.log.toml", "file = \"dry.csv\"\nrobot = \"dry.urdf\"\nscene = \"free\"\ntrajectory = \"n\"\ntime = \"t\"\n[[joint]]\nname = \"j\"\nposition = \"q\"\nvelocity = \"v\"\n");
+    file(
+        "dry.log.toml",
+        "file = \"dry.csv\"\nrobot = \"dry.urdf\"\nscene = \"free\"\ntrajectory = \"n\"\ntime = \"t\"\n[[joint]]\nname = \"j\"\nposition = \"q\"\nvelocity = \"v\"\n",
+    );
     let row = |n: usize, k: usize| {
         let (t, w) = (k as f64 / 60.0, 5.7f64);
         let (sin, cos) = (w * t).sin_cos();

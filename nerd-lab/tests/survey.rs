@@ -117,7 +117,11 @@ fn a_newcomer_is_told_whether_a_robot_stands_hangs_or_falls() {
     let folder = tempfile::tempdir().expect("a folder");
     let ball = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/><inertia ixx="0.004" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial>
         <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
-    let arm = chain(2).replacen("<joint", r#"<link name="w"/><joint name="f" type="fixed"><parent link="w"/><child link="l0"/></joint><joint"#, 1);
+    let arm = chain(2).replacen(
+        "<joint",
+        r#"<link name="w"/><joint name="f" type="fixed"><parent link="w"/><child link="l0"/></joint><joint"#,
+        1,
+    );
     for (name, text, words) in [
         ("table", table(-1.5), &["joints held by drives, it stands (root 0.29", "0.3000 m at the start"][..]),
         ("lean", table(0.2), &["held by drives, it stands", "limp, it falls"]),

@@ -54,7 +54,10 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     let [root, rest @ ..] = path else { return Ok(()) };
     if *root != "robot" {
         let known = OTHERS.iter().find(|(name, _)| name == root);
-        return Err(known.map_or_else(|| format!("<{root}> is not a URDF's <robot>"), |(_, kind)| format!("it is {kind}, not a URDF; convert it to one")));
+        return Err(known.map_or_else(
+            || format!("<{root}> is not a URDF's <robot>"),
+            |(_, kind)| format!("it is {kind}, not a URDF; convert it to one"),
+        ));
     }
     if let Some(macros) = path.iter().find(|name| name.starts_with("xacro:")) {
         return Err(format!("<{macros}> is for xacro; expand the file first: xacro FILE > robot.urdf"));

@@ -100,7 +100,9 @@ fn whole(path: &[Open]) -> Result<(), String> {
     let has = |child: &str| children.iter().any(|c| c == child);
     match (above.name.as_str(), name.as_str()) {
         ("link", "inertial") if !has("mass") => Err("<inertial> has no <mass>".into()),
-        ("link", "inertial") if !has("inertia") => Err("<inertial> has no <inertia>; a mass alone cannot turn; give its moments: ixx, iyy, izz (kg m^2)".into()),
+        ("link", "inertial") if !has("inertia") => {
+            Err("<inertial> has no <inertia>; a mass alone cannot turn; give its moments: ixx, iyy, izz (kg m^2)".into())
+        }
         ("collision", "geometry") if children.is_empty() => {
             Err("<geometry> is empty; give a box, cylinder, capsule, sphere or mesh".into())
         }

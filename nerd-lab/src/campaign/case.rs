@@ -86,7 +86,9 @@ impl Kind {
             Self::Model => {
                 let (folder, names) = match case.value("--policy") {
                     Some(folder) => (folder.to_string(), ["config.json", "policy.safetensors", "policy.safetensors"]),
-                    None => (case.value("--model").unwrap_or_default().to_string(), ["config.json", "normalizer.json", "model.safetensors"]),
+                    None => {
+                        (case.value("--model").unwrap_or_default().to_string(), ["config.json", "normalizer.json", "model.safetensors"])
+                    }
                 };
                 let name = format!("{folder}/{}", names[[0, 0, 1, 2, 2][dice(session, 5)]]);
                 case.before = case.value("--model").map(|folder| format!("stamp {folder}")).into_iter().collect();

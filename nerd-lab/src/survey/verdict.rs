@@ -50,7 +50,8 @@ fn ended(system: &System, start: &[f64], frames: &[Vec<f64>]) -> String {
     let unit = |k: usize| if robot.joints().nth(k).is_some_and(|j| j.kind == JointKind::Prismatic) { "m" } else { "rad" };
     let name = |k: usize| robot.joints().nth(k).map_or("", |joint| &joint.name);
     let most = |x: Vec<f64>| x.into_iter().map(f64::abs).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-    let fastest = most(last[rates..].to_vec()).map_or(String::new(), |(k, v)| format!(", fastest `{}` at {} {}/s", name(k), digits(v), unit(k)));
+    let fastest =
+        most(last[rates..].to_vec()).map_or(String::new(), |(k, v)| format!(", fastest `{}` at {} {}/s", name(k), digits(v), unit(k)));
     if robot.floating() {
         let up = up(system);
         let [from, height] = [start, last].map(|state| up.dot(&vector(state)));
@@ -58,7 +59,10 @@ fn ended(system: &System, start: &[f64], frames: &[Vec<f64>]) -> String {
         let way = (vector(last) - vector(&frames[frames.len().saturating_sub(2)])).norm() / system.frame_time;
         let does = if tilt > TILTED || from - height > LOWER * from { "falls" } else { "stands" };
         let degrees = tilt.to_degrees();
-        return format!("{does} (root {height:.4} m high, {from:.4} m at the start, tilted by {degrees:.1} deg, at {} m/s{fastest})", digits(way));
+        return format!(
+            "{does} (root {height:.4} m high, {from:.4} m at the start, tilted by {degrees:.1} deg, at {} m/s{fastest})",
+            digits(way)
+        );
     }
     let ways = start[coords..].iter().zip(&last[coords..]).zip(robot.joints());
     let gone = most(ways.map(|((from, to), joint)| if joint.wraps() { wrap(to - from) } else { to - from }).collect());

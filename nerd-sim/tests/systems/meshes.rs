@@ -143,7 +143,9 @@ fn gltf_and_ply_are_where_their_files_put_them() {
         assert!(off < 1e-6, "{name}: off by {off:.1e} m");
     }
     let header = |format: &str, x: &str| {
-        format!("ply\nformat {format} 1.0\ncomment of ours\nelement camera 1\nproperty list uchar int a\nelement vertex 2\nproperty {x} x\nproperty uchar red\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n")
+        format!(
+            "ply\nformat {format} 1.0\ncomment of ours\nelement camera 1\nproperty list uchar int a\nelement vertex 2\nproperty {x} x\nproperty uchar red\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        )
     };
     let text = header("ascii", "double") + "2 7 8\n-100 255 200 50\n100 0 -200 -50\n3 0 1 9\n";
     assert_eq!(extent("text.ply", text), [[-0.1, -0.2, -0.05], [0.1, 0.2, 0.05]]);
@@ -160,7 +162,9 @@ fn gltf_and_ply_are_where_their_files_put_them() {
 
 #[test]
 fn a_gltf_or_ply_that_asks_for_too_much_or_lacks_something_has_a_note() {
-    let ply = |vertices: &str, rest: &str| format!("ply\nformat ascii 1.0\n{vertices}\nproperty float x\nproperty float y\n{rest}end_header\n1 2\n");
+    let ply = |vertices: &str, rest: &str| {
+        format!("ply\nformat ascii 1.0\n{vertices}\nproperty float x\nproperty float y\n{rest}end_header\n1 2\n")
+    };
     let doubling: String = (1..60).map(|k| format!(r#"{{"children":[{k},{k}]}},"#)).collect::<String>() + r#"{"mesh":0}"#;
     let sparse = r#""count":4000000000,"sparse":{"count":1,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}"#;
     for (name, text, word) in [
