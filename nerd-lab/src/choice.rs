@@ -73,7 +73,7 @@ impl Choice {
             Self::Articulated(config) => Some(*config),
             _ => self.setting(system).and_then(|setting| setting.articulated(system)),
         };
-        let contact = system.robot.dry() || !scene.colliders.is_empty() && !system.robot.contact_points.is_empty();
+        let contact = system.held() || !scene.colliders.is_empty() && !system.robot.contact_points.is_empty();
         match (ours, Setting::from(truth).articulated(system)) {
             (Some(ours), Some(theirs)) => ours.moves_as(&theirs, contact),
             _ => self.setting(system) == Some(truth.into()),

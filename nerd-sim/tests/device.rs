@@ -93,6 +93,10 @@ fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
 
 /// A chain on the ground, of links with two hinges each: deep enough that solver and kernels go along the tree and look for whips.
 fn chain(links: usize) -> System {
+    System::bare("chain", &chain_text(links), false).expect("a robot")
+}
+
+fn chain_text(links: usize) -> String {
     let (ball, mut parts) = (collision([0.05, 0.0, 0.0], r#"<sphere radius="0.005"/>"#), vec![base()]);
     for k in 0..links {
         let (above, place) = if k == 0 { ("base".into(), "0 0 0.1") } else { (format!("b{}", k - 1), "0.05 0 0") };
@@ -103,7 +107,7 @@ fn chain(links: usize) -> System {
         parts.push(link(&b, 0.01, [0.025, 0.0, 0.0], [1e-7, 2.5e-6, 2.5e-6], &ball));
         parts.push(joint(&format!("yaw{k}"), "continuous", [&a, &b], &hinge("0 0 1")));
     }
-    System::bare("chain", &urdf(&parts), false).expect("a robot")
+    urdf(&parts)
 }
 
 #[test]
@@ -223,6 +227,42 @@ fn springs_pull_as_the_solver_has_them() {
         let few = Case { batch, torques: vec![1e-3; 16], config }.apart(&compiler, Real::F64, 3);
         println!("{scene}, {config:?}: states {:.1e}, forces {:.1e}", few.states(0), few.forces);
         assert!(few.states(0) < 1e-9 && few.forces < 1e-7, "{scene}, {config:?}: {few:?}");
+    }
+}
+
+/// Arms that clap, by the matrix, and a chain of twelve that is curled up, along the tree; on the plane and without.
+#[test]
+fn links_on_each_other_move_as_the_solver_has_them() {
+    let Some(compiler) = Compiler::find() else { return };
+    let hinge = |name: &str, child: &str, x: f64| {
+        joint(name, "continuous", ["trunk", child], &format!(r#"<origin xyz="{x} 0.01 0"/><axis xyz="0 1 {x}"/>"#))
+    };
+    let arm =
+        |name: &str| link(name, 0.3, [0.0, 0.0, 0.15], [2e-3, 2e-3, 1e-4], &collision([0.0, 0.0, 0.15], r#"<box size="0.05 0.12 0.3"/>"#));
+    let parts =
+        [link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""), arm("left"), arm("right"), hinge("l", "left", -0.1), hinge("r", "right", 0.1)];
+    let ball = |text: String| text.replace(r#"<sphere radius="0.005"/>"#, r#"<sphere radius="0.02"/>"#);
+    for (name, text, floating, angle) in [("arms", urdf(&parts), true, 0.45), ("chain", ball(chain_text(12)), false, 0.65)] {
+        let toml = format!("like = \"urdf\"\nfloating = {floating}\nself_collision = true\nmesh_points = 0\n");
+        let system = Arc::new(System::from_text(name, &text, Some(&toml)).expect("a robot"));
+        let (mut batch, robot) = (batch(&system, "free", 8), &system.robot);
+        let (d, nq, coords) = (robot.state_dim(), robot.nq(), robot.root_coords());
+        for (k, x) in batch.states.iter_mut().enumerate().filter(|(k, _)| (coords..nq).contains(&(k % d))) {
+            let noise = 0.05 * (k as f64).sin();
+            // Arms turn to each other; of the chain every other hinge curls it.
+            let (first, second) = if floating { (angle, -angle) } else { (angle, 0.0) };
+            *x = noise + if (k % d - coords).is_multiple_of(2) { first } else { second };
+        }
+        let without = System::from_text(name, &text, Some(&toml.replace("true\nmesh", "false\nmesh"))).expect("a robot");
+        let torques = vec![0.0; 8 * robot.joint_count()];
+        let case = Case { batch: batch.clone(), torques, config: ArticulatedConfig::implicit(16, Friction::Coulomb) };
+        let mut alone = Batch { system: Arc::new(without), ..batch.clone() };
+        run(&mut implicit(16), &mut alone, 0.0, 2);
+        run(&mut implicit(16), &mut batch, 0.0, 2);
+        let touch = batch.states.iter().zip(&alone.states).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+        let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 2).states(0));
+        println!("{name}: states {double:.1e}, in 32 bits {single:.1e}; touches change {touch:.1e}: {}", system.notes.join("; "));
+        assert!(touch > 1e-2 && double < 1e-9 && single < 1e-2, "{name}: {double:e}, {single:e}, {touch}");
     }
 }
 

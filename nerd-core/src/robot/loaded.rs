@@ -1,5 +1,7 @@
 //! A robot as read from a URDF, with what the file leaves open.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Vector3};
 
 use super::Robot;
@@ -13,12 +15,23 @@ pub struct UrdfRobot {
     pub notes: Vec<String>,
     /// Collision meshes on moving links, which the robot does not use; a caller that can read files may turn them into contact points.
     pub meshes: Vec<MeshFile>,
+    /// Those that were read.
+    pub hulls: Vec<Hull>,
 }
 
 impl From<Robot> for UrdfRobot {
     fn from(robot: Robot) -> Self {
-        Self { robot, notes: Vec::new(), meshes: Vec::new() }
+        Self { robot, notes: Vec::new(), meshes: Vec::new(), hulls: Vec::new() }
     }
+}
+
+/// The convex hull of a collision mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hull {
+    /// Index of the moving link that carries it.
+    pub link: usize,
+    /// Its vertices in that link's frame (m).
+    pub vertices: Arc<[Vector3<f64>]>,
 }
 
 /// A collision mesh that a URDF names.

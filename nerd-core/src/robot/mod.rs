@@ -16,7 +16,7 @@ mod xml;
 
 pub use error::UrdfError;
 pub use joint::{Joint, JointKind, Limit, Mimic};
-pub use loaded::{MeshFile, UrdfRobot};
+pub use loaded::{Hull, MeshFile, UrdfRobot};
 pub use model::{Base, FixedFrame, Link, Robot};
 pub use names::{JointIndex, UnknownName};
 pub use shape::{Shape, ShapeKind};

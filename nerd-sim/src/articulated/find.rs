@@ -89,7 +89,7 @@ impl Workspace {
 
 /// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
 /// negative, and its mean there. None if it never is.
-fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
+pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
     let (least, most) = (middle - half.abs(), middle + half.abs());
     match (least < 0.0, most <= 0.0) {
         (false, _) => None,
@@ -99,7 +99,7 @@ fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
 }
 
 /// A material that acts for a part of the time.
-fn part_of(material: &Material, part: f64) -> Material {
+pub(super) fn part_of(material: &Material, part: f64) -> Material {
     Material {
         stiffness: part * material.stiffness,
         damping: part * material.damping,

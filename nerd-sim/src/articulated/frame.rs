@@ -57,8 +57,8 @@ impl Frame for Workspace {
             self.owners.reserve(most);
             self.owners.extend(0..robot.contact_points.len());
         }
-        // Dry friction is stiff at rest, and a spring or a drive may be: the implicit step alone holds them.
-        if robot.dry() || robot.sprung() || !self.drives.is_empty() || contact && config.contact_step == ContactStep::Implicit {
+        // Dry friction is stiff at rest, and a spring, a drive or a link on another may be: the implicit step alone holds them.
+        if system.held() || !self.drives.is_empty() || contact && config.contact_step == ContactStep::Implicit {
             return self.implicit(system, scene, config, config.contact_substeps, false, state, tau);
         }
         self.start.copy_from_slice(state);

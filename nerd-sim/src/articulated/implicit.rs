@@ -35,6 +35,7 @@ use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::along::Tree;
 use super::config::{ArticulatedConfig, Friction};
+use super::fold::fold;
 use super::kick::{SETTLED, Substep};
 use super::touch::{Contact, Touch, ahead};
 use super::touches::Touches;
@@ -65,7 +66,8 @@ impl Workspace {
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
-        let all = Substep { system, scene, config, held, settled: SETTLED / substeps as f64, tau, h: system.frame_time / substeps as f64 };
+        let whole = system.frame_time / substeps as f64;
+        let all = Substep { system, scene, config, held, settled: SETTLED / substeps as f64, tau, whole, h: whole };
         for substep in 0..substeps {
             self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
@@ -87,6 +89,9 @@ impl Workspace {
             self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
         }
         self.find(robot, scene, q, qd, h);
+        if !system.folds.is_empty() {
+            fold(system, &self.stiff.bounds.folds, own.whole, h, config.friction, &mut self.data);
+        }
         match self.touches.tree {
             Some(_) => Tree::begin(robot, &mut self.data),
             None => crba(robot, &mut self.data),

@@ -33,6 +33,8 @@ pub(super) struct Substep<'a> {
     /// See [`SETTLED`].
     pub(super) settled: f64,
     pub(super) tau: &'a [f64],
+    /// The frame's substep (s), and this one, which may be a half of it.
+    pub(super) whole: f64,
     pub(super) h: f64,
 }
 

@@ -12,6 +12,7 @@ pub mod device;
 mod draft;
 mod explicit;
 mod find;
+mod fold;
 pub mod force;
 mod frame;
 mod implicit;

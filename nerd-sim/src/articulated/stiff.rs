@@ -18,6 +18,7 @@ use nerd_core::robot::{Joint, JointKind, Limit, Robot};
 use nerd_core::spatial::{BodyInertia, parallel_axis};
 
 use super::config::Integrator;
+use super::fold::eases;
 use crate::system::System;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
@@ -37,6 +38,8 @@ pub(super) struct Bounds {
     pub(super) ease: Vec<f64>,
     /// Sum of 2 d over the least inertia (1/s).
     pub(super) damped: f64,
+    /// Of each pair of links that may touch, see [`eases`].
+    pub(super) folds: Vec<f64>,
 }
 
 impl Bounds {
@@ -47,7 +50,7 @@ impl Bounds {
         let damped = robot.joints().zip(&least).map(share).sum();
         let of = |p: &ContactPoint| p.places().iter().map(|place| ease(&robot.links[p.link].inertia, place)).fold(0.0, f64::max);
         let ease = robot.contact_points.iter().map(of).collect();
-        Self { least, ease, damped }
+        Self { least, ease, damped, folds: eases(system) }
     }
 }
 

@@ -59,6 +59,7 @@ impl Subject {
         // Before everything that is in metres.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
+            system.folds.scale(value);
         }
         for (p, &value) in parameters.iter().zip(values) {
             // The robot's material, and the scene's own if it has one: a pair acts with their mean.

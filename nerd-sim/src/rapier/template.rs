@@ -38,6 +38,9 @@ impl Template {
         if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
             return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
         }
+        if !system.folds.is_empty() {
+            return Err("self_collision is on, and here a robot touches the scene alone; leave it out, or step with articulated".into());
+        }
         let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
         let base = match robot.base {

@@ -7,6 +7,7 @@ use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Joint, Robot, UrdfRobot};
 
 use super::derive::stiffen;
+use super::folds::Folds;
 use super::model::{Source, System, SystemError};
 use super::spec::{ContactSpec, Spec};
 use super::start::{DRAWS, Start, clear_start};
@@ -16,7 +17,7 @@ use crate::random::stream;
 impl System {
     /// From a robot and an unchecked specification.
     pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
-        let UrdfRobot { mut robot, notes, meshes } = read.into();
+        let UrdfRobot { mut robot, notes, meshes, hulls } = read.into();
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
@@ -36,8 +37,14 @@ impl System {
         }
         let stand_in = |name: &String| robot.link(spec.mass_matrix_of.get(name).unwrap_or(name)).unwrap_or_default();
         let stand_ins = robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
-        let system = Self { name: name.into(), robot, frame_time: spec.seconds(), spec, source, notes, meshes, stand_ins };
-        system.spec.truth.check(&system.robot).map_err(|e| wrong(format!("truth: {e}")))?;
+        let frame_time = spec.seconds();
+        let mut system = Self { name: name.into(), robot, frame_time, spec, source, notes, meshes, stand_ins, folds: Folds::default() };
+        if system.spec.self_collision {
+            let (folds, note) = Folds::new(&system.robot, &hulls, &system.default_state()[..system.robot.nq()]);
+            system.folds = folds;
+            system.notes.push(note);
+        }
+        system.spec.truth.check(&system).map_err(|e| wrong(format!("truth: {e}")))?;
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
         }

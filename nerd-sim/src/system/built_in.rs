@@ -27,9 +27,10 @@ pub(super) const CABLES: [(&str, &str); 2] =
     [("lead", include_str!("../../assets/cables/lead.toml")), ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml"))];
 
 /// Keys of a robot's TOML that do not apply to a cable, and what to use instead.
-pub(crate) const FOREIGN: [(&str, &str); 4] = [
+pub(crate) const FOREIGN: [(&str, &str); 5] = [
     ("floating", "a cable's root is decided by [cable] held"),
     ("urdf", "a cable has none, [cable] says all of it"),
     ("mesh_points", "a cable has no meshes"),
+    ("self_collision", "a cable's rods do not touch each other"),
     ("like", "a cable is like no other robot"),
 ];

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::model::System;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
-const ELSEWHERE: [&str; 13] = [
+const ELSEWHERE: [&str; 14] = [
     "urdf",
     "truth",
     "floating",
@@ -25,6 +25,7 @@ const ELSEWHERE: [&str; 13] = [
     "mass_matrix_of",
     "contact",
     "mesh_points",
+    "self_collision",
 ];
 
 impl System {
@@ -59,7 +60,7 @@ impl System {
                 json!([p.link, vertices.iter().map(|v| v.as_slice()).collect::<Vec<_>>(), p.radius, p.thickness])
             }
         });
-        json!({
+        let mut value = json!({
             "base": match &robot.base {
                 Base::Fixed(at) => json!(pose(at)),
                 Base::Floating => Value::Null,
@@ -70,10 +71,15 @@ impl System {
             "frame_time": self.frame_time,
             "gravity": spec.gravity,
             // Of what touches nothing no material is asked.
-            "material": (!robot.contact_points.is_empty()).then_some(spec.material),
+            "material": (!robot.contact_points.is_empty() || !self.folds.is_empty()).then_some(spec.material),
             "substeps": spec.substeps,
             "refresh": spec.refresh,
-        })
+        });
+        if !self.folds.is_empty() {
+            let capsules = self.folds.capsules.iter().map(|c| json!([c.middle.as_slice(), c.half.as_slice(), c.radius]));
+            value["self_collision"] = json!([capsules.collect::<Vec<_>>(), self.folds.own, self.folds.pairs]);
+        }
+        value
     }
 }
 

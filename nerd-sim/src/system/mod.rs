@@ -3,7 +3,9 @@
 mod build;
 mod built_in;
 pub mod cable;
+pub(crate) mod capsules;
 mod derive;
+pub(crate) mod folds;
 mod identity;
 mod load;
 mod merge;

@@ -8,6 +8,7 @@ use nerd_core::robot::{Link, MeshFile, Robot, UrdfError};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
+use super::folds::Folds;
 use super::spec::{JointSpec, Spec};
 use crate::files::FileError;
 use crate::scene::{Scene, WORLDS, described, world};
@@ -90,6 +91,8 @@ pub struct System {
     pub meshes: Vec<MeshFile>,
     /// For each link, the link whose inertia moves in its place in the mass matrix; empty but for a simulator's slip imitated.
     pub(crate) stand_ins: Vec<usize>,
+    /// What of it may touch itself.
+    pub(crate) folds: Folds,
 }
 
 impl System {
@@ -113,6 +116,11 @@ impl System {
         let mut data = Data::new(&self.robot);
         data.stand_ins.clone_from(&self.stand_ins);
         data
+    }
+
+    /// Whether something acts on it that no explicit step bears: dry friction, a spring, its own links.
+    pub fn held(&self) -> bool {
+        self.robot.dry() || self.robot.sprung() || !self.folds.is_empty()
     }
 
     /// Its specification as TOML: with `urdf = ...` it can be put beside the file and edited.

@@ -65,6 +65,10 @@ pub struct Spec {
     /// Contact points of each collision mesh; 0 skips meshes.
     #[serde(default = "mesh_points")]
     pub mesh_points: usize,
+    /// Whether links of the robot touch each other. Left out are a link with the one that it hangs on, and pairs that touch in the default
+    /// pose.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub self_collision: bool,
     /// Joints.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointSpec>,

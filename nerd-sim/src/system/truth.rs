@@ -1,8 +1,9 @@
 //! The solvers that models learn from. A model's card names its own with settings, since the same engine at other settings is another
 //! motion.
 
-use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
+
+use super::model::System;
 
 /// What a model learns and is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -58,8 +59,11 @@ impl Truth {
     }
 
     /// Refuses a robot that it cannot step as it says.
-    pub fn check(self, robot: &Robot) -> Result<(), String> {
-        match robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
+    pub fn check(self, system: &System) -> Result<(), String> {
+        if self != Self::Articulated && !system.folds.is_empty() {
+            return Err("self_collision is what `articulated` alone can step; take it, or leave self_collision out".into());
+        }
+        match system.robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
             Some(joint) => Err(format!(
                 "joint `{}` has a spring (stiffness), which `paper` cannot step: its method is explicit; take articulated",
                 joint.name

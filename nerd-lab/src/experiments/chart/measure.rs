@@ -2,7 +2,7 @@
 
 use nerd_sim::instruments::{Recorder, Replay};
 
-use super::plan::{Method, Plan, only_implicit};
+use super::plan::{Method, Plan};
 use super::shown::{ChartData, Point};
 use crate::experiments::cost::timed;
 use crate::prelude::*;
@@ -12,7 +12,7 @@ type Frames = Vec<Vec<f64>>;
 /// Every method's point, and the frames of the reference.
 pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let Plan { system, scene, methods, protocol, .. } = plan;
-    let implicit = plan.contact() || only_implicit(system);
+    let implicit = plan.contact() || system.held();
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
     let solvers = methods.iter().map(|m| Ok(m.setting.solver(system)?)).collect::<Result<Vec<_>>>()?;

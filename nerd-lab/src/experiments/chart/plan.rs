@@ -60,7 +60,7 @@ impl Chart {
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let truth = system.spec.truth;
-        let settings = analytic(!scene.colliders.is_empty(), only_implicit(&system), self.substeps).into_iter().chain([truth.into()]);
+        let settings = analytic(!scene.colliders.is_empty(), system.held(), self.substeps).into_iter().chain([truth.into()]);
         let methods = settings.chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
         for method in methods.collect::<Result<Vec<Method>>>()? {
@@ -80,11 +80,6 @@ impl Plan {
     pub fn contact(&self) -> bool {
         !self.scene.colliders.is_empty()
     }
-}
-
-/// Whether a robot is stepped by the implicit step, whatever is asked for.
-pub(super) fn only_implicit(system: &System) -> bool {
-    system.robot.sprung() || system.robot.dry()
 }
 
 /// Analytic solvers at powers of two of substeps.

@@ -1,5 +1,5 @@
 // One frame of one environment. SUBSTEPS, CONTACT_SUBSTEPS, RK4, IMPLICIT, RENEW, HUBER are the solver's settings; HELD tells of a
-// joint with dry friction or a spring.
+// joint with dry friction or a spring, or of links that may touch each other.
 
 // A floating root's velocity (w, v) about the world's origin to (w, p_dot), or back.
 FN void about(const double* p, double* qd, double sign) {

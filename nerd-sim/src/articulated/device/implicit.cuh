@@ -221,7 +221,7 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
     for (int pass = 0; pass < PASSES; pass++) {
         if (stale) {
             for (int k = 0; k < NV; k++) w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k];
-            bias(tr, w.middle, w.gravity, 0);
+            bias(tr, w.middle, w.gravity, FOLDS ? w.external : 0);
             // The derivative of a velocity that moves along is the spatial acceleration and w x v.
             if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
             for (int k = 0; k < w.touches; k++) if (w.touch[k].link >= 0) bend(w, w.touch[k], turned, h);
@@ -271,6 +271,7 @@ BIG int implicit(Work& w, const double* scene, const double* tau, const double* 
         kinematics(tr);
         see(w, scene);
         if (!find(w, h, drives)) return LOST;
+        if (FOLDS) fold(w, (real)(FRAME / substeps), h);
         if (!ALONG) crba(tr);
         if (shared != h) {
             if (!damp(w, h)) return 1 + tr.lost;

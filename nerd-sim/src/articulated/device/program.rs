@@ -9,6 +9,7 @@ use nerd_core::contact::Locus;
 use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Base, JointKind, Robot};
 
+use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
@@ -18,8 +19,9 @@ use crate::batch::Batch;
 use crate::drive::Drive;
 use crate::scene::{Material, Scene};
 use crate::system::System;
+use crate::system::capsules::{BARREL, Capsule};
 
-const KERNELS: [&str; 10] = [
+const KERNELS: [&str; 11] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("walk.cuh"),
@@ -27,6 +29,7 @@ const KERNELS: [&str; 10] = [
     include_str!("locus.cuh"),
     include_str!("along.cuh"),
     include_str!("touch.cuh"),
+    include_str!("fold.cuh"),
     include_str!("implicit.cuh"),
     include_str!("explicit.cuh"),
     include_str!("frame.cuh"),
@@ -102,15 +105,17 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("IMPLICIT", flag(config.contact_step == ContactStep::Implicit));
     define("RENEW", flag(config.refresh == Refresh::Substep));
     define("HUBER", flag(config.friction == Friction::Huber));
-    define("HELD", flag(robot.dry() || robot.sprung()));
+    define("HELD", flag(system.held()));
     define("ALONG", flag(along(robot) && system.stand_ins.is_empty() && !robot.mimics()));
     define("HALVINGS", count(HALVINGS));
     define("DRIVEN", flag(reach.driven));
     define("LOCI", flag(robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)));
+    define("FOLDS", count(system.folds.pairs.len()));
     define("FACED", flag(reach.faced.is_some()));
     define("PASSES", count(PASSES));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
-    let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF)];
+    let more =
+        [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1]), ("BARREL", BARREL)];
     constants.into_iter().chain(more).for_each(|(name, x)| define(name, format!("((real){})", number(x))));
     define("POWERS", count(POWERS));
     define("LOST", LOST.to_string());
@@ -121,6 +126,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     links(&mut text, system);
     joints(&mut text, robot, &bounds);
     points(&mut text, robot);
+    folds(&mut text, system, &bounds);
     let faced = reach.faced.map_or([0.0; 4], |m| [m.stiffness, m.damping, m.friction_damping, m.friction]);
     real_table(&mut text, "FACES", faced.into());
     KERNELS[1..].iter().for_each(|part| text.push_str(part));
@@ -224,6 +230,17 @@ pub(super) fn flag(on: bool) -> String {
     i32::from(on).to_string()
 }
 
+fn folds(text: &mut String, system: &System, bounds: &Bounds) {
+    let (folds, m) = (&system.folds, &system.spec.material);
+    whole(text, "FOLD_LINKS", folds.pairs.iter().flatten().map(|link| *link as i64).collect());
+    whole(text, "FOLD_OWN", folds.own.iter().flat_map(|own| [own.start as i64, own.end as i64]).collect());
+    real_table(text, "FOLD_EASE", bounds.folds.clone());
+    real_table(text, "FOLD_BALL", folds.balls.iter().flat_map(|(c, reach)| [c.x, c.y, c.z, *reach]).collect());
+    let numbers = |c: &Capsule| [c.middle.as_slice(), c.half.as_slice(), &[c.radius]].concat();
+    real_table(text, "CAPSULE", folds.capsules.iter().flat_map(numbers).collect());
+    real_table(text, "FOLD_MATERIAL", vec![m.stiffness, m.damping, m.friction_damping, m.friction]);
+}
+
 /// What is infinite is more than any number of a frame, and fits into an f32.
 pub(super) fn number(x: f64) -> String {
     format!("{:e}", x.clamp(-1e38, 1e38))
@@ -243,7 +260,7 @@ pub(super) fn table(text: &mut String, kind: &str, name: &str, entries: impl Ite
 /// # Errors
 /// A shape without a kernel; for explicit steps, anything but one plane.
 pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach: Reach) -> Result<Vec<f64>, String> {
-    let held = system.robot.dry() || system.robot.sprung() || reach.driven;
+    let held = system.held() || reach.driven;
     let implicit = config.contact_step == ContactStep::Implicit || held;
     let mut numbers = scene.gravity.as_slice().to_vec();
     for (k, body) in scene.colliders.iter().enumerate() {

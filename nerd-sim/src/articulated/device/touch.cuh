@@ -36,6 +36,7 @@ struct Work {
     real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as articulated/touches.rs
     double before[ALONG ? NQ : 1];
     Along along;
+    Wrench external[FOLDS ? NL : 1];      // what links do to each other
     real rate[NV], middle[NV], right[NV], qdd[NV];
 };
 

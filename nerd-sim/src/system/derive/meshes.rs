@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{MeshFile, UrdfRobot};
+use nerd_core::robot::{Hull, MeshFile, UrdfRobot};
 use parry3d_f64::transformation::try_convex_hull;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -28,11 +28,12 @@ pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     let Some(path) = path.filter(|_| points > 0) else { return };
     // Where a link into the folder of packages was followed, the packages are where it leads.
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
-    let UrdfRobot { robot, notes, meshes } = read;
+    let UrdfRobot { robot, notes, meshes, hulls } = read;
     meshes.retain(|mesh| match vertices(mesh, &path) {
         Ok(vertices) => {
             let hull = hull(&vertices);
             let place = |k: usize| mesh.pose.transform_point(&hull[k].into()).coords;
+            hulls.push(Hull { link: mesh.link, vertices: (0..hull.len()).map(place).collect() });
             robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint::new(mesh.link, place(k), SHARP)));
             false
         }

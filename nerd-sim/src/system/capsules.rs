@@ -1,0 +1,198 @@
+//! The capsules by which the links of a robot meet each other, and how near two of them are.
+//!
+//! Balls and capsules are what they are. A cylinder becomes a capsule of its radius and length, a flat one and a box become capsules side by
+//! side along their longest axis, as thick as they are: edges are rounded, by 0.41 of the smallest half at an edge and 0.73 at a corner. The
+//! hull of a mesh is taken as its smallest box of two, each capsule shortened and thinned to what the hull has room for.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, Vector3};
+use nerd_core::contact::ContactPoint;
+use nerd_core::robot::{Shape, ShapeKind};
+
+/// How far apart capsules side by side are at most, in radii: a dip between two is a third of a radius deep.
+const APART: f64 = 1.5;
+/// Capsules side by side at most; what is wider and flatter is taken for thicker.
+const ROWS: usize = 12;
+/// Thinnest capsule (m).
+const THINNEST: f64 = 1e-4;
+/// Share of the sum of two radii, squared, that is added to their squared distance at both ends: so much are capsules barrels, R / 4000 thinner
+/// at an end. Where two lie side by side, the place where they touch is then a continuous function of the pose, and their gap has its gradient.
+pub(crate) const BARREL: f64 = 1.0 / 2000.0;
+
+/// All places within `radius` of those between `middle - half` and `middle + half` (m, link frame).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Capsule {
+    pub(crate) middle: Vector3<f64>,
+    pub(crate) half: Vector3<f64>,
+    pub(crate) radius: f64,
+}
+
+/// Where two capsules meet.
+pub(crate) struct Meeting {
+    /// Distance of their surfaces (m), negative inside.
+    pub(crate) gap: f64,
+    /// Gradient of the gap when the first moves, a unit vector but for the barrel's share.
+    pub(crate) normal: Vector3<f64>,
+    /// The place between the two.
+    pub(crate) place: Vector3<f64>,
+}
+
+impl Capsule {
+    /// Where it meets another: of all pairs of places `m + s h` of the two axes, s from -1 to 1, the one with the least
+    /// `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`.
+    #[inline]
+    pub(crate) fn meets(&self, other: &Self) -> Meeting {
+        let (u, v, apart, reach) = (&self.half, &other.half, self.middle - other.middle, self.radius + other.radius);
+        let barrel = BARREL * reach * reach;
+        let (uu, vv, uv) = (u.dot(u) + barrel, v.dot(v) + barrel, u.dot(v));
+        let (ud, vd) = (u.dot(&apart), v.dot(&apart));
+        let mut s = ((uv * vd - vv * ud) / (uu * vv - uv * uv)).clamp(-1.0, 1.0);
+        let best = (vd + uv * s) / vv;
+        let t = best.clamp(-1.0, 1.0);
+        if best != t {
+            s = ((uv * t - ud) / uu).clamp(-1.0, 1.0);
+        }
+        let between = apart + u * s - v * t;
+        let distance = (between.dot(&between) + barrel * (s * s + t * t)).sqrt();
+        let place = other.middle + v * t + between * (other.radius / reach);
+        // Where the axes cross there is no way out; nor a force, then.
+        let normal = if distance > 0.0 { between / distance } else { between };
+        Meeting { gap: distance - reach, normal, place }
+    }
+
+    /// The same in other axes.
+    #[inline]
+    pub(crate) fn moved(&self, rotation: &Matrix3<f64>, position: &Vector3<f64>) -> Self {
+        Self { middle: position + rotation * self.middle, half: rotation * self.half, radius: self.radius }
+    }
+
+    /// Those of a shape.
+    pub(crate) fn of_shape(shape: &Shape) -> Vec<Self> {
+        let axis = |half_length: f64, radius: f64| (radius > 0.0).then(|| along(&shape.pose, 2, half_length, radius)).into_iter().collect();
+        match shape.kind {
+            ShapeKind::Sphere { radius } => axis(0.0, radius),
+            ShapeKind::Capsule { radius, half_length } => axis(half_length, radius),
+            ShapeKind::Cylinder { radius, half_length } if half_length >= radius => axis(half_length - radius, radius),
+            ShapeKind::Cylinder { radius, half_length } => {
+                let half = Vector3::new(radius, radius, half_length);
+                rows(&shape.pose, half, |y, thin| ((radius - thin).powi(2) - y * y).max(0.0).sqrt())
+            }
+            ShapeKind::Box { half } => rows(&shape.pose, half, |_, thin| half.max() - thin),
+        }
+    }
+
+    /// Those of a convex hull, from its vertices (m, link frame).
+    pub(crate) fn of_hull(vertices: &[Vector3<f64>]) -> Vec<Self> {
+        let Some(room) = Room::of(vertices) else { return Vec::new() };
+        let (pose, half) = boxed(vertices);
+        let bars = rows(&pose, half, |_, thin| half.max() - thin);
+        bars.iter().flat_map(|bar| room.fit(bar)).collect()
+    }
+
+    /// Whether all of it is in another one, but for rounding.
+    pub(crate) fn within(&self, other: &Self) -> bool {
+        [-1.0, 1.0].iter().all(|s| other.outside(&(self.middle + self.half * *s)) + self.radius < 1e-9)
+    }
+
+    /// How far (m) a place is outside.
+    fn outside(&self, place: &Vector3<f64>) -> f64 {
+        let length = self.half.norm_squared();
+        let s = if length > 0.0 { ((place - self.middle).dot(&self.half) / length).clamp(-1.0, 1.0) } else { 0.0 };
+        (place - self.middle - self.half * s).norm() - self.radius
+    }
+}
+
+/// How far (m) what touches a scene lies outside of capsules of the same link at most.
+pub(crate) fn rounded(points: &[ContactPoint], capsules: &[Capsule]) -> f64 {
+    let out = |place: &Vector3<f64>| capsules.iter().map(|c| c.outside(place)).fold(f64::INFINITY, f64::min);
+    points.iter().flat_map(|p| p.places().into_iter().map(move |x| out(&x) + p.radius)).fold(0.0, f64::max)
+}
+
+fn along(pose: &Isometry3<f64>, axis: usize, half_length: f64, radius: f64) -> Capsule {
+    let half = pose.rotation * (Vector3::ith(axis, 1.0) * half_length.max(0.0));
+    Capsule { middle: pose.translation.vector, half, radius: radius.max(THINNEST) }
+}
+
+/// A flat thing of these halves as capsules side by side; `reach` is half the length of the axis of the one at y, and as thick.
+fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f64) -> Vec<Capsule> {
+    if half.max() <= 0.0 {
+        return Vec::new();
+    }
+    let (long, flat) = (half.imax(), half.imin());
+    let flat = if flat == long { (long + 2) % 3 } else { flat };
+    let side = 3 - long - flat;
+    let wide = half[side];
+    let thin = half[flat].max(wide / (1.0 + 0.5 * APART * (ROWS - 1) as f64)).max(THINNEST).min(half[long]);
+    let gaps = ((wide - thin) / (0.5 * APART * thin) - 1e-9).ceil().max(0.0);
+    let place = |k: usize| if gaps > 0.0 { (2.0 * k as f64 / gaps - 1.0) * (wide - thin) } else { 0.0 };
+    let row = |y: f64| along(&(pose * Translation3::from(Vector3::ith(side, y))), long, reach(y, thin), thin);
+    (0..=gaps as usize).map(|k| row(place(k))).collect()
+}
+
+/// The smaller of two boxes about vertices: along the link's axes, and along those of their covariance.
+fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
+    let mean = vertices.iter().sum::<Vector3<f64>>() / vertices.len() as f64;
+    let spread: Matrix3<f64> = vertices.iter().map(|v| (v - mean) * (v - mean).transpose()).sum();
+    let mut axes = spread.symmetric_eigen().eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes = -axes;
+    }
+    let about = |turn: Rotation3<f64>| {
+        let ends = vertices.iter().map(|v| turn.inverse() * v).fold(None, |ends: Option<(Vector3<f64>, Vector3<f64>)>, v| {
+            Some(ends.map_or((v, v), |(low, high)| (low.inf(&v), high.sup(&v))))
+        });
+        let (low, high) = ends.unwrap_or_default();
+        (Isometry3::from_parts((turn * (low + high) * 0.5).into(), turn.into()), (high - low) * 0.5)
+    };
+    let two = [about(Rotation3::identity()), about(Rotation3::from_matrix_unchecked(axes))];
+    let size = |(_, half): &(_, Vector3<f64>)| half.product();
+    if size(&two[0]) <= size(&two[1]) { two[0] } else { two[1] }
+}
+
+/// What room a convex hull has: how far it goes in many directions.
+struct Room(Vec<(Vector3<f64>, f64)>);
+
+/// Directions, and stations along a capsule.
+const DIRECTIONS: usize = 200;
+const STATIONS: usize = 11;
+/// Share of a row's largest radius below which it ends, and of a box's below which there is no row.
+const LEFT: f64 = 0.6;
+const THERE: f64 = 0.3;
+
+impl Room {
+    fn of(vertices: &[Vector3<f64>]) -> Option<Self> {
+        let direction = |k: usize| {
+            let (z, turn) = (1.0 - (2 * k + 1) as f64 / DIRECTIONS as f64, k as f64 * PI * (3.0 - 5f64.sqrt()));
+            let flat = (1.0 - z * z).sqrt();
+            Vector3::new(flat * turn.cos(), flat * turn.sin(), z)
+        };
+        let far = |n: Vector3<f64>| (n, vertices.iter().map(|v| n.dot(v)).fold(f64::NEG_INFINITY, f64::max));
+        (!vertices.is_empty()).then(|| Self((0..DIRECTIONS).map(direction).map(far).collect()))
+    }
+
+    /// Radius of the ball about a place for which there is room.
+    fn at(&self, place: &Vector3<f64>) -> f64 {
+        self.0.iter().map(|(n, far)| far - n.dot(place)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// At most two capsules on the axis of one: what there is room for before and behind its middle.
+    fn fit(&self, bar: &Capsule) -> Vec<Capsule> {
+        let station = |k: usize| 2.0 * k as f64 / (STATIONS - 1) as f64 - 1.0;
+        let room: Vec<f64> = (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();
+        let most = room.iter().copied().fold(0.0, f64::max);
+        let kept = |k: &usize| room[*k] >= LEFT * most;
+        let (Some(first), Some(last)) = ((0..STATIONS).find(kept), (0..STATIONS).rfind(kept)) else { return Vec::new() };
+        if most < THERE * bar.radius && most > THINNEST {
+            return Vec::new();
+        }
+        let part = |from: usize, to: usize| {
+            let (a, b) = (station(from), station(to));
+            let radius = room[from..=to].iter().sum::<f64>() / (to + 1 - from) as f64;
+            Capsule { middle: bar.middle + bar.half * (0.5 * (a + b)), half: bar.half * (0.5 * (b - a)), radius: radius.max(THINNEST) }
+        };
+        let centre = (first + last) / 2;
+        let two = [part(first, centre), part(centre, last)];
+        if (two[0].radius - two[1].radius).abs() < 0.1 * most { vec![part(first, last)] } else { two.into() }
+    }
+}
